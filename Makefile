@@ -1,0 +1,38 @@
+# make run    set up, fly the shipped runway mission in the simulator, show the results
+# make test   set up, run every test
+# make check  set up, ruff, mypy --strict, import-linter
+# make setup  only .venv, whose bin/uavmap is the command
+# make lock   resolve requirements.txt anew (needs uv)
+
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test check setup lock clean
+
+run: setup
+	$(BIN)/uavmap fly runway --sim
+
+test: setup
+	$(BIN)/pytest -q
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+setup: .venv/ready
+
+.venv/ready: requirements.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+lock:
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+		--extra dev pyproject.toml -o requirements.txt
+
+clean:
+	rm -rf .venv results

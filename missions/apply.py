@@ -1,0 +1,292 @@
+"""What an event changes in the state."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import singledispatch
+
+from missions.belief import FrameId
+from missions.events import (
+    Airborne,
+    Arrived,
+    BatterySwapped,
+    Connected,
+    Event,
+    FrameLost,
+    FrameSeen,
+    Landed,
+    LinkLost,
+    LookEnded,
+    OrderFailed,
+    Overridden,
+    Recalled,
+    Released,
+    Resumed,
+    Tracked,
+)
+from missions.orders import AwaitBattery, Look, StandDown
+from missions.state import Errand, Phase, Setting, State, VehicleState
+from missions.tree import Tree
+from missions.units import Cell
+
+_DRAW_SMOOTHING_S = 15.0
+
+
+def apply(setting: Setting, state: State, event: Event) -> State:
+    """The state after an event, before anybody is given a new order."""
+    state = replace(state, t_s=max(state.t_s, event.t_s))
+    if isinstance(event, Recalled):
+        return replace(state, recalled=True)
+    if isinstance(event, Resumed):
+        return _resume(state)
+    if isinstance(event, FrameSeen):
+        return _frame_seen(setting, state, event)
+    vehicle = state.vehicles[event.vehicle]
+    if isinstance(event, LookEnded):
+        return _look_ended(state, vehicle)
+    return state.with_vehicle(_changed(event, vehicle))
+
+
+def _resume(state: State) -> State:
+    """Everybody takes part again; what they carried out died with the process."""
+    root = state.tree.root if state.tree is not None else None
+    vehicles = {
+        number: replace(
+            v,
+            phase=Phase.OFFLINE,
+            order=None,
+            errand=None,
+            over_home=False,
+            at_target=False,
+            vertex=v.vertex or root,
+            note="",
+        )
+        for number, v in state.vehicles.items()
+    }
+    return replace(state, recalled=False, vehicles=vehicles)
+
+
+@singledispatch
+def _changed(event: Event, vehicle: VehicleState) -> VehicleState:
+    """The vehicle after an event that concerns nothing else."""
+    raise TypeError(f"no rule for {type(event).__name__}")
+
+
+@_changed.register
+def _(event: Connected, vehicle: VehicleState) -> VehicleState:
+    phase = Phase.GROUNDED
+    if event.airborne:
+        phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
+    return replace(
+        vehicle,
+        phase=phase,
+        tracked_s=event.t_s,
+        home=event.home,
+        position=event.position,
+        height_m=event.height_m,
+        remaining_wh=event.remaining_wh,
+        drawn_w=0.0,
+        landed=not event.airborne,
+        order=StandDown() if phase is Phase.YIELDED else None,
+        errand=None,
+        over_home=False,
+        on_lane=False,
+        at_target=False,
+    )
+
+
+@_changed.register
+def _(event: Airborne, vehicle: VehicleState) -> VehicleState:
+    return replace(
+        vehicle, phase=Phase.AIRBORNE, height_m=vehicle.layer_m, order=None, landed=False
+    )
+
+
+@_changed.register
+def _(event: Tracked, vehicle: VehicleState) -> VehicleState:
+    elapsed_s = event.t_s - vehicle.tracked_s
+    used_wh = vehicle.remaining_wh - event.remaining_wh
+    drawn_w = vehicle.drawn_w
+    if not vehicle.landed and elapsed_s > 0.0 and used_wh >= 0.0:
+        weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
+        drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
+    return replace(
+        vehicle,
+        tracked_s=event.t_s,
+        position=event.position,
+        height_m=event.height_m,
+        remaining_wh=event.remaining_wh,
+        drawn_w=drawn_w,
+    )
+
+
+@_changed.register
+def _(event: Arrived, vehicle: VehicleState) -> VehicleState:
+    arrived = replace(vehicle, position=event.position, order=None)
+    if vehicle.errand is not None:
+        return replace(arrived, over_home=True)
+    if vehicle.candidate is not None or vehicle.vertex is not None:
+        return replace(arrived, at_target=True)
+    if vehicle.on_lane:
+        return replace(arrived, lanes=vehicle.lanes[1:], on_lane=False)
+    return replace(arrived, on_lane=True)
+
+
+@_changed.register
+def _(event: FrameLost, vehicle: VehicleState) -> VehicleState:
+    return replace(vehicle, note=event.reason)
+
+
+@_changed.register
+def _(event: Landed, vehicle: VehicleState) -> VehicleState:
+    landed = replace(
+        vehicle,
+        landed=True,
+        height_m=0.0,
+        remaining_wh=event.remaining_wh,
+        over_home=False,
+        at_target=False,
+        on_lane=False,
+    )
+    if vehicle.phase is Phase.YIELDED:
+        return landed
+    if vehicle.errand is Errand.BATTERY:
+        return replace(landed, phase=Phase.GROUNDED, order=AwaitBattery())
+    if vehicle.errand in (Errand.DONE, Errand.RECALLED):
+        return replace(landed, phase=Phase.FINISHED, order=StandDown(), vertex=None)
+    note = vehicle.note or "landed without an order"
+    return replace(landed, phase=Phase.FAILED, order=StandDown(), note=note)
+
+
+@_changed.register
+def _(event: BatterySwapped, vehicle: VehicleState) -> VehicleState:
+    return replace(
+        vehicle,
+        phase=Phase.GROUNDED,
+        remaining_wh=event.remaining_wh,
+        drawn_w=0.0,
+        order=None,
+        errand=None,
+    )
+
+
+@_changed.register
+def _(event: Overridden, vehicle: VehicleState) -> VehicleState:
+    return replace(
+        vehicle,
+        phase=Phase.YIELDED,
+        order=StandDown(),
+        errand=None,
+        over_home=False,
+        at_target=False,
+        on_lane=False,
+        note=f"yielded to {event.mode}",
+    )
+
+
+@_changed.register
+def _(event: Released, vehicle: VehicleState) -> VehicleState:
+    return replace(
+        vehicle,
+        phase=Phase.AIRBORNE,
+        position=event.position,
+        height_m=event.height_m,
+        order=None,
+        note="",
+    )
+
+
+@_changed.register
+def _(event: LinkLost, vehicle: VehicleState) -> VehicleState:
+    return replace(vehicle, phase=Phase.OFFLINE, order=StandDown(), note="link lost")
+
+
+@_changed.register
+def _(event: OrderFailed, vehicle: VehicleState) -> VehicleState:
+    note = f"{event.order}: {event.reason}"
+    return replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+
+
+# --- what frames change ----------------------------------------------------------------------
+def _frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
+    """Count the votes; end a look once everything it can see is decided."""
+    votes = {vote.cell: vote.positive for vote in event.votes}
+    frame = FrameId(event.vehicle, event.t_s)
+    state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
+    vehicle = state.vehicles[event.vehicle]
+    if isinstance(vehicle.order, Look):
+        if vehicle.order.cell == event.vantage and state.belief.settled(event.vantage):
+            return _looked(state, vehicle, event.vantage)
+    elif state.tree is None and vehicle.errand is None and vehicle.candidate is None:
+        hint = _hint(setting, state, event)
+        if hint is not None:
+            vehicle = replace(vehicle, candidate=hint, at_target=False, order=None)
+            return state.with_vehicle(vehicle)
+    return state
+
+
+def _hint(setting: Setting, state: State, event: FrameSeen) -> Cell | None:
+    """The first cell that a search frame takes for ROI and that nobody has looked from yet."""
+    for vote in event.votes:
+        looked = state.belief.frames_taken(vote.cell) >= setting.mission.votes.frames
+        if vote.positive and not looked and _in_reach(setting, state, vote.cell):
+            return vote.cell
+    return None
+
+
+def _in_reach(setting: Setting, state: State, cell: Cell) -> bool:
+    """Whether the centre of a cell is inside the fence now."""
+    grid = setting.grid
+    return setting.fence.allows(grid.to_fixed(grid.centre_of(cell), state.t_s))
+
+
+def _look_ended(state: State, vehicle: VehicleState) -> State:
+    """An order's frames are used up before every neighbour had its votes."""
+    if not isinstance(vehicle.order, Look):
+        return state.with_vehicle(vehicle)
+    cell = vehicle.order.cell
+    if state.belief.frames_taken(cell) == 0:
+        return state.with_vehicle(
+            replace(vehicle, order=None, errand=Errand.CAMERA, note="the camera is silent")
+        )
+    state = replace(state, undecided=state.undecided | {cell})
+    return _looked(state, vehicle, cell)
+
+
+def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
+    """Somebody has looked from a cell: the tree grows, or the search has found its root."""
+    roi = [c for c in cell.cross() if c in state.belief.roi]
+    vehicle = replace(vehicle, order=None)
+    if state.tree is not None:
+        tree = state.tree
+        if cell in tree:
+            tree = tree.looked(cell, [c for c in roi if c != cell])
+        return replace(state, tree=tree).with_vehicle(vehicle)
+    vehicle = replace(vehicle, candidate=None, at_target=False)
+    if not roi:
+        for other in state.vehicles.values():
+            if other.candidate == cell:  # two vehicles had the same suspicion
+                state = state.with_vehicle(replace(other, candidate=None, at_target=False))
+        return state.with_vehicle(vehicle)
+    return _found(state, vehicle, cell, roi)
+
+
+def _found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cell]) -> State:
+    """The ROI is confirmed: everybody leaves the search and goes to the root."""
+    root = roi[0]
+    tree = Tree.rooted(root)
+    if root == looked_from:
+        tree = tree.looked(root, roi[1:])
+    state = replace(state, tree=tree, found_s=state.t_s).with_vehicle(vehicle)
+    vehicles = {}
+    for number, other in state.vehicles.items():
+        searching = other.phase is Phase.AIRBORNE and other.errand is None
+        vehicles[number] = replace(
+            other,
+            vertex=root,
+            candidate=None,
+            on_lane=False,
+            at_target=number == vehicle.vehicle and root == looked_from,
+            order=None if searching else other.order,
+        )
+    return replace(state, vehicles=vehicles)

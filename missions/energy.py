@@ -1,0 +1,84 @@
+"""How much energy it takes to come home, and whether enough is left.
+
+The rule that the whole service keeps: an airborne vehicle always holds the energy for the way
+home against the worst wind known, for the landing, and for the reserve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from missions.mission_file import Mission
+
+LANDING_SPEED_M_S = 0.5
+"""ArduCopter's final descent rate, taken for the whole descent."""
+CLIMB_SPEED_M_S = 1.5
+LANDING_OVERHEAD_S = 12.0
+"""Braking, turning, and touch-down detection."""
+NOMINAL_MARGIN = 1.15
+"""Flying draws more than hovering."""
+MEASURED_MARGIN = 1.1
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyModel:
+    """Energy for legs and landings, in watt hours.
+
+    >>> model = EnergyModel(hover_power_w=300, capacity_wh=60, reserve=0.1, speed_m_s=5, wind_m_s=3)
+    >>> model.reserve_wh
+    6.0
+    """
+
+    hover_power_w: float
+    capacity_wh: float
+    reserve: float
+    speed_m_s: float
+    wind_m_s: float
+    accel_m_s2: float = 2.0
+
+    @classmethod
+    def of(cls, mission: Mission) -> EnergyModel:
+        """The model of a mission's battery and wind."""
+        return cls(
+            mission.battery.hover_power_w,
+            mission.battery.capacity_wh,
+            mission.battery.reserve,
+            mission.flight.speed_m_s,
+            mission.wind.speed_m_s,
+        )
+
+    @property
+    def reserve_wh(self) -> float:
+        """What must be left at touch-down."""
+        return self.reserve * self.capacity_wh
+
+    def power_w(self, drawn_w: float) -> float:
+        """The power to reckon with, given what the vehicle drew lately (0: not known)."""
+        return max(NOMINAL_MARGIN * self.hover_power_w, MEASURED_MARGIN * drawn_w)
+
+    def leg_s(self, distance_m: float) -> float:
+        """Time for a leg from rest to rest.
+
+        A multicopter holds its ground speed against the wind by tilting, at a higher power; the
+        worst case taken is a head wind that eats a quarter of its own speed from the ground
+        speed, to no less than half.
+        """
+        speed = max(self.speed_m_s - 0.25 * self.wind_m_s, 0.5 * self.speed_m_s)
+        return distance_m / speed + speed / self.accel_m_s2
+
+    def leg_wh(self, distance_m: float, drawn_w: float = 0.0) -> float:
+        """Energy for a leg."""
+        return self.power_w(drawn_w) * self.leg_s(distance_m) / 3600.0
+
+    def hover_wh(self, duration_s: float, drawn_w: float = 0.0) -> float:
+        """Energy for staying up for a while."""
+        return self.power_w(drawn_w) * duration_s / 3600.0
+
+    def home_wh(self, distance_m: float, height_m: float, drawn_w: float = 0.0) -> float:
+        """Energy to fly home, land, and have the reserve left."""
+        landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+        return (
+            self.leg_wh(distance_m, drawn_w)
+            + self.hover_wh(landing_s, drawn_w)
+            + self.reserve_wh
+        )

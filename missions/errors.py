@@ -1,0 +1,42 @@
+"""The errors of the project, one tree.
+
+    UavmapError                 anything a user can cause or mend; one line, exit code 2
+    ├── MissionFileError        a mission file: names the file, the key, the value, the remedy
+    ├── GeodesyError            a place where UTM is not defined
+    ├── ImageError              a picture without a geotag, or that cannot be decoded
+    ├── JournalError            a journal that is truncated, foreign, or of another version
+    └── LinkError               a connection URL, or a vehicle that does not answer
+        └── CommandRefused      a vehicle that answered no, with what it said
+
+A defect of the program is never one of these: it keeps its traceback.
+"""
+
+from __future__ import annotations
+
+
+class UavmapError(Exception):
+    """Base of every error whose cause lies with the input or the surroundings."""
+
+
+class MissionFileError(UavmapError):
+    """A mission file that cannot be flown, with the key that is to blame."""
+
+
+class GeodesyError(UavmapError):
+    """A position outside the area where UTM is defined (80 S to 84 N)."""
+
+
+class ImageError(UavmapError):
+    """A picture that cannot be used: no geotag, or not a readable image."""
+
+
+class JournalError(UavmapError):
+    """A journal that cannot be opened, read or continued."""
+
+
+class LinkError(UavmapError):
+    """A URL that cannot be used, or a vehicle that is silent."""
+
+
+class CommandRefused(LinkError):
+    """A command that the vehicle denied; the text holds what the vehicle said."""

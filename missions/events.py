@@ -1,0 +1,211 @@
+"""Everything that happens, as values: the journal is a list of these.
+
+Positions are in the grid's fixed frame, rounded to a centimetre, times in mission seconds to a
+millisecond, so that the text of an event says exactly what the service acted on. Field order is
+the order in the journal's JSON.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import Field, TypeAdapter
+
+from missions.units import Cell, GridPoint
+
+
+class Vote(NamedTuple):
+    """What one frame says of one cell; `share` is the part of it that looks like ROI."""
+
+    cell: Cell
+    positive: bool
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """A vehicle answered. Posted at the start, after a resume, and when a lost link is back."""
+
+    vehicle: int
+    t_s: float
+    home: GridPoint
+    position: GridPoint
+    height_m: float
+    airborne: bool
+    ours: bool
+    """Whether the vehicle is in the mode in which it follows our commands."""
+    remaining_wh: float
+    kind: Literal["connected"] = "connected"
+
+
+@dataclass(frozen=True, slots=True)
+class Airborne:
+    """A take-off reached its height."""
+
+    vehicle: int
+    t_s: float
+    kind: Literal["airborne"] = "airborne"
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """Where a vehicle is and what is left in its battery, about once a second."""
+
+    vehicle: int
+    t_s: float
+    position: GridPoint
+    height_m: float
+    remaining_wh: float
+    kind: Literal["tracked"] = "tracked"
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """The leg that was ordered is flown."""
+
+    vehicle: int
+    t_s: float
+    position: GridPoint
+    kind: Literal["arrived"] = "arrived"
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSeen:
+    """A picture was taken over `vantage` and judged."""
+
+    vehicle: int
+    t_s: float
+    vantage: Cell
+    votes: tuple[Vote, ...]
+    kind: Literal["frame_seen"] = "frame_seen"
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLost:
+    """A picture that was asked for is missing or cannot be read."""
+
+    vehicle: int
+    t_s: float
+    reason: str
+    kind: Literal["frame_lost"] = "frame_lost"
+
+
+@dataclass(frozen=True, slots=True)
+class LookEnded:
+    """All the pictures that an order allowed were taken; some cells may lack votes."""
+
+    vehicle: int
+    t_s: float
+    kind: Literal["look_ended"] = "look_ended"
+
+
+@dataclass(frozen=True, slots=True)
+class Landed:
+    """A vehicle stands on the ground, motors off."""
+
+    vehicle: int
+    t_s: float
+    remaining_wh: float
+    kind: Literal["landed"] = "landed"
+
+
+@dataclass(frozen=True, slots=True)
+class BatterySwapped:
+    """A vehicle on the ground has a fresh battery."""
+
+    vehicle: int
+    t_s: float
+    remaining_wh: float
+    kind: Literal["battery_swapped"] = "battery_swapped"
+
+
+@dataclass(frozen=True, slots=True)
+class Overridden:
+    """The mode changed without us: a pilot or a failsafe flies the vehicle now."""
+
+    vehicle: int
+    t_s: float
+    mode: str
+    kind: Literal["overridden"] = "overridden"
+
+
+@dataclass(frozen=True, slots=True)
+class Released:
+    """The vehicle was given back: it is in the mode in which it follows us."""
+
+    vehicle: int
+    t_s: float
+    position: GridPoint
+    height_m: float
+    kind: Literal["released"] = "released"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkLost:
+    """No heartbeat for too long."""
+
+    vehicle: int
+    t_s: float
+    kind: Literal["link_lost"] = "link_lost"
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFailed:
+    """An order could not be carried out; the vehicle takes no more part."""
+
+    vehicle: int
+    t_s: float
+    order: str
+    reason: str
+    kind: Literal["order_failed"] = "order_failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Recalled:
+    """The operator calls everybody home."""
+
+    t_s: float
+    kind: Literal["recalled"] = "recalled"
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """The operator goes on with a mission that was interrupted."""
+
+    t_s: float
+    kind: Literal["resumed"] = "resumed"
+
+
+VehicleEvent = (
+    Connected
+    | Airborne
+    | Tracked
+    | Arrived
+    | FrameSeen
+    | FrameLost
+    | LookEnded
+    | Landed
+    | BatterySwapped
+    | Overridden
+    | Released
+    | LinkLost
+    | OrderFailed
+)
+Event = VehicleEvent | Recalled | Resumed
+
+_ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
+
+
+def to_json(event: Event) -> str:
+    """The text of an event in the journal.
+
+    >>> to_json(Airborne(1, 2.5))
+    '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'
+    """
+    return _ADAPTER.dump_json(event).decode()
+
+
+def from_json(text: str) -> Event:
+    """The inverse of `to_json`. Raises ValueError (pydantic's) for anything else."""
+    return _ADAPTER.validate_json(text)

@@ -1,0 +1,91 @@
+"""Algorithm 1 of Sung and Tokekar: multi-robot recursive depth-first search.
+
+The listing leaves open which unfinished child a robot takes. Here: an unexplored child first,
+then the child with the fewest robots below it; two children share a group as equally as possible,
+three do so through a dummy vertex. With this rule the bound of Lemma 1, in the form
+2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)), holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from missions.tree import Tree
+from missions.units import Cell
+
+Branch = tuple[Cell, ...]
+"""The children behind one edge of the binary tree: one, or several under a dummy vertex."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rdfs:
+    """Algorithm 1 with the child rule that keeps Lemma 1.
+
+    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
+    >>> Rdfs().moves(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, [1, 2])
+    {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}
+    """
+
+    name: str = "rdfs"
+    guarantee: str = "T <= 2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)) moves"
+    source: str = "Sung and Tokekar, Algorithm 1, with the child rule that keeps Lemma 1"
+
+    def moves(
+        self, tree: Tree, at: Mapping[int, Cell], robots: Sequence[int]
+    ) -> Mapping[int, Cell | None]:
+        """See `Explorer.moves`: one robot after the other, each seeing where the last went."""
+        after = dict(at)
+        chosen: dict[int, Cell | None] = {}
+        for robot in robots:
+            chosen[robot] = next_vertex = self._move(tree, after, robot)
+            after[robot] = next_vertex or after[robot]
+        return chosen
+
+    def _move(self, tree: Tree, at: Mapping[int, Cell], robot: int) -> Cell | None:
+        """One pass through the listing; the numbers are the lines of Algorithm 1."""
+        v = at[robot]
+        # 2-6, 8: the neighbours that are ROI are the children of v; explored ones are left out
+        # 9-13: a cell that would close a cycle never became a child (`Tree.looked`)
+        neighbours = tuple(w for w in tree.children(v) if not tree.is_explored(w))
+        if not neighbours:  # 3-5, 22-23
+            return tree.parent(v)
+        robots = _robots_below(tree, at, robot, v)
+        branch = neighbours
+        while len(branch) > 1:  # 14
+            left, right = _binary(branch)  # 15-17: the dummy vertex
+            branch = min((left, right), key=lambda b: _rank(tree, robots, b))  # 18
+        return branch[0]  # 19, 21; the tree marks v as under exploration by itself
+
+
+def _binary(branch: Branch) -> tuple[Branch, Branch]:
+    """Two branches of a binary tree, with a dummy vertex of edge length 0 above a pair."""
+    return (branch[:-2], branch[-2:]) if len(branch) > 2 else (branch[:1], branch[1:])
+
+
+def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool, int]:
+    """Smaller is better: nobody has been there yet, then the fewest robots.
+
+    A dummy vertex has been entered as soon as one of its children has.
+    """
+    entered = any(tree.has_looked(child) or robots.get(child, 0) for child in branch)
+    return (entered, sum(robots.get(child, 0) for child in branch))
+
+
+def _robots_below(
+    tree: Tree, at: Mapping[int, Cell], robot: int, v: Cell
+) -> Mapping[Cell, int]:
+    """For every child of v the robots at or below it."""
+    depth = tree.vertices[v].depth
+    counts: dict[Cell, int] = {}
+    for other, where in at.items():
+        if other == robot:
+            continue
+        child: Cell | None = None
+        for cell in tree.path_up(where):
+            if tree.vertices[cell].depth <= depth:
+                if cell == v and child is not None:
+                    counts[child] = counts.get(child, 0) + 1
+                break
+            child = cell
+    return counts

@@ -1,0 +1,45 @@
+"""Algorithm 1 read literally: children in the fixed order north, east, south, west.
+
+A group that stands at a vertex is split in two halves in that order; a robot that comes alone
+takes the first unfinished child, wherever the others are. It explores everything, but breaks the
+paper's own Lemma 1 on most trees; it is here to be compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from missions.tree import Tree
+from missions.units import Cell
+
+
+@dataclass(frozen=True, slots=True)
+class RdfsPaper:
+    """Algorithm 1 as printed, in a fixed order of the children."""
+
+    name: str = "rdfs-paper"
+    guarantee: str = "complete; may exceed the bound of Lemma 1"
+    source: str = "Sung and Tokekar, Algorithm 1, children in the order N, E, S, W"
+
+    def moves(
+        self, tree: Tree, at: Mapping[int, Cell], robots: Sequence[int]
+    ) -> Mapping[int, Cell | None]:
+        """See `Explorer.moves`: the robots that decide at one vertex are a group."""
+        return {
+            robot: self._move(tree, [r for r in robots if at[r] == at[robot]], robot, at[robot])
+            for robot in robots
+        }
+
+    def _move(self, tree: Tree, group: list[int], robot: int, v: Cell) -> Cell | None:
+        """One pass through the listing; the numbers are the lines of Algorithm 1."""
+        neighbours = [w for w in tree.children(v) if not tree.is_explored(w)]  # 8-13
+        if not neighbours:  # 22-23
+            return tree.parent(v)
+        while len(neighbours) > 1:  # 14-18: halves of the group, a dummy vertex for a third child
+            half = (len(group) + 1) // 2
+            if robot in group[:half]:
+                neighbours, group = neighbours[:1], group[:half]
+            else:
+                neighbours, group = neighbours[1:], group[half:]
+        return neighbours[0]  # 19, 21

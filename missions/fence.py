@@ -1,0 +1,112 @@
+"""The geofence: where a vehicle may be, and how to get from A to B without leaving it.
+
+All points are in the grid's fixed frame (ground metres). Planning uses the fence shrunk by a
+margin, so that what a vehicle strays from its leg stays inside the fence itself.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+from shapely.ops import nearest_points
+
+from missions.units import GridPoint
+
+_TOLERANCE_M = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fence:
+    """A polygon with holes, and the same shrunk by the margin.
+
+    >>> square = [GridPoint(0, 0), GridPoint(50, 0), GridPoint(50, 50), GridPoint(0, 50)]
+    >>> fence = Fence.of(square, holes=[], margin_m=2.0)
+    >>> fence.allows(GridPoint(25, 25)), fence.allows(GridPoint(1, 25))
+    (True, False)
+    """
+
+    outer: Polygon
+    inner: Polygon | shapely.MultiPolygon
+    corners: tuple[GridPoint, ...]
+
+    @classmethod
+    def of(
+        cls,
+        polygon: Sequence[GridPoint],
+        holes: Sequence[Sequence[GridPoint]],
+        margin_m: float,
+    ) -> Fence:
+        """A fence from its rings (not closed) and the margin that legs keep from it."""
+        outer = Polygon(polygon, holes)
+        inner = outer.buffer(-margin_m, join_style="mitre")
+        parts = inner.geoms if isinstance(inner, shapely.MultiPolygon) else [inner]
+        corners = tuple(
+            GridPoint(float(x), float(y))
+            for part in parts
+            for ring in (part.exterior, *part.interiors)
+            for x, y in list(ring.coords)[:-1]
+        )
+        for part in (outer, inner):
+            shapely.prepare(part)
+        return cls(outer, inner, corners)
+
+    def contains(self, point: GridPoint) -> bool:
+        """Whether a point is inside the fence itself, margin or not."""
+        return bool(self.outer.covers(Point(point)))
+
+    def allows(self, point: GridPoint) -> bool:
+        """Whether a leg may end here."""
+        return bool(self.inner.covers(Point(point)))
+
+    def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
+        """Whether a straight leg stays inside the margin."""
+        leg = LineString([start, end])
+        # the prepared test decides nearly always; the exact one forgives a leg along an edge
+        return bool(self.inner.covers(leg)) or leg.difference(self.inner).length < _TOLERANCE_M
+
+    def route(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
+        """The shortest way to `end` inside the margin: the points to fly to, `end` the last.
+
+        A start outside the margin (blown there) goes to the nearest allowed point first. None
+        when `end` cannot be reached.
+        """
+        if not self.allows(end):
+            return None
+        if not self.allows(start):
+            inside = nearest_points(self.inner, Point(start))[0]
+            entry = GridPoint(float(inside.x), float(inside.y))
+            onward = self._shortest(entry, end)
+            return None if onward is None else (entry, *onward)
+        return self._shortest(start, end)
+
+    def _shortest(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
+        """Dijkstra over the corners that see each other."""
+        if self.allows_leg(start, end):
+            return (end,)
+        counter = itertools.count()
+        queue: list[tuple[float, int, GridPoint, tuple[GridPoint, ...]]] = [
+            (0.0, next(counter), start, ())
+        ]
+        done: set[GridPoint] = set()
+        while queue:
+            travelled_m, _, at, way = heapq.heappop(queue)
+            if at == end:
+                return way
+            if at in done:
+                continue
+            done.add(at)
+            for corner in (end, *self.corners):
+                if corner not in done and self.allows_leg(at, corner):
+                    length_m = travelled_m + at.distance_to(corner)
+                    heapq.heappush(queue, (length_m, next(counter), corner, (*way, corner)))
+        return None
+
+
+def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:
+    """Length of the way from `start` through the points of a route."""
+    return sum(a.distance_to(b) for a, b in itertools.pairwise((start, *route)))

@@ -1,0 +1,148 @@
+"""WGS84 to and from UTM, and a true-north plane around a place.
+
+PROJ (through pyproj) does the projecting; what is written here is the choice of the zone, the
+meridian convergence and the scale factor, which tie metres on the ground and true north (what a
+vehicle measures) to metres in the projection and grid north (what the grid is aligned with).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import pyproj
+
+from missions.errors import GeodesyError
+from missions.units import LatLon
+
+SOUTH_LIMIT_DEG, NORTH_LIMIT_DEG = -80.0, 84.0
+
+# WGS84 ellipsoid
+_A_M = 6378137.0
+_E2 = 6.69437999014e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Utm:
+    """A position in a UTM zone: easting and northing in metres of the projection."""
+
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class UtmZone:
+    """A UTM zone of WGS84.
+
+    >>> UtmZone.of(LatLon(48.0, 11.0))
+    UtmZone(number=32, south=False)
+    >>> UtmZone.of(LatLon(-33.9, 151.2)).epsg
+    32756
+    """
+
+    number: int
+    south: bool
+
+    @classmethod
+    def of(cls, position: LatLon) -> UtmZone:
+        """The zone of a position, with the exceptions for south-west Norway and Svalbard.
+
+        Raises `GeodesyError` outside 80 S to 84 N and for longitudes beyond 180 degrees.
+        """
+        lat, lon = position.lat_deg, position.lon_deg
+        if not SOUTH_LIMIT_DEG <= lat <= NORTH_LIMIT_DEG:
+            raise GeodesyError(
+                f"latitude {lat:g} lies outside the UTM grid (80 S to 84 N); "
+                "polar missions are not supported"
+            )
+        if not -180.0 <= lon <= 180.0:
+            raise GeodesyError(f"longitude {lon:g} lies outside -180 to 180 degrees")
+        number = min(int((lon + 180.0) // 6.0), 59) + 1
+        if 56.0 <= lat < 64.0 and 3.0 <= lon < 12.0:
+            number = 32
+        elif lat >= 72.0 and 0.0 <= lon < 42.0:
+            number = 31 if lon < 9.0 else 33 if lon < 21.0 else 35 if lon < 33.0 else 37
+        return cls(number, lat < 0.0)
+
+    @property
+    def epsg(self) -> int:
+        """EPSG code of WGS 84 / UTM in this zone."""
+        return (32700 if self.south else 32600) + self.number
+
+    def to_utm(self, position: LatLon) -> Utm:
+        """Project; exact also for places a little outside the zone."""
+        east, north = _proj(self)(position.lon_deg, position.lat_deg)
+        return Utm(float(east), float(north))
+
+    def to_wgs84(self, point: Utm) -> LatLon:
+        """The inverse of `to_utm`."""
+        lon, lat = _proj(self)(point.east_m, point.north_m, inverse=True)
+        return LatLon(float(lat), float(lon))
+
+    def convergence_rad(self, position: LatLon) -> float:
+        """Angle from true north to grid north at a place, clockwise positive.
+
+        East of the central meridian (northern hemisphere) grid north points east of true north.
+        """
+        return math.radians(_factors(self, position).meridian_convergence)
+
+    def scale(self, position: LatLon) -> float:
+        """Metres of the projection for a metre on the ground, 0.9996 on the central meridian."""
+        return float(_factors(self, position).meridional_scale)
+
+
+@lru_cache(maxsize=8)
+def _proj(zone: UtmZone) -> pyproj.Proj:
+    return pyproj.Proj(proj="utm", zone=zone.number, south=zone.south, ellps="WGS84")
+
+
+def _factors(zone: UtmZone, position: LatLon) -> pyproj.proj.Factors:
+    return _proj(zone).get_factors(position.lon_deg, position.lat_deg)
+
+
+@dataclass(frozen=True, slots=True)
+class LocalPlane:
+    """A plane of metres along true east and true north around an origin.
+
+    From the radii of curvature of the ellipsoid at the origin: good to a centimetre within two
+    kilometres away from the poles. It knows nothing of UTM, so that the two can be held against
+    each other.
+
+    >>> plane = LocalPlane(LatLon(48.0, 11.0))
+    >>> east_m, north_m = plane.to_plane(plane.to_wgs84(30.0, 40.0))
+    >>> round(east_m, 6), round(north_m, 6)
+    (30.0, 40.0)
+    """
+
+    origin: LatLon
+
+    def to_plane(self, position: LatLon) -> tuple[float, float]:
+        """Metres (true east, true north) of a position."""
+        lat0 = math.radians(self.origin.lat_deg)
+        dlat = math.radians(position.lat_deg) - lat0
+        dlon = math.remainder(math.radians(position.lon_deg - self.origin.lon_deg), math.tau)
+        meridian, _ = _radii(lat0 + dlat / 2)
+        _, prime_vertical = _radii(lat0 + dlat)
+        east = prime_vertical * math.cos(lat0 + dlat) * dlon
+        # a parallel bends towards the pole, away from the tangent at the origin
+        north = meridian * dlat + 0.5 * east * dlon * math.sin(lat0 + dlat)
+        return east, north
+
+    def to_wgs84(self, east_m: float, north_m: float) -> LatLon:
+        """The inverse of `to_plane`, to below a tenth of a millimetre."""
+        lat0 = math.radians(self.origin.lat_deg)
+        dlat, dlon = 0.0, 0.0
+        for _ in range(4):
+            meridian, _unused = _radii(lat0 + dlat / 2)
+            _unused, prime_vertical = _radii(lat0 + dlat)
+            dlon = east_m / (prime_vertical * math.cos(lat0 + dlat))
+            dlat = (north_m - 0.5 * east_m * dlon * math.sin(lat0 + dlat)) / meridian
+        lon = math.remainder(self.origin.lon_deg + math.degrees(dlon), 360.0)
+        return LatLon(math.degrees(lat0 + dlat), lon)
+
+
+def _radii(lat_rad: float) -> tuple[float, float]:
+    """Radii of curvature (meridian, prime vertical) in metres."""
+    w2 = 1.0 - _E2 * math.sin(lat_rad) ** 2
+    return _A_M * (1.0 - _E2) / w2**1.5, _A_M / math.sqrt(w2)

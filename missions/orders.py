@@ -1,0 +1,71 @@
+"""What the mission tells a vehicle to do: one order at a time, a new one replaces the last.
+
+Points are in the grid's fixed frame, unless an order names a cell: that drifts with the ROI.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from missions.units import Cell, GridPoint
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOff:
+    """Arm and climb to the vehicle's layer. Ends with `Airborne` or `OrderFailed`."""
+
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Fly a search lane to its end and take a frame every so often. Ends with `Arrived`."""
+
+    end: GridPoint
+    every_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlyTo:
+    """Fly the points of a route, then to the cell if one is named. Ends with `Arrived`.
+
+    With `stop` the vehicle comes to rest; without, it may pass by.
+    """
+
+    route: tuple[GridPoint, ...]
+    cell: Cell | None
+    stop: bool
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Hover over a cell and take frames, at most `frames`. Ends with `LookEnded`."""
+
+    cell: Cell
+    frames: int
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Stay where you are; a new order will come."""
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Land here, over home. Ends with `Landed`."""
+
+
+@dataclass(frozen=True, slots=True)
+class AwaitBattery:
+    """Wait on the ground until the battery is fresh. Ends with `BatterySwapped`."""
+
+
+@dataclass(frozen=True, slots=True)
+class StandDown:
+    """Nothing more to do."""
+
+
+Order = TakeOff | Sweep | FlyTo | Look | Hold | Land | AwaitBattery | StandDown

@@ -1,0 +1,45 @@
+"""Who is where in the air: layers, and columns over the pads.
+
+Every vehicle flies in a layer of its own height, so two legs never meet. Only a vehicle that
+climbs or descends over its pad crosses the layers below its own. So a column is closed to legs
+while somebody is in it, and nobody enters a column while a leg passes through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from shapely.geometry import LineString, Point
+
+from missions.units import GridPoint
+
+
+@dataclass(frozen=True, slots=True)
+class Volume:
+    """The air that a vehicle claims: a path over ground, and the heights it may have there.
+
+    >>> column = Volume((GridPoint(0, 0),), 0.0, 18.0)
+    >>> leg = Volume((GridPoint(-20, 1), GridPoint(20, 1)), 12.0, 12.0)
+    >>> column.meets(leg, distance_m=4.0)
+    True
+    """
+
+    path: tuple[GridPoint, ...]
+    low_m: float
+    high_m: float
+
+    def meets(self, other: Volume, distance_m: float) -> bool:
+        """Whether the two come nearer to each other than a distance."""
+        if self.low_m - other.high_m >= distance_m or other.low_m - self.high_m >= distance_m:
+            return False
+        return bool(_line(self.path).distance(_line(other.path)) < distance_m)
+
+
+def is_free(volume: Volume, others: Iterable[Volume], distance_m: float) -> bool:
+    """Whether a volume keeps its distance from all others."""
+    return not any(volume.meets(other, distance_m) for other in others)
+
+
+def _line(path: Sequence[GridPoint]) -> LineString | Point:
+    return LineString(path) if len(path) > 1 else Point(path[0])

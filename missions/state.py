@@ -1,0 +1,183 @@
+"""What the mission knows, as one immutable value: the fold of the journal.
+
+`Setting` is what does not change during a mission; `State` is what events change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from missions.belief import Belief
+from missions.energy import EnergyModel
+from missions.explorers import EXPLORERS, Explorer
+from missions.fence import Fence
+from missions.grid import Grid
+from missions.mission_file import Mission, positions
+from missions.orders import Hold, Order
+from missions.search import Lane, lanes, share_out
+from missions.tree import Tree
+from missions.units import Cell, GridPoint
+
+
+class Phase(StrEnum):
+    """What a vehicle can do for the mission just now."""
+
+    OFFLINE = "offline"
+    GROUNDED = "grounded"
+    AIRBORNE = "airborne"
+    YIELDED = "yielded"
+    """A pilot or a failsafe flies it; nothing is sent to it."""
+    FINISHED = "finished"
+    FAILED = "failed"
+
+
+class Errand(StrEnum):
+    """Why a vehicle flies home."""
+
+    DONE = "done"
+    BATTERY = "battery"
+    RECALLED = "recalled"
+    CAMERA = "camera"
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
+
+    vehicle: int
+    layer_m: float
+    phase: Phase = Phase.OFFLINE
+    tracked_s: float = 0.0
+    home: GridPoint = GridPoint(0.0, 0.0)
+    position: GridPoint = GridPoint(0.0, 0.0)
+    height_m: float = 0.0
+    remaining_wh: float = 0.0
+    drawn_w: float = 0.0
+    order: Order | None = None
+    errand: Errand | None = None
+    over_home: bool = False
+    lanes: tuple[Lane, ...] = ()
+    on_lane: bool = False
+    candidate: Cell | None = None
+    vertex: Cell | None = None
+    at_target: bool = False
+    """Whether it has arrived at its candidate or vertex."""
+    landed: bool = True
+    note: str = ""
+
+    @property
+    def idle(self) -> bool:
+        """Whether it waits for an order."""
+        return self.order is None or isinstance(self.order, Hold)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What a mission is given and does not change."""
+
+    mission: Mission
+    grid: Grid
+    fence: Fence
+    energy: EnergyModel
+    explorer: Explorer
+    lanes: tuple[Lane, ...]
+
+    @classmethod
+    def of(cls, mission: Mission) -> Setting:
+        """The setting of a checked mission file."""
+        grid = Grid.at(
+            mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
+        )
+        fence = Fence.of(
+            [grid.fixed(p) for p in positions(mission.fence.polygon)],
+            [[grid.fixed(p) for p in positions(hole)] for hole in mission.fence.holes],
+            mission.fence.margin_m,
+        )
+        box = [grid.fixed(p) for p in positions(mission.search.box)]
+        return cls(
+            mission,
+            grid,
+            fence,
+            EnergyModel.of(mission),
+            EXPLORERS[mission.strategy],
+            lanes(box, mission.grid.cell_m, fence),
+        )
+
+    @property
+    def look_s(self) -> float:
+        """About how long a vehicle hovers over a cell."""
+        return 2.0 + self.mission.votes.frames * self.mission.camera.interval_s
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What is known at an instant of the mission."""
+
+    belief: Belief
+    vehicles: Mapping[int, VehicleState]
+    t_s: float = 0.0
+    tree: Tree | None = None
+    exhausted: bool = False
+    """The box was searched to its end and nobody saw the ROI."""
+    recalled: bool = False
+    abandoned: frozenset[Cell] = frozenset()
+    """ROI cells that nobody could look from: beyond the fence or out of reach."""
+    undecided: frozenset[Cell] = frozenset()
+    """Cells that were looked from, with votes missing."""
+    found_s: float | None = None
+    """When the ROI was first confirmed."""
+
+    @classmethod
+    def initial(cls, setting: Setting) -> State:
+        """Before anything has happened: every vehicle offline, with its share of the lanes."""
+        mission = setting.mission
+        blocks = share_out(setting.lanes, len(mission.vehicles)) if setting.lanes else ()
+        vehicles = {
+            number: VehicleState(
+                number,
+                mission.altitude_m(number - 1),
+                lanes=blocks[number - 1] if blocks else (),
+            )
+            for number in range(1, len(mission.vehicles) + 1)
+        }
+        return cls(Belief(mission.votes.frames, mission.votes.positive), vehicles)
+
+    def with_vehicle(self, vehicle: VehicleState) -> State:
+        """This state with one vehicle changed."""
+        return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
+
+    @property
+    def over(self) -> bool:
+        """Whether nobody will do anything more of their own accord."""
+        return all(
+            v.phase in (Phase.FINISHED, Phase.FAILED) or (v.phase is Phase.YIELDED and v.landed)
+            for v in self.vehicles.values()
+        )
+
+    @property
+    def mapped(self) -> bool:
+        """Whether the question of the mission is answered: explored, or searched in vain."""
+        if self.tree is None:
+            return self.exhausted
+        return self.tree.is_explored(self.tree.root)
+
+    @property
+    def completed(self) -> bool:
+        """Mapped without a gap, and everybody is home."""
+        return (
+            self.mapped
+            and not self.abandoned
+            and not self.undecided
+            and all(v.landed for v in self.vehicles.values())
+        )
+
+    def robots(self) -> dict[int, Cell]:
+        """For every vehicle that takes part in the exploration its vertex."""
+        return {
+            number: v.vertex
+            for number, v in self.vehicles.items()
+            if v.vertex is not None and v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
+        }
+

@@ -1,0 +1,41 @@
+"""The reducer: what an event changes, and what everybody is told to do next.
+
+    step(setting, state, event) -> (state, orders)
+
+Pure: the same state and event give the same orders, so a resume, a replay and a test are one
+mechanism. `missions.apply` says what an event changes, `missions.assign` what idle vehicles do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from missions.apply import apply
+from missions.assign import assign
+from missions.events import Event
+from missions.orders import Order
+from missions.state import Setting, State
+
+Orders = tuple[tuple[int, Order], ...]
+
+
+def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
+    """The state after an event, and the new orders by vehicle.
+
+    An order holds until it ends or until another replaces it.
+    """
+    after = assign(setting, apply(setting, state, event))
+    orders = tuple(
+        (number, vehicle.order)
+        for number, vehicle in after.vehicles.items()
+        if vehicle.order is not None and vehicle.order is not state.vehicles[number].order
+    )
+    return after, orders
+
+
+def fold(setting: Setting, events: Iterable[Event]) -> State:
+    """The state after a journal."""
+    state = State.initial(setting)
+    for event in events:
+        state, _ = step(setting, state, event)
+    return state

@@ -1,0 +1,1 @@
+"""The other end of the wire: a simulated world, vehicles and cameras that speak MAVLink 2."""

@@ -1,0 +1,192 @@
+"""Messages in, messages out: everything a ground station or companion can say to the vehicle.
+
+No message that arrives raises; what is not for this vehicle, or not understood, is passed over,
+except unknown commands, which are refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.autopilot import Autopilot
+from sitl.commands import Commands, Request
+from sitl.params import INDEX, TABLE
+from sitl.streams import Streams
+from sitl.telemetry import STREAM_GROUPS
+from sitl.wire import Framer, Message, Packer
+
+AUTOPILOT, CAMERA = mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_COMP_ID_CAMERA
+
+_NO_POSITION = 0x7  # type_mask: ignore x, y, z
+_NO_VELOCITY = 0x38
+_NO_YAW = 0x400
+_FTP_NAK, _FTP_FAIL = 129, 1
+
+
+class Interpreter:
+    """The vehicle's end of the link."""
+
+    def __init__(
+        self,
+        system_id: int,
+        autopilot: Autopilot,
+        commands: Commands,
+        streams: Streams,
+    ) -> None:
+        self.system_id = system_id
+        self.heard = False
+        self._ap = autopilot
+        self._commands = commands
+        self._streams = streams
+        self._framer = Framer()
+        self.autopilot_wire = Packer(system_id, AUTOPILOT)
+        self.camera_wire = Packer(system_id, CAMERA)
+        self._handlers: dict[str, Callable[[Message], bytes]] = {
+            "COMMAND_LONG": self._command_long,
+            "COMMAND_INT": self._command_int,
+            "SET_MODE": self._set_mode,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._position_target,
+            "REQUEST_DATA_STREAM": self._data_stream,
+            "PARAM_REQUEST_LIST": self._param_list,
+            "PARAM_REQUEST_READ": self._param_read,
+            "PARAM_SET": self._param_set,
+            "PING": self._ping,
+            "TIMESYNC": self._timesync,
+            "FILE_TRANSFER_PROTOCOL": self._ftp,
+        }
+
+    def receive(self, data: bytes) -> bytes:
+        """Handle received bytes; the immediate replies."""
+        replies = bytearray()
+        for message in self._framer.feed(data):
+            self.heard = True
+            handler = self._handlers.get(message.get_type())
+            if handler is not None:
+                replies += handler(message)
+        return bytes(replies)
+
+    def _ours(self, message: Message) -> bool:
+        return message.target_system in (0, self.system_id)
+
+    # --- commands -------------------------------------------------------------------------------
+
+    def _command_long(self, m: Message) -> bytes:
+        p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
+        return self._command(m, Request(m.command, p, None))
+
+    def _command_int(self, m: Message) -> bytes:
+        p = (m.param1, m.param2, m.param3, m.param4, 0.0, 0.0, m.z)
+        return self._command(m, Request(m.command, p, (m.frame, m.x, m.y)))
+
+    def _command(self, m: Message, request: Request) -> bytes:
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT, CAMERA):
+            return b""
+        for_camera = m.target_component == CAMERA
+        reply = self._commands.carry_out(request, for_camera)
+        ack = mav.MAVLink_command_ack_message(
+            m.command, reply.result, 0, 0, m.get_srcSystem(), m.get_srcComponent()
+        )
+        wire = self.camera_wire if for_camera else self.autopilot_wire
+        sender = self.camera_wire if reply.from_camera or for_camera else self.autopilot_wire
+        return wire.pack(ack) + b"".join(sender.pack(message) for message in reply.messages)
+
+    def _set_mode(self, m: Message) -> bytes:
+        if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return b""
+        reply = self._commands.set_mode(m.custom_mode)
+        return b"".join(self.autopilot_wire.pack(message) for message in reply.messages)
+
+    def _position_target(self, m: Message) -> bytes:
+        """Never acknowledged; outside guided flight dropped without a word."""
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
+            return b""
+        if not m.type_mask & _NO_POSITION:
+            target = self._commands.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
+            yaw = None if m.type_mask & _NO_YAW or not math.isfinite(m.yaw) else m.yaw
+            if target is not None:
+                self._ap.go_to(*target, yaw)
+        elif not m.type_mask & _NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
+            self._ap.go_with(m.vy, m.vx, -m.vz)
+        return b""
+
+    # --- streams --------------------------------------------------------------------------------
+
+    def _data_stream(self, m: Message) -> bytes:
+        if not self._ours(m):
+            return b""
+        every = m.req_stream_id == mav.MAV_DATA_STREAM_ALL
+        groups = STREAM_GROUPS.values() if every else [STREAM_GROUPS.get(m.req_stream_id, ())]
+        rate_hz = m.req_message_rate if m.start_stop else 0
+        interval_s = 1.0 / rate_hz if rate_hz > 0 else None
+        for group in groups:
+            for message_id in group:
+                self._streams.set(message_id, interval_s, self._ap.t_s)
+        return b""
+
+    # --- parameters -----------------------------------------------------------------------------
+
+    def _param_list(self, m: Message) -> bytes:
+        if not self._ours(m):
+            return b""
+        return b"".join(self._param_value(parameter.name) for parameter in TABLE)
+
+    def _param_read(self, m: Message) -> bytes:
+        if not self._ours(m):
+            return b""
+        if m.param_index >= 0:
+            known = m.param_index < len(TABLE)
+            return self._param_value(TABLE[m.param_index].name) if known else b""
+        return self._param_value(m.param_id) if m.param_id in INDEX else b""
+
+    def _param_set(self, m: Message) -> bytes:
+        """The new value is the answer; an unknown name or a NaN meets silence."""
+        if not self._ours(m) or not self._ap.parameters.set(m.param_id, m.param_value):
+            return b""
+        return self._param_value(m.param_id)
+
+    def _param_value(self, name: str) -> bytes:
+        index = INDEX[name]
+        return self.autopilot_wire.pack(
+            mav.MAVLink_param_value_message(
+                name.encode("ascii"), self._ap.parameters[name], TABLE[index].type,
+                len(TABLE), index,
+            )
+        )  # fmt: skip
+
+    # --- small talk -----------------------------------------------------------------------------
+
+    def _ping(self, m: Message) -> bytes:
+        if m.target_system != 0:  # somebody's answer
+            return b""
+        return self.autopilot_wire.pack(
+            mav.MAVLink_ping_message(m.time_usec, m.seq, m.get_srcSystem(), m.get_srcComponent())
+        )
+
+    def _timesync(self, m: Message) -> bytes:
+        if m.tc1 != 0:  # an answer to ours
+            return b""
+        return self.autopilot_wire.pack(
+            mav.MAVLink_timesync_message(round(self._ap.t_s * 1e9), m.ts1)
+        )
+
+    def _ftp(self, m: Message) -> bytes:
+        """Refused aloud: a client that meets silence waits for many seconds."""
+        if not self._ours(m):
+            return b""
+        request = bytes(m.payload)
+        sequence = (int.from_bytes(request[:2], "little") + 1) & 0xFFFF
+        payload = bytearray(len(request))
+        payload[0:2] = sequence.to_bytes(2, "little")
+        payload[2] = request[2]  # session
+        payload[3] = _FTP_NAK
+        payload[4] = 1  # size of the data: the error code
+        payload[5] = request[3]  # the opcode that is refused
+        payload[12] = _FTP_FAIL
+        return self.autopilot_wire.pack(
+            mav.MAVLink_file_transfer_protocol_message(
+                0, m.get_srcSystem(), m.get_srcComponent(), list(payload)
+            )
+        )

@@ -1,0 +1,141 @@
+"""The device: a point mass on a tilting thrust, in air that moves, above level ground.
+
+Axes are true east, true north and up, metres from the world's origin. The body knows nothing of
+messages, modes or where it should be: it is given a wanted thrust and turn rate, and time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GRAVITY_M_S2 = 9.80665
+MAX_STEP_S = 0.05
+
+_TILT_TAU_S = 0.15
+_THRUST_TAU_S = 0.1
+_YAW_TAU_S = 0.15
+# Drag of a small quadcopter: 0.7 m/s^2 (four degrees of tilt) in a wind of 3.6 m/s
+_DRAG_LINEAR_1_S = 0.10
+_DRAG_QUADRATIC_1_M = 0.025
+_SURVIVABLE_IMPACT_M_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the autopilot asks of the motors.
+
+    `east_m_s2`, `north_m_s2`: horizontal thrust, which tilts the body. `up_m_s2`: thrust over
+    weight. `yaw_rate_rad_s`: clockwise from above.
+    """
+
+    east_m_s2: float
+    north_m_s2: float
+    up_m_s2: float
+    yaw_rate_rad_s: float
+
+
+IDLE = Command(0.0, 0.0, -GRAVITY_M_S2, 0.0)
+
+
+class Body:
+    """A multicopter's true state, advanced by `step`.
+
+    Semi-implicit Euler: velocities first, positions with the new velocities. All first-order
+    lags use their exact decay, so any step up to `MAX_STEP_S` is stable.
+    """
+
+    __slots__ = (
+        "air_speed_m_s",
+        "crashed",
+        "drag_east",
+        "drag_north",
+        "east",
+        "max_tilt_m_s2",
+        "motors_on",
+        "north",
+        "on_ground",
+        "thrust_east",
+        "thrust_north",
+        "thrust_up",
+        "up",
+        "v_east",
+        "v_north",
+        "v_up",
+        "yaw",
+        "yaw_rate",
+    )
+
+    def __init__(self, east_m: float, north_m: float, yaw_rad: float, max_tilt_rad: float) -> None:
+        self.east, self.north, self.up = east_m, north_m, 0.0
+        self.v_east = self.v_north = self.v_up = 0.0
+        self.thrust_east = self.thrust_north = 0.0
+        self.thrust_up = -GRAVITY_M_S2
+        self.drag_east = self.drag_north = 0.0
+        self.air_speed_m_s = 0.0
+        self.yaw, self.yaw_rate = yaw_rad % math.tau, 0.0
+        self.max_tilt_m_s2 = GRAVITY_M_S2 * math.tan(max_tilt_rad)
+        self.motors_on = False
+        self.on_ground = True
+        self.crashed = False
+
+    @property
+    def roll_pitch(self) -> tuple[float, float]:
+        """Roll (right side down) and pitch (nose up), radians, from the thrust's tilt."""
+        sin_yaw, cos_yaw = math.sin(self.yaw), math.cos(self.yaw)
+        forward = self.thrust_north * cos_yaw + self.thrust_east * sin_yaw
+        right = self.thrust_east * cos_yaw - self.thrust_north * sin_yaw
+        pitch = -math.atan2(forward, GRAVITY_M_S2)
+        return math.atan2(right * math.cos(pitch), GRAVITY_M_S2), pitch
+
+    def step(self, command: Command, wind: tuple[float, float], dt_s: float) -> None:
+        """Advance by `dt_s` (at most `MAX_STEP_S`) in `wind` m/s (east, north)."""
+        if not self.motors_on:
+            command = IDLE
+        self._turn(command, dt_s)
+        if self.on_ground and self.thrust_up <= 0.0:
+            # standing: the ground carries and holds it
+            self.v_east = self.v_north = self.v_up = 0.0
+            self.drag_east = self.drag_north = self.air_speed_m_s = 0.0
+            return
+        air_east, air_north = wind[0] - self.v_east, wind[1] - self.v_north
+        air_speed = math.hypot(air_east, air_north)
+        self.air_speed_m_s = air_speed
+        drag = _DRAG_LINEAR_1_S + _DRAG_QUADRATIC_1_M * air_speed
+        self.drag_east, self.drag_north = drag * air_east, drag * air_north
+        self.v_east += (self.thrust_east + self.drag_east) * dt_s
+        self.v_north += (self.thrust_north + self.drag_north) * dt_s
+        fall_drag = (_DRAG_LINEAR_1_S + _DRAG_QUADRATIC_1_M * abs(self.v_up)) * self.v_up
+        self.v_up += (self.thrust_up - fall_drag) * dt_s
+        self.east += self.v_east * dt_s
+        self.north += self.v_north * dt_s
+        self.up += self.v_up * dt_s
+        if self.up <= 0.0:
+            self._touch()
+        else:
+            self.on_ground = False
+
+    def _turn(self, command: Command, dt_s: float) -> None:
+        """Tilt, thrust and yaw follow their commands with first-order lags."""
+        east, north = command.east_m_s2, command.north_m_s2
+        wanted = math.hypot(east, north)
+        if wanted > self.max_tilt_m_s2:
+            east *= self.max_tilt_m_s2 / wanted
+            north *= self.max_tilt_m_s2 / wanted
+        tilt = -math.expm1(-dt_s / _TILT_TAU_S)
+        self.thrust_east += (east - self.thrust_east) * tilt
+        self.thrust_north += (north - self.thrust_north) * tilt
+        self.thrust_up += (command.up_m_s2 - self.thrust_up) * -math.expm1(-dt_s / _THRUST_TAU_S)
+        self.yaw_rate += (command.yaw_rate_rad_s - self.yaw_rate) * -math.expm1(-dt_s / _YAW_TAU_S)
+        if not (self.on_ground and self.thrust_up <= 0.0):
+            self.yaw = (self.yaw + self.yaw_rate * dt_s) % math.tau
+
+    def _touch(self) -> None:
+        """Meet the ground: stand, or break when too fast."""
+        if self.v_up < -_SURVIVABLE_IMPACT_M_S:
+            self.crashed = True
+            self.motors_on = False
+        self.up = 0.0
+        self.v_east = self.v_north = self.v_up = 0.0
+        self.thrust_east = self.thrust_north = 0.0
+        self.on_ground = True

@@ -1,0 +1,49 @@
+"""Which message is due when: intervals on the vehicle's own time."""
+
+from __future__ import annotations
+
+_SOON_S = 1e-6
+
+
+class Streams:
+    """Message ids and their intervals.
+
+    >>> streams = Streams()
+    >>> streams.set(33, 0.1, now_s=0.0)
+    >>> streams.due(0.05), streams.due(0.1), streams.due(0.15), streams.due(0.2)
+    ([], [33], [], [33])
+    """
+
+    def __init__(self) -> None:
+        self._interval_s: dict[int, float] = {}
+        self._next_s: dict[int, float] = {}
+        self._earliest_s = float("inf")
+
+    def set(self, message_id: int, interval_s: float | None, now_s: float) -> None:
+        """Send a message every `interval_s` from now on; None stops it."""
+        if interval_s is None:
+            self._interval_s.pop(message_id, None)
+            self._next_s.pop(message_id, None)
+        else:
+            self._interval_s[message_id] = interval_s
+            self._next_s[message_id] = now_s + interval_s
+        self._earliest_s = min(self._next_s.values(), default=float("inf"))
+
+    def interval_s(self, message_id: int) -> float | None:
+        """The interval of a message, None while it is not streamed."""
+        return self._interval_s.get(message_id)
+
+    def due(self, now_s: float) -> list[int]:
+        """The messages to send now, in a fixed order.
+
+        Intervals keep their phase. One shorter than the step sends once a step.
+        """
+        now_s += _SOON_S
+        if now_s < self._earliest_s:
+            return []
+        due = [message_id for message_id, at_s in self._next_s.items() if at_s <= now_s]
+        for message_id in due:
+            following_s = self._next_s[message_id] + self._interval_s[message_id]
+            self._next_s[message_id] = following_s if following_s > now_s else now_s
+        self._earliest_s = min(self._next_s.values())
+        return due

@@ -1,0 +1,311 @@
+"""The autopilot's state as MAVLink messages, one method a message.
+
+Units are the messages' own: degrees times 1e7, millimetres, centimetres a second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.geodesy import LocalPlane
+from sitl.autopilot import Autopilot
+from sitl.modes import Mode, Phase
+from sitl.wire import Message
+
+_CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
+_GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
+
+# 3D gyro, accelerometer, compass, absolute pressure; the controllers; motors, AHRS, battery
+_SENSORS = 0x0000_000F | 0x0000_FC00 | 0x0220_0000
+_GPS = mav.MAV_SYS_STATUS_SENSOR_GPS
+_GEOFENCE = mav.MAV_SYS_STATUS_GEOFENCE
+_PREARM = mav.MAV_SYS_STATUS_PREARM_CHECK
+_MOTORS = mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+
+_EKF_READY = 0x33F  # attitude, velocities, relative and absolute position, predictions
+_EKF_CONSTANT_POSITION = 0xA7  # no absolute position yet
+_TARGET_POSITION_ONLY = 0xFDF8
+_TARGET_VELOCITY_ONLY = 0xFDC7
+_CAPABILITIES = (
+    mav.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | mav.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+)
+_VERSION_4_6_0 = (4 << 24) | (6 << 16) | (255)  # FIRMWARE_VERSION_TYPE_OFFICIAL
+
+_NAN4 = [math.nan] * 4
+_NO_CELLS = [65535] * 9
+
+_LANDED_STATE = {
+    Phase.LANDED: mav.MAV_LANDED_STATE_ON_GROUND,
+    Phase.SPOOL: mav.MAV_LANDED_STATE_ON_GROUND,
+    Phase.CLIMB: mav.MAV_LANDED_STATE_TAKEOFF,
+    Phase.DESCEND: mav.MAV_LANDED_STATE_LANDING,
+}
+
+# REQUEST_DATA_STREAM's groups
+STREAM_GROUPS = {
+    mav.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        mav.MAVLINK_MSG_ID_SYS_STATUS,
+        mav.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mav.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    ),
+    mav.MAV_DATA_STREAM_POSITION: (
+        mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    mav.MAV_DATA_STREAM_EXTRA1: (mav.MAVLINK_MSG_ID_ATTITUDE,),
+    mav.MAV_DATA_STREAM_EXTRA2: (mav.MAVLINK_MSG_ID_VFR_HUD,),
+    mav.MAV_DATA_STREAM_EXTRA3: (
+        mav.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mav.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mav.MAVLINK_MSG_ID_WIND,
+        mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+
+
+def _clamp(value: float, low: int, high: int) -> int:
+    return int(max(low, min(high, round(value))))
+
+
+def _int16(value: float) -> int:
+    return _clamp(value, -32768, 32767)
+
+
+def _uint16(value: float) -> int:
+    return _clamp(value, 0, 65535)
+
+
+def _int32(value: float) -> int:
+    return _clamp(value, -(2**31), 2**31 - 1)
+
+
+class Telemetry:
+    """Builds messages from an autopilot whose plane has its origin at `amsl_m`."""
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        plane: LocalPlane,
+        amsl_m: float,
+        wind: Callable[[], tuple[float, float]],
+    ) -> None:
+        self._ap = autopilot
+        self._plane = plane
+        self._amsl_m = amsl_m
+        self._wind = wind
+        self._boot_home = autopilot.home
+        self._builders: dict[int, Callable[[], Message | None]] = {
+            mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
+            mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
+            mav.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
+            mav.MAVLINK_MSG_ID_GPS_RAW_INT: self.gps_raw_int,
+            mav.MAVLINK_MSG_ID_ATTITUDE: self.attitude,
+            mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self.local_position_ned,
+            mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self.global_position_int,
+            mav.MAVLINK_MSG_ID_MISSION_CURRENT: self.mission_current,
+            mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.gps_global_origin,
+            mav.MAVLINK_MSG_ID_VFR_HUD: self.vfr_hud,
+            mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: self.position_target,
+            mav.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery_status,
+            mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
+            mav.MAVLINK_MSG_ID_WIND: self.wind,
+            mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self.ekf_status_report,
+            mav.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
+            mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
+        }
+
+    def knows(self, message_id: int) -> bool:
+        """Whether this autopilot can send such a message."""
+        return message_id in self._builders
+
+    def build(self, message_id: int) -> Message | None:
+        """The message, or None while there is nothing to say in it."""
+        return self._builders[message_id]()
+
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds since boot, as in `time_boot_ms`."""
+        return round(self._ap.t_s * 1000.0) & 0xFFFFFFFF
+
+    def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
+        """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
+        position = self._plane.to_wgs84(east_m, north_m)
+        return (
+            _int32(position.lat_deg * 1e7),
+            _int32(position.lon_deg * 1e7),
+            _int32((self._amsl_m + up_m) * 1000.0),
+        )
+
+    def heartbeat(self) -> Message:
+        """HEARTBEAT."""
+        ap = self._ap
+        base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        base |= mav.MAV_MODE_FLAG_STABILIZE_ENABLED | mav.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        if ap.mode in _GUIDED_FLAG_MODES:
+            base |= mav.MAV_MODE_FLAG_GUIDED_ENABLED
+        if ap.armed:
+            base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
+        status = mav.MAV_STATE_STANDBY
+        if ap.body.crashed:
+            status = mav.MAV_STATE_EMERGENCY
+        elif ap.airborne or ap.t_s < _CLAIMS_ACTIVE_S:
+            status = mav.MAV_STATE_ACTIVE
+        return mav.MAVLink_heartbeat_message(
+            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, base, int(ap.mode), status, 3
+        )
+
+    def sys_status(self) -> Message:
+        """SYS_STATUS, with the prearm bit that says ready (or not)."""
+        ap = self._ap
+        present = _SENSORS | _GPS | _GEOFENCE | _PREARM
+        enabled = present if ap.armed else present & ~_MOTORS
+        health = _SENSORS | _GEOFENCE
+        if ap.home_known:
+            health |= _GPS
+        if ap.prearm_ok:
+            health |= _PREARM
+        battery = ap.battery
+        return mav.MAVLink_sys_status_message(
+            present, enabled, health, 100,
+            _uint16(battery.voltage_v * 1000.0), _int16(battery.current_a * 100.0),
+            battery.remaining_percent, 0, 0, 0, 0, 0, 0,
+        )  # fmt: skip
+
+    def battery_status(self) -> Message:
+        """BATTERY_STATUS: mAh, hectojoules, percent."""
+        battery = self._ap.battery
+        return mav.MAVLink_battery_status_message(
+            0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
+            [_uint16(battery.voltage_v * 1000.0), *_NO_CELLS], _int16(battery.current_a * 100.0),
+            _int32(battery.consumed_mah), _int32(battery.consumed_wh * 36.0),
+            battery.remaining_percent, 0, mav.MAV_BATTERY_CHARGE_STATE_OK,
+        )  # fmt: skip
+
+    def system_time(self) -> Message:
+        """SYSTEM_TIME; the date is not known."""
+        return mav.MAVLink_system_time_message(0, self.boot_ms)
+
+    def gps_raw_int(self) -> Message:
+        """GPS_RAW_INT; no fix until home is known."""
+        ap = self._ap
+        if not ap.home_known:
+            return mav.MAVLink_gps_raw_int_message(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0)
+        now = ap.estimate
+        lat, lon, amsl = self.place(now.east, now.north, now.up)
+        course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
+        return mav.MAVLink_gps_raw_int_message(
+            int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
+            _uint16(100.0 * math.hypot(now.v_east, now.v_north)), _uint16(course * 100.0) % 36000,
+            10, amsl, 300, 300,
+        )  # fmt: skip
+
+    def attitude(self) -> Message:
+        """ATTITUDE."""
+        body = self._ap.body
+        roll, pitch = body.roll_pitch
+        yaw = math.remainder(body.yaw, math.tau)
+        return mav.MAVLink_attitude_message(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
+
+    def local_position_ned(self) -> Message | None:
+        """LOCAL_POSITION_NED around the place of booting."""
+        if not self._ap.home_known:
+            return None
+        now, (east, north, up) = self._ap.estimate, self._boot_home
+        return mav.MAVLink_local_position_ned_message(
+            self.boot_ms, now.north - north, now.east - east, up - now.up,
+            now.v_north, now.v_east, -now.v_up,
+        )  # fmt: skip
+
+    def global_position_int(self) -> Message:
+        """GLOBAL_POSITION_INT; zeros until there is a fix."""
+        ap = self._ap
+        heading = _uint16(math.degrees(ap.body.yaw) * 100.0) % 36000
+        if not ap.home_known:
+            return mav.MAVLink_global_position_int_message(
+                self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading
+            )
+        now = ap.estimate
+        lat, lon, amsl = self.place(now.east, now.north, now.up)
+        return mav.MAVLink_global_position_int_message(
+            self.boot_ms, lat, lon, amsl, _int32((now.up - ap.home[2]) * 1000.0),
+            _int16(now.v_north * 100.0), _int16(now.v_east * 100.0), _int16(-now.v_up * 100.0),
+            heading,
+        )  # fmt: skip
+
+    def mission_current(self) -> Message:
+        """MISSION_CURRENT: there is no mission."""
+        return mav.MAVLink_mission_current_message(0, 0, mav.MISSION_STATE_NO_MISSION)
+
+    def gps_global_origin(self) -> Message | None:
+        """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
+        if not self._ap.home_known:
+            return None
+        return mav.MAVLink_gps_global_origin_message(*self.place(*self._boot_home))
+
+    def vfr_hud(self) -> Message:
+        """VFR_HUD."""
+        body, now = self._ap.body, self._ap.estimate
+        return mav.MAVLink_vfr_hud_message(
+            body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
+            _int16(math.degrees(body.yaw)) % 360, 50 if self._ap.airborne else 0,
+            self._amsl_m + now.up, now.v_up,
+        )  # fmt: skip
+
+    def position_target(self) -> Message | None:
+        """POSITION_TARGET_GLOBAL_INT: the guided target that was accepted, AMSL."""
+        ap = self._ap
+        if ap.target is not None:
+            lat, lon, _ = self.place(*ap.target)
+            return mav.MAVLink_position_target_global_int_message(
+                self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
+                self._amsl_m + ap.target[2], *([0.0] * 8),
+            )  # fmt: skip
+        if ap.velocity_target is not None:
+            east, north, up = ap.velocity_target
+            return mav.MAVLink_position_target_global_int_message(
+                self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_VELOCITY_ONLY, 0, 0, 0.0,
+                north, east, -up, *([0.0] * 5),
+            )  # fmt: skip
+        return None
+
+    def autopilot_version(self) -> Message:
+        """AUTOPILOT_VERSION of an ArduCopter 4.6."""
+        return mav.MAVLink_autopilot_version_message(
+            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0
+        )
+
+    def wind(self) -> Message:
+        """WIND: where it comes from, degrees, and its speed."""
+        east, north = self._wind()
+        coming_from = math.degrees(math.atan2(-east, -north))
+        return mav.MAVLink_wind_message(coming_from, math.hypot(east, north), 0.0)
+
+    def ekf_status_report(self) -> Message:
+        """EKF_STATUS_REPORT: constant position mode until ready."""
+        flags = _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
+        return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0, 0.0)
+
+    def home_position(self) -> Message | None:
+        """HOME_POSITION, once known; arming moves it."""
+        ap = self._ap
+        if not ap.home_known:
+            return None
+        east, north, up = ap.home
+        boot_east, boot_north, boot_up = self._boot_home
+        return mav.MAVLink_home_position_message(
+            *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
+            _NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),
+        )  # fmt: skip
+
+    def extended_sys_state(self) -> Message:
+        """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
+        state = _LANDED_STATE.get(self._ap.phase, mav.MAV_LANDED_STATE_IN_AIR)
+        return mav.MAVLink_extended_sys_state_message(mav.MAV_VTOL_STATE_MC, state)

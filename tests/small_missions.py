@@ -1,0 +1,165 @@
+"""Random small missions for the fake fleet: a fence with a hole, a box, batteries, a true ROI."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions.grid import Grid
+from missions.mission_checks import parse_mission
+from missions.mission_file import Mission
+from missions.state import Setting
+from missions.units import Cell, GridPoint, LatLon
+from tests.arena import eden
+
+START = LatLon(48.0, 11.0)
+CELL_M = 4.0
+
+Points = Collection[tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A mission and the ROI that its vehicles will find."""
+
+    mission: Mission
+    roi: frozenset[Cell]
+
+
+def ring(grid: Grid, points: Points) -> str:
+    """The TOML of a ring, from ground metres around the start."""
+    places = [grid.position(GridPoint(*point)) for point in points]
+    return "[" + ", ".join(f"[{p.lat_deg:.9f}, {p.lon_deg:.9f}]" for p in places) + "]"
+
+
+def square(east_m: float, north_m: float, width_m: float, depth_m: float) -> Points:
+    """The corners of a rectangle from its south-west corner."""
+    return [
+        (east_m, north_m),
+        (east_m + width_m, north_m),
+        (east_m + width_m, north_m + depth_m),
+        (east_m, north_m + depth_m),
+    ]
+
+
+def mission(
+    box: Points,
+    fence: Points,
+    holes: Collection[Points] = (),
+    *,
+    vehicles: int = 1,
+    homes: Collection[tuple[float, float]] = (),
+    capacity_wh: float = 25.0,
+    altitude_m: float = 12.0,
+    layer_m: float = 6.0,
+    speed_m_s: float = 5.0,
+    drift_m_s: float = 0.0,
+    toward_deg: float = 0.0,
+    frames: int = 5,
+    positive: int = 3,
+    strategy: str = "rdfs",
+    margin_m: float = 2.0,
+) -> Mission:
+    """A checked mission from ground metres along the grid around the start."""
+    grid = Grid.at(START, CELL_M)
+    sections = []
+    for i in range(vehicles):
+        sections.append("[[vehicles]]")
+        if homes:
+            place = grid.position(GridPoint(*list(homes)[i]))
+            sections.append(f"home = [{place.lat_deg:.9f}, {place.lon_deg:.9f}]")
+    text = f"""
+        strategy = "{strategy}"
+        [start]
+        position = [{START.lat_deg}, {START.lon_deg}]
+        [search]
+        box = {ring(grid, box)}
+        [fence]
+        polygon = {ring(grid, fence)}
+        holes = [{", ".join(ring(grid, hole) for hole in holes)}]
+        margin_m = {margin_m}
+        [grid]
+        cell_m = {CELL_M}
+        [flight]
+        altitude_m = {altitude_m}
+        speed_m_s = {speed_m_s}
+        [camera]
+        interval_s = 0.25
+        [votes]
+        frames = {frames}
+        positive = {positive}
+        [battery]
+        capacity_wh = {capacity_wh}
+        [drift]
+        speed_m_s = {drift_m_s}
+        toward_deg = {toward_deg}
+        [team]
+        layer_m = {layer_m}
+        {chr(10).join(sections)}
+    """
+    return parse_mission(text, "test")
+
+
+def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
+    """A mission by seed: 1 to 4 vehicles, a ROI of 4 to 24 cells that starts in the box.
+
+    The hole lies anywhere beyond the row of homes, so it may cut the box or the ROI.
+    """
+    rng = np.random.default_rng([seed, int(drift)])
+    vehicles = int(rng.integers(1, 5))
+    west_m, south_m = float(rng.uniform(-30, 10)), float(rng.uniform(14, 30))
+    width_m, depth_m = float(rng.uniform(16, 45)), float(rng.uniform(12, 35))
+    room_m = 200.0 if drift else 40.0
+    fence = [
+        (-room_m, -room_m + float(rng.uniform(0, 20))),
+        (60 + room_m - 30, -room_m),
+        (60 + room_m - 30 + float(rng.uniform(-8, 8)), 60 + room_m - 20),
+        (float(rng.uniform(-10, 30)), 75 + room_m - 20),
+        (-room_m, 50 + room_m - 20),
+    ]
+    hole = square(
+        west_m + float(rng.uniform(-10, width_m)),
+        south_m + float(rng.uniform(-4, depth_m)),
+        float(rng.uniform(5, 14)),
+        float(rng.uniform(5, 14)),
+    )
+    hole_too = not drift and bool(rng.random() < 0.6)
+    made = mission(
+        square(west_m, south_m, width_m, depth_m),
+        fence,
+        [hole] if hole_too else [],
+        vehicles=vehicles,
+        capacity_wh=float(rng.uniform(9, 20)) + 2.0 * vehicles,
+        speed_m_s=float(rng.choice([2.0, 5.0])),
+        drift_m_s=float(rng.uniform(0.1, 0.4)) if drift else 0.0,
+        toward_deg=float(rng.uniform(0, 360)),
+        strategy=str(rng.choice(["rdfs", "rdfs-paper"])),
+    )
+    seat = Cell(
+        round((west_m + float(rng.uniform(0.2, 0.8)) * width_m) / CELL_M),
+        round((south_m + float(rng.uniform(0.2, 0.8)) * depth_m) / CELL_M),
+    )
+    grown = eden(int(rng.integers(4, 41)), rng)
+    roi = frozenset(Cell(seat.east + e, seat.north + n) for e, n in grown)
+    return Scenario(made, roi)
+
+
+def reachable(setting: Setting, roi: Collection[Cell], root: Cell) -> tuple[set[Cell], set[Cell]]:
+    """Without drift: the ROI cells that get looked from, and those that must be in the map.
+
+    A cell is looked from when it hangs together with the root through cells whose centres the
+    fence allows; the map holds these and their neighbours in the ROI.
+    """
+    looked: set[Cell] = set()
+    todo = [root]
+    while todo:
+        cell = todo.pop()
+        if cell in looked or cell not in roi:
+            continue
+        if not setting.fence.allows(setting.grid.centre_of(cell)):
+            continue
+        looked.add(cell)
+        todo.extend(cell.neighbours())
+    return looked, looked | {n for c in looked for n in c.neighbours() if n in roi}

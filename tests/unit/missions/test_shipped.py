@@ -1,0 +1,92 @@
+"""The missions that come with the package can be flown, and are what their comments say."""
+
+from __future__ import annotations
+
+from importlib import resources
+from itertools import pairwise
+
+import pytest
+from shapely.geometry import Polygon
+
+from missions.grid import Grid
+from missions.mission_checks import parse_mission
+from missions.mission_file import Mission, positions
+
+NAMES = ["runway", "runway-field", "spill", "road"]
+
+
+def shipped(name: str) -> Mission:
+    file = resources.files("missions") / "shipped" / f"{name}.toml"
+    return parse_mission(file.read_text(encoding="utf-8"), f"{name}.toml")
+
+
+def regions(mission: Mission) -> list[Polygon]:
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    return [
+        Polygon(
+            [grid.fixed(place) for place in positions(region.polygon)],
+            [[grid.fixed(place) for place in positions(hole)] for hole in region.holes],
+        )
+        for region in mission.sim.roi
+    ]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_shipped_mission_passes_its_checks(name: str) -> None:
+    assert shipped(name).name == name
+
+
+def test_nothing_else_is_shipped() -> None:
+    files = (resources.files("missions") / "shipped").iterdir()
+    assert sorted(f.name for f in files if f.name.endswith(".toml")) == sorted(
+        f"{name}.toml" for name in NAMES
+    )
+
+
+@pytest.mark.parametrize("name", ["runway", "runway-field"])
+def test_the_runway_is_92_by_21_metres_and_turned(name: str) -> None:
+    mission = shipped(name)
+    (runway,) = regions(mission)
+    corners = list(runway.exterior.coords)
+    edges = sorted(
+        ((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5 for (x0, y0), (x1, y1) in pairwise(corners)
+    )
+    assert edges == pytest.approx([21, 21, 92, 92], abs=0.05)
+    assert runway.area / runway.envelope.area < 0.5  # far from aligned with the grid
+    assert mission.battery.endurance_s == 720.0
+    assert len(mission.vehicles) == 1
+
+
+def test_the_two_runways_differ_in_settings_only() -> None:
+    best, field = shipped("runway").model_dump(), shipped("runway-field").model_dump()
+    assert {key for key in best if best[key] != field[key]} == {"name", "flight", "camera"}
+    assert field["flight"]["speed_m_s"] == 1.0
+    assert field["camera"]["interval_s"] == 1.0
+
+
+def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show() -> None:
+    mission = shipped("spill")
+    (spill,) = regions(mission)
+    cell_m = mission.grid.cell_m
+    assert 150 <= spill.area / cell_m**2 <= 200
+    core = spill.buffer(-1.5 * cell_m)  # three cells wide everywhere: shrinking keeps it whole
+    assert core.geom_type == "Polygon"
+    assert len(core.interiors) == 1
+    (hole,) = spill.interiors
+    assert not Polygon(hole).buffer(-1.5 * cell_m).is_empty
+    assert len(mission.vehicles) == 3
+
+
+def test_the_spill_stays_in_the_fence_for_twenty_minutes() -> None:
+    mission = shipped("spill")
+    grid = Grid.at(
+        mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
+    )
+    fence = Polygon([grid.fixed(place) for place in positions(mission.fence.polygon)])
+    (spill,) = regions(mission)
+    for t_s in (0.0, 1200.0):
+        moved = [
+            (x + grid.drift_east_m_s * t_s, y + grid.drift_north_m_s * t_s)
+            for x, y in spill.exterior.coords
+        ]
+        assert fence.buffer(-25).contains(Polygon(moved))

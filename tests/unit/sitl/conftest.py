@@ -1,0 +1,123 @@
+"""A plain client and a small world for the simulator's tests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from sitl.camera import CameraSpec
+from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.world import Patch, World, WorldSpec
+
+ORIGIN = LatLon(37.2, -80.4)
+
+
+class Client:
+    """Speaks to a vehicle in bytes, remembers every message with the time it came."""
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        self.vehicle = vehicle
+        self.log: list[tuple[float, Any]] = []
+        self._out = mav.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._in = mav.MAVLink(None)
+
+    def _note(self, data: bytes) -> list[Any]:
+        messages = self._in.parse_buffer(data) or []
+        self.log += [(self.vehicle.t_s, m) for m in messages]
+        return messages
+
+    def send(self, message: Any) -> list[Any]:
+        data = message.pack(self._out)
+        self._out.seq = (self._out.seq + 1) % 256
+        return self._note(self.vehicle.receive(data))
+
+    def command(self, command: int, *p: float, system: int = 1, component: int = 1) -> list[Any]:
+        p = (*p, *([0.0] * (7 - len(p))))
+        return self.send(mav.MAVLink_command_long_message(system, component, command, 0, *p))
+
+    def result(self, command: int, *p: float, **where: int) -> int:
+        acks = [m for m in self.command(command, *p, **where) if m.get_type() == "COMMAND_ACK"]
+        assert len(acks) == 1
+        assert acks[0].command == command
+        return int(acks[0].result)
+
+    def reposition(
+        self, east_m: float, north_m: float, altitude_m: float, frame: int = 6, flags: int = 0
+    ) -> int:
+        place = self.vehicle.world.plane.to_wgs84(east_m, north_m)
+        message = mav.MAVLink_command_int_message(
+            1, 1, frame, mav.MAV_CMD_DO_REPOSITION, 0, 0, -1.0, flags, 0.0, math.nan,
+            round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), altitude_m,
+        )  # fmt: skip
+        return int(next(m for m in self.send(message) if m.get_type() == "COMMAND_ACK").result)
+
+    def target(self, east_m: float, north_m: float, height_m: float, mask: int = 3576) -> list[Any]:
+        place = self.vehicle.world.plane.to_wgs84(east_m, north_m)
+        return self.send(
+            mav.MAVLink_set_position_target_global_int_message(
+                0, 1, 1, 6, mask, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),
+                height_m, *([0.0] * 8),
+            )
+        )  # fmt: skip
+
+    def every(self, message_id: int, interval_s: float) -> int:
+        return self.result(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
+
+    def run(self, seconds: float, watch: Callable[[], None] | None = None) -> list[Any]:
+        begin = len(self.log)
+        for _ in range(round(seconds / 0.05)):
+            self._note(self.vehicle.step(0.05))
+            if watch is not None:
+                watch()
+        return [m for _, m in self.log[begin:]]
+
+    def seen(self, kind: str, component: int | None = None) -> list[Any]:
+        return [
+            m
+            for _, m in self.log
+            if m.get_type() == kind and component in (None, m.get_srcComponent())
+        ]
+
+    @property
+    def where(self) -> tuple[float, float, float]:
+        truth = self.vehicle.truth
+        return (*self.vehicle.world.plane.to_plane(truth.position), truth.height_m)
+
+    def take_off(self, height_m: float = 12.0) -> None:
+        """Wait until ready, arm and climb."""
+        self.run(max(0.0, 6.0 - self.vehicle.t_s))
+        assert self.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == 0
+        assert self.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+        assert self.result(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
+        self.run(4.0 + height_m / 2.0 + 3.0)
+
+
+@pytest.fixture
+def make_client() -> Callable[..., Client]:
+    """Client of a fresh vehicle: `make_client(world={...}, **vehicle)`."""
+
+    def make(world: dict[str, Any] | None = None, **vehicle: Any) -> Client:
+        settings: dict[str, Any] = {"patches": (), "seed": 7, **(world or {})}
+        spec = WorldSpec(ORIGIN, 600.0, **settings)
+        vehicle = {"system_id": 1, "home": ORIGIN, "gps_sigma_m": 0.0, **vehicle}
+        return Client(SimVehicle(VehicleSpec(**vehicle), World(spec)))
+
+    return make
+
+
+@pytest.fixture
+def square() -> Patch:
+    """A ROI of 20 m by 20 m, its south-west corner at the origin."""
+    plane = World(WorldSpec(ORIGIN, 600.0, ())).plane
+    return Patch(tuple(plane.to_wgs84(e, n) for e, n in ((0, 0), (20, 0), (20, 20), (0, 20))))
+
+
+@pytest.fixture
+def camera() -> CameraSpec:
+    """A picture of 400 by 300 pixels whose focal length is 200 pixels."""
+    return CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)

@@ -1,0 +1,214 @@
+"""Physics and control, by real bytes: targets, limits, wind, battery, the fall."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.control import sqrt_controller
+from sitl.physics import Body, Command
+
+
+@pytest.mark.parametrize("distance_m", [0.5, 4.0, 20.0, 80.0])
+def test_reaches_a_target_without_passing_it(make_client, distance_m):
+    client = make_client()
+    client.take_off()
+    furthest, fastest = 0.0, 0.0
+
+    def watch():
+        nonlocal furthest, fastest
+        furthest = max(furthest, client.where[1])
+        fastest = max(fastest, math.hypot(*client.vehicle.truth.velocity_m_s[:2]))
+
+    assert client.reposition(0.0, distance_m, 12.0) == 0
+    client.run(8.0 + distance_m / 4.0, watch)
+    east, north, height = client.where
+    assert abs(north - distance_m) < 0.1
+    assert abs(east) < 0.1
+    assert abs(height - 12.0) < 0.2
+    assert furthest - distance_m < 0.5
+    assert fastest <= 10.0 * 1.05
+
+
+def test_acceleration_and_climb_stay_within_limits(make_client):
+    client = make_client()
+    last = (0.0, 0.0, 0.0)
+    worst_accel, rates = 0.0, []
+
+    def watch():
+        nonlocal last, worst_accel
+        velocity = client.vehicle.truth.velocity_m_s
+        change = math.hypot(velocity[0] - last[0], velocity[1] - last[1]) / 0.05
+        worst_accel = max(worst_accel, change)
+        rates.append(velocity[2])
+        last = velocity
+
+    client.take_off(30.0)
+    client.reposition(60.0, 0.0, 30.0)
+    client.run(15.0, watch)
+    client.command(mav.MAV_CMD_NAV_LAND)
+    client.run(45.0, watch)
+    assert worst_accel < 6.0  # 30 degrees of tilt
+    assert min(rates) > -1.5 * 1.1
+    assert client.vehicle.truth.landed
+
+
+def test_a_change_of_speed_is_kept_until_the_mode_changes(make_client):
+    client = make_client()
+    client.take_off()
+    assert client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
+    speeds = []
+
+    def watch():
+        speeds.append(math.hypot(*client.vehicle.truth.velocity_m_s[:2]))
+
+    client.target(0.0, 10.0, 12.0)
+    client.run(8.0, watch)
+    assert 0.9 < max(speeds) < 1.15
+    client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_BRAKE)
+    client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_GUIDED)
+    client.target(0.0, 40.0, 12.0)
+    client.run(6.0, watch)
+    assert max(speeds) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("wind_from_deg", "roll_sign", "pitch_sign"),
+    [(0.0, 0, -1), (90.0, 1, 0), (180.0, 0, 1), (270.0, -1, 0)],
+)
+def test_leans_into_the_wind_and_holds(make_client, wind_from_deg, roll_sign, pitch_sign):
+    client = make_client(world={"wind_speed_m_s": 3.6, "wind_from_deg": wind_from_deg})
+    client.take_off()
+    client.run(5.0)
+    truth = client.vehicle.truth  # the nose points north
+    for angle, sign in ((truth.roll_rad, roll_sign), (truth.pitch_rad, pitch_sign)):
+        if sign == 0:
+            assert abs(math.degrees(angle)) < 0.3
+        else:
+            assert 2.0 < sign * math.degrees(angle) < 8.0
+    assert math.hypot(*client.where[:2]) < 0.1
+
+
+def test_turns_the_nose_towards_far_targets_only(make_client):
+    client = make_client()
+    client.take_off()
+    client.target(1.0, 0.0, 12.0)
+    client.run(4.0)
+    assert abs(math.remainder(client.vehicle.truth.yaw_rad, math.tau)) < 0.01
+    rates = []
+    last = client.vehicle.truth.yaw_rad
+
+    def watch():
+        nonlocal last
+        yaw = client.vehicle.truth.yaw_rad
+        rates.append(abs(math.remainder(yaw - last, math.tau)) / 0.05)
+        last = yaw
+
+    client.target(20.0, 0.0, 12.0)
+    client.run(6.0, watch)
+    assert math.degrees(client.vehicle.truth.yaw_rad) == pytest.approx(90.0, abs=3.0)
+    assert math.degrees(max(rates)) <= 90.0
+
+
+def test_velocity_targets_time_out(make_client):
+    client = make_client()
+    client.take_off()
+    message = mav.MAVLink_set_position_target_global_int_message(
+        0, 1, 1, 6, 0xFC7, 0, 0, 0.0, 0.0, 2.0, 0.0, *([0.0] * 5)
+    )
+    client.send(message)
+    client.run(2.5)
+    assert client.vehicle.truth.velocity_m_s[0] == pytest.approx(2.0, abs=0.1)
+    client.run(4.0)
+    assert math.hypot(*client.vehicle.truth.velocity_m_s) < 0.1
+
+
+def test_hovering_lasts_as_long_as_the_energy(make_client):
+    client = make_client(battery_wh=5.0, hover_power_w=300.0)
+    client.take_off(5.0)
+    begin_s, energy_wh = client.vehicle.t_s, client.vehicle.truth.energy_wh
+    while client.vehicle.truth.energy_wh > 0.0:
+        client.run(1.0)
+    lasted_s = client.vehicle.t_s - begin_s
+    assert lasted_s == pytest.approx(energy_wh / 300.0 * 3600.0, rel=0.03)
+    client.run(5.0)
+    truth = client.vehicle.truth
+    assert truth.crashed
+    assert not truth.armed
+    assert client.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_FAILED
+
+
+def test_the_crew_swaps_the_battery_of_a_resting_vehicle(make_client):
+    client = make_client(swap_after_s=30.0)
+    client.take_off(3.0)
+    client.command(mav.MAV_CMD_NAV_LAND)
+    while client.vehicle.truth.armed:
+        client.run(1.0)
+    used = client.vehicle.truth.energy_wh
+    assert used < 60.0
+    client.run(28.0)
+    assert client.vehicle.truth.energy_wh == used  # nothing is drawn on the ground, disarmed
+    client.run(4.0)
+    assert client.vehicle.truth.energy_wh == 60.0
+    assert client.vehicle.truth.swaps == 1
+    client.run(60.0)
+    assert client.vehicle.truth.swaps == 1
+
+
+def test_a_forced_disarm_in_flight_is_the_end(make_client):
+    client = make_client()
+    client.take_off()
+    assert client.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mav.MAV_RESULT_FAILED
+    assert not client.vehicle.truth.crashed
+    assert client.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
+    client.run(5.0)
+    assert client.vehicle.truth.crashed
+    assert client.vehicle.truth.height_m == 0.0
+
+
+def test_the_estimate_wanders_as_specified(make_client):
+    client = make_client(gps_sigma_m=0.5, gps_tau_s=10.0)
+    assert client.every(mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 0.5) == 0
+    messages = client.run(600.0)
+    norths = [m.x for m in messages if m.get_type() == "LOCAL_POSITION_NED"]
+    spread = math.sqrt(sum(x * x for x in norths) / len(norths))
+    assert 0.3 < spread < 0.75
+    jumps = [abs(b - a) for a, b in pairwise(norths)]
+    assert max(jumps) < 0.3
+
+
+@given(
+    error=st.floats(0.0, 1e4), p=st.floats(0.5, 2.0), accel=st.floats(0.5, 5.0),
+)  # fmt: skip
+def test_the_approach_speed_allows_to_stop(error, p, accel):
+    speed = sqrt_controller(error, p, accel)
+    assert 0.0 <= speed <= p * error + 1e-9
+    assert speed * speed / (2.0 * accel) <= error + 1e-9
+
+
+@settings(max_examples=50)
+@given(
+    commands=st.lists(
+        st.builds(
+            Command,
+            st.floats(-50, 50), st.floats(-50, 50), st.floats(-20, 20), st.floats(-5, 5),
+        ),
+        min_size=1, max_size=30,
+    ),
+    wind=st.tuples(st.floats(-30, 30), st.floats(-30, 30)),
+)  # fmt: skip
+def test_the_body_stays_finite_under_any_command(commands, wind):
+    body = Body(0.0, 0.0, 0.0, math.radians(30.0))
+    body.motors_on = True
+    for command in commands:
+        for _ in range(20):
+            body.step(command, wind, 0.05)
+        state = (body.east, body.north, body.up, body.v_east, body.v_north, body.v_up, body.yaw)
+        assert all(map(math.isfinite, state))
+        assert body.up >= 0.0
+        assert math.hypot(*body.roll_pitch) <= math.radians(45.0)

@@ -1,0 +1,53 @@
+"""The command `uavmap`.
+
+Exit codes: 0 done and complete; 2 something is wrong with the input or the link, said in a line;
+3 the flight is over, but the mission incomplete; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from missions.errors import UavmapError
+from uavmap import __version__
+from uavmap.cli import check, fly, replay, resume, sitl
+
+USER_ERROR, INCOMPLETE, INTERRUPTED = 2, 3, 130
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    top = argparse.ArgumentParser(
+        prog="uavmap",
+        description="Map a region of unknown shape with one or more multicopters.",
+        epilog="Start with: uavmap fly runway --sim",
+    )
+    top.add_argument("--version", action="version", version=f"uavmap {__version__}")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for module in (fly, resume, sitl, replay, check):
+        module.add_parser(commands)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit code."""
+    options = parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+    except* UavmapError as group:
+        for error in _leaves(group):
+            print(f"uavmap: {error}", file=sys.stderr)
+        code = USER_ERROR
+    except* KeyboardInterrupt:
+        print("uavmap: interrupted", file=sys.stderr)
+        code = INTERRUPTED
+    return code
+
+
+def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
+    found: list[BaseException] = []
+    for error in group.exceptions:
+        found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
+    return found

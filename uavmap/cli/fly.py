@@ -1,0 +1,97 @@
+"""uavmap fly: fly a mission, in the bundled simulator or with real aircraft."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+from missions.explorers import EXPLORERS
+from uavmap.cli.common import positive_float, positive_int, report, results_folder
+from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan, fly
+from uavmap.mission_source import load_source, shipped_missions
+from uavmap.progress import Terminal
+
+_EXAMPLES = """\
+examples:
+  uavmap fly runway --sim                           the shipped mission, simulated
+  uavmap fly spill --sim --seed 7 --out spill-7     another seed, into a folder of your choice
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550
+  uavmap fly field.toml --connect serial:///dev/ttyACM0:57600
+  uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
+
+Ctrl-C brings real aircraft home; a second Ctrl-C leaves them as they are. Either way
+`uavmap resume DIR` goes on later.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "fly",
+        help="fly a mission, simulated or real",
+        description="Fly a mission: search the box, explore the region, come home, write the map.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "mission",
+        metavar="MISSION",
+        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--sim", action="store_true", help="simulate the aircraft in this process, on virtual time"
+    )
+    where.add_argument(
+        "--connect",
+        metavar="URL",
+        action="append",
+        default=[],
+        help="where a vehicle is reached; once a vehicle (default: the URLs of the mission file)",
+    )
+    parser.add_argument(
+        "--vehicles", metavar="N", type=positive_int, help="fly with so many vehicles"
+    )
+    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(EXPLORERS)}")
+    parser.add_argument(
+        "--seed", metavar="S", type=int, default=1, help="of the simulation (default 1)"
+    )
+    parser.add_argument(
+        "--speedup",
+        metavar="X",
+        type=positive_float,
+        help="times real time; with --sim the default is as fast as it goes, with --connect 1",
+    )
+    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fly."""
+    source = load_source(options.mission)
+    mission = source.parse()
+    urls = tuple(options.connect)
+    if not options.sim and not urls:
+        urls = tuple(v.url for v in mission.vehicles if v.url is not None)
+    if not options.sim and len(urls) == 0:
+        from missions.errors import LinkError
+
+        raise LinkError(
+            f"{options.mission}: no vehicle to fly; give --connect URL (or vehicles.url in the "
+            "mission file), or --sim for the simulator"
+        )
+    plan = FlightPlan(
+        mission_source=source.source,
+        mission_text=source.text,
+        strategy=options.strategy,
+        vehicles=options.vehicles,
+        seed=options.seed,
+        urls=urls,
+        speedup=options.speedup,
+        epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
+    )
+    plan.mission()  # say what is wrong before a folder is made
+    folder = results_folder(options.out, mission.name)
+    return report(fly(plan, folder, Terminal()), folder, as_json=options.json)

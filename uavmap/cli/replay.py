@@ -1,0 +1,65 @@
+"""uavmap replay: a map from recorded photographs."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from missions.state import Setting
+from uavmap.cli.common import report, results_folder
+from uavmap.flight import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal import Journal
+from uavmap.mission_source import load_source
+from uavmap.photos import list_photos
+from uavmap.progress import Terminal
+from uavmap.replay import replay
+
+_EXAMPLES = """\
+examples:
+  uavmap replay photos/ --mission road
+  uavmap replay photos/ --mission field.toml --out field-map
+
+Photographs need EXIF GPS positions, and height and angles in XMP, as a DJI writes them.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "replay",
+        help="map what recorded photographs show",
+        description="Recorded imagery through the same eyes and the same mission as a flight.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("images", metavar="IMAGES", help="a folder of JPEGs, or one of them")
+    parser.add_argument("--mission", metavar="MISSION", required=True, help="grid and detector")
+    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay."""
+    source = load_source(options.mission)
+    mission = source.parse()
+    images = Path(options.images)
+    list_photos(images)  # say what is wrong before a folder is made
+    folder = results_folder(options.out, mission.name)
+    folder.mkdir(parents=True, exist_ok=True)
+    plan = FlightPlan(
+        source.source,
+        source.text,
+        strategy=None,
+        vehicles=None,
+        seed=0,
+        urls=(),
+        speedup=None,
+        epoch_utc_s=SIM_EPOCH_UTC_S,
+    )
+    meta = {"plan": asdict(plan), "replay": str(images)}
+    with Journal.create(folder / JOURNAL, meta) as journal:
+        summary = replay(images, Setting.of(mission), journal, folder, Terminal())
+    return report(summary, folder, as_json=options.json)

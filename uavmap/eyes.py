@@ -1,0 +1,246 @@
+"""The camera of a vehicle, and what its frames say.
+
+    CAMERA_IMAGE_CAPTURED -> fetch -> frame -> look(frame, grid, detector) -> FrameSeen
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import ImageError, LinkError
+from missions.events import FrameLost, FrameSeen, Vote
+from missions.grid import Grid
+from missions.mission_file import Mission
+from missions.units import Cell, LatLon, Pose, Quaternion
+from uavmap.link.session import Message, Session
+from uavmap.photos import read_image
+from vision.camera import Camera
+from vision.detectors import Detector, make_detector
+from vision.look import Frame, look
+
+Fetch = Callable[[str], Awaitable[bytes]]
+"""From a picture's `file_url` to its bytes. Raises `LinkError`."""
+
+PICTURE_WAIT_S: Final = 3.0
+"""How long a picture may be late before it is asked for again, and then given up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Classifier:
+    """How a mission looks at pictures: camera, detector, and the share that makes a cell ROI."""
+
+    mission: Mission
+    grid: Grid
+    camera: Camera
+    detector: Detector
+
+    @classmethod
+    def of(cls, mission: Mission, grid: Grid) -> Classifier:
+        """The classifier that a mission file describes."""
+        camera = Camera(
+            math.radians(mission.camera.hfov_deg),
+            mission.camera.width_px,
+            mission.camera.height_px,
+        )
+        return cls(mission, grid, camera, detector_of(mission))
+
+    def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
+        """The vantage of a frame, and what it says.
+
+        Without a vantage given, it is the cell below; frames that judge all that they show count
+        as one look over the whole area, and that goes by the name of the grid's first cell.
+        """
+        section = self.mission.detector
+        below = self.grid.cell_at(frame.pose.position, frame.t_s)
+        here = vantage or (below if section.view == "cross" else Cell(0, 0))
+        verdicts = look(
+            frame, self.grid, self.detector, share=section.share, view=section.view, vantage=here
+        )
+        return here, tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
+
+
+def detector_of(mission: Mission) -> Detector:
+    """The detector that a mission file names, with its parameters."""
+    section = mission.detector
+    if section.name == "threshold":
+        return make_detector(
+            "threshold",
+            intensity=section.intensity,
+            dilations=section.dilations,
+            polarity=section.polarity,
+        )
+    return make_detector(
+        section.name,
+        greenness=section.greenness,
+        intensity=section.intensity,
+        dilations=section.dilations,
+    )
+
+
+class Eyes:
+    """Takes pictures with a vehicle's camera and judges them."""
+
+    def __init__(
+        self,
+        number: int,
+        session: Session,
+        classifier: Classifier,
+        fetch: Fetch,
+        mission_time_s: Callable[[], float],
+    ) -> None:
+        self._number = number
+        self._session = session
+        self._classifier = classifier
+        self._fetch = fetch
+        self._now_s = mission_time_s
+        self._frames: Frames | None = None
+
+    def on_message(self, message: Message) -> None:
+        """Take note of a picture that was announced."""
+        if message.get_type() == "CAMERA_IMAGE_CAPTURED" and self._frames is not None:
+            self._frames.announced(message)
+
+    @contextlib.asynccontextmanager
+    async def every(self, interval_s: float) -> AsyncIterator[Frames]:
+        """Pictures at an interval for as long as the context lasts."""
+        async with self._frames_of(Frames(self, None)) as frames:
+            await self.start(interval_s, 0)
+            yield frames
+
+    @contextlib.asynccontextmanager
+    async def burst(self, most: int) -> AsyncIterator[Frames]:
+        """Pictures in bursts of a look's number, at most so many."""
+        async with self._frames_of(Frames(self, most)) as frames:
+            yield frames
+
+    @contextlib.asynccontextmanager
+    async def _frames_of(self, frames: Frames) -> AsyncIterator[Frames]:
+        self._frames = frames
+        try:
+            yield frames
+        finally:
+            if self._frames is frames:
+                self._frames = None
+            if frames.capturing:
+                self._stop()
+
+    async def start(self, interval_s: float, count: int) -> None:
+        """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped."""
+        if self._frames is not None:
+            self._frames.capturing = True
+        await self._session.command(
+            mav.MAV_CMD_IMAGE_START_CAPTURE,
+            0,
+            interval_s,
+            count,
+            0,
+            component=self._session.view.camera_component,
+        )
+
+    def _stop(self) -> None:
+        """MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent while being called off."""
+        view = self._session.view
+        self._session.send(
+            mav.MAVLink_command_long_message(
+                view.system_id,
+                view.camera_component,
+                mav.MAV_CMD_IMAGE_STOP_CAPTURE,
+                0,
+                *([0.0] * 7),
+            )
+        )
+
+    @property
+    def burst_size(self) -> int:
+        """How many frames a cell gets."""
+        return self._classifier.mission.votes.frames
+
+    @property
+    def interval_s(self) -> float:
+        """Time between two frames of a cell."""
+        return self._classifier.mission.camera.interval_s
+
+    def ask_again(self, index: int) -> None:
+        """Have a lost announcement repeated."""
+        self._session.request(mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, index)
+
+    async def judge(self, message: Message, vantage: Cell | None) -> FrameSeen | FrameLost:
+        """What a picture that was announced says."""
+        loop_s = asyncio.get_running_loop().time()
+        offset_s = self._session.view.boot_offset_s or 0.0
+        t_s = round(self._now_s() + message.time_boot_ms / 1000.0 + offset_s - loop_s, 3)
+        try:
+            data = await self._fetch(message.file_url)
+            image = read_image(data, message.file_url)
+            pose = Pose(
+                LatLon(message.lat / 1e7, message.lon / 1e7),
+                message.relative_alt / 1000.0,
+                Quaternion(*message.q),
+            )
+            frame = Frame(image, pose, t_s, self._classifier.camera)
+            here, votes = self._classifier.votes(frame, vantage)
+        except (ImageError, LinkError) as error:
+            return FrameLost(self._number, t_s, str(error))
+        return FrameSeen(self._number, t_s, here, votes)
+
+    def lost(self, reason: str) -> FrameLost:
+        """A picture that never came."""
+        return FrameLost(self._number, round(self._now_s(), 3), reason)
+
+
+class Frames:
+    """The pictures of one order, as they are announced."""
+
+    def __init__(self, eyes: Eyes, most: int | None) -> None:
+        self._eyes = eyes
+        self._most = most
+        self._announced: asyncio.Queue[Message] = asyncio.Queue()
+        self._next_index: int | None = None
+        self._seen: set[int] = set()
+        self.capturing = False
+
+    def announced(self, message: Message) -> None:
+        """A picture was taken; ask for those between the last one and this."""
+        index = message.image_index
+        if index in self._seen:
+            return
+        if self._next_index is not None:
+            for missing in range(self._next_index, index):
+                self._eyes.ask_again(missing)
+        self._next_index = max(index + 1, self._next_index or 0)
+        self._seen.add(index)
+        self._announced.put_nowait(message)
+
+    async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameSeen | FrameLost]:
+        """Every picture's verdicts, in the order of their coming."""
+        if self._most is None:
+            while True:
+                yield await self._eyes.judge(await self._announced.get(), vantage)
+        taken = 0
+        while taken < self._most:
+            count = min(self._eyes.burst_size, self._most - taken)
+            await self._eyes.start(self._eyes.interval_s, count)
+            for _ in range(count):
+                taken += 1
+                yield await self._next(vantage)
+            self.capturing = False
+
+    async def _next(self, vantage: Cell | None) -> FrameSeen | FrameLost:
+        wait_s = self._eyes.interval_s + PICTURE_WAIT_S
+        for last_try in (False, True):
+            try:
+                async with asyncio.timeout(wait_s):
+                    message = await self._announced.get()
+            except TimeoutError:
+                if not last_try and self._next_index is not None:
+                    self._eyes.ask_again(self._next_index)
+                continue
+            return await self._eyes.judge(message, vantage)
+        return self._eyes.lost("a picture was ordered, but none was announced")

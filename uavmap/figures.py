@@ -1,0 +1,179 @@
+"""The figures of a mission, from its journal alone: what happened, folded once more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from missions.bounds import drift_factor, rdfs_bound_moves
+from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
+from missions.state import Phase, Setting, State, VehicleState
+from missions.step import step
+from missions.units import GridPoint
+
+LIFT_OFF_M = 0.3
+
+
+@dataclass(slots=True)
+class _Sortie:
+    """What is counted for one vehicle."""
+
+    position: GridPoint | None = None
+    distance_m: float = 0.0
+    last_on_ground_s: float = 0.0
+    lift_off_s: float | None = None
+    flight_s: float = 0.0
+    sorties: int = 0
+    swaps: int = 0
+    on_task_s: float = 0.0
+    on_tree: bool = False
+    points: list[tuple[float, GridPoint, float]] = field(default_factory=list)
+
+    def track(self, event: Tracked) -> None:
+        if self.position is not None:
+            self.distance_m += self.position.distance_to(event.position)
+        self.position = event.position
+        if event.height_m < LIFT_OFF_M and self.lift_off_s is None:
+            self.last_on_ground_s = event.t_s
+            return
+        if self.lift_off_s is None:
+            self.lift_off_s = self.last_on_ground_s
+            self.sorties += 1
+        self.points.append((event.t_s, event.position, event.height_m))
+
+    def land(self, t_s: float) -> None:
+        if self.lift_off_s is not None:
+            self.flight_s += t_s - self.lift_off_s
+        self.lift_off_s = None
+        self.last_on_ground_s = t_s
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What the summary says of a flight, and the tracks of the vehicles.
+
+    `flight_time_s` is airborne time of all vehicles together; `makespan_s` runs from the first
+    lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time
+    that a vehicle spent on the tree: without the search, the ways to and from home, and swaps.
+    That is what the bound of Algorithm 1 speaks of; `bound_makespan_s` is that bound in seconds.
+    """
+
+    flight_time_s: float
+    makespan_s: float
+    distance_m: float
+    sorties: int
+    battery_swaps: int
+    exploration_s: float
+    bound_makespan_s: float | None
+    tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
+
+    @property
+    def bound_held(self) -> bool | None:
+        """Whether the exploration stayed within its bound."""
+        if self.bound_makespan_s is None:
+            return None
+        return self.exploration_s <= self.bound_makespan_s
+
+
+def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
+    """The final state and the figures of a journal."""
+    state = State.initial(setting)
+    counts = {number: _Sortie() for number in state.vehicles}
+    first_s, last_s = None, 0.0
+    before_s = 0.0
+    for event in events:
+        for number, vehicle in state.vehicles.items():
+            _on_task(counts[number], vehicle, state, max(event.t_s - before_s, 0.0))
+        before_s = max(before_s, event.t_s)
+        state, _ = step(setting, state, event)
+        number = getattr(event, "vehicle", 0)
+        if isinstance(event, Tracked):
+            counts[number].track(event)
+            if first_s is None and counts[number].lift_off_s is not None:
+                first_s = counts[number].lift_off_s
+        elif isinstance(event, Landed):
+            counts[number].land(event.t_s)
+            last_s = event.t_s
+        elif isinstance(event, Connected):
+            _reconnect(counts[number], event)
+        elif isinstance(event, BatterySwapped):
+            counts[number].swaps += 1
+    everybody = counts.values()
+    return state, Figures(
+        flight_time_s=round(sum(c.flight_s for c in everybody), 1),
+        makespan_s=round(max(last_s - (first_s or 0.0), 0.0), 1),
+        distance_m=round(sum(c.distance_m for c in everybody), 1),
+        sorties=sum(c.sorties for c in everybody),
+        battery_swaps=sum(c.swaps for c in everybody),
+        exploration_s=round(max(c.on_task_s for c in everybody), 1),
+        bound_makespan_s=_bound_s(setting, state),
+        tracks={number: tuple(c.points) for number, c in counts.items()},
+    )
+
+
+def _reconnect(count: _Sortie, event: Connected) -> None:
+    """After an interruption: the way that nobody saw is not counted."""
+    count.position = None
+    if not event.airborne:
+        count.land(event.t_s)
+
+
+def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: float) -> None:
+    """Add the time that a vehicle spends on the tree."""
+    if state.tree is None or vehicle.phase is not Phase.AIRBORNE or vehicle.errand is not None:
+        count.on_tree = False
+        return
+    count.on_tree = count.on_tree or vehicle.at_target
+    if count.on_tree:
+        count.on_task_s += elapsed_s
+
+
+def _bound_s(setting: Setting, state: State) -> float | None:
+    """Lemma 1 in seconds: every move takes at most a leg between two cells and a look."""
+    if state.tree is None:
+        return None
+    mission = setting.mission
+    moves = rdfs_bound_moves(len(state.tree), state.tree.depth, len(mission.vehicles))
+    move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s
+    factor = drift_factor(mission.flight.speed_m_s, mission.drift.speed_m_s)
+    # a lone root is looked from as well
+    return round(max(moves, 1.0) * move_s * factor, 1)
+
+
+def summary(
+    setting: Setting, state: State, found: Figures, seed: int | None
+) -> dict[str, Any]:
+    """The part of summary.json that needs no truth."""
+    mission, tree = setting.mission, state.tree
+    return {
+        "mission": mission.name,
+        "strategy": mission.strategy,
+        "vehicles": len(mission.vehicles),
+        "seed": seed,
+        "completed": state.completed,
+        "flight_time_s": found.flight_time_s,
+        "makespan_s": found.makespan_s,
+        "exploration_s": found.exploration_s,
+        "distance_m": found.distance_m,
+        "sorties": found.sorties,
+        "battery_swaps": found.battery_swaps,
+        "vertices": len(tree) if tree is not None else 0,
+        "tree_depth": tree.depth if tree is not None else 0,
+        "cells_roi": len(state.belief.roi),
+        "cells_abandoned": len(state.abandoned),
+        "cells_undecided": len(state.undecided),
+        "detections": len(state.belief.detections()),
+        "false_positives": None,
+        "false_negatives": None,
+        "cells_missed": None,
+        "iou_cells": None,
+        "min_separation_m": None,
+        "fence_breaches": None,
+        "reserve_violations": None,
+        "bound_makespan_s": found.bound_makespan_s,
+        "bound_held": found.bound_held,
+        "notes": {
+            str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note
+        },
+    }

@@ -1,0 +1,331 @@
+"""One flight from the command to the results: vehicles, service, journal, telemetry log.
+
+A flight lives in a folder. Its journal holds all that is needed to go on: the mission file's
+text, what the command line changed in it, the seed, the URLs, and every event.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import signal
+import time
+import urllib.error
+import urllib.request
+from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import JournalError, LinkError, MissionFileError
+from missions.events import Event, Resumed
+from missions.mission_checks import check
+from missions.mission_file import Mission, VehicleSection
+from missions.state import Setting, State
+from missions.step import fold
+from uavmap import __version__
+from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.eyes import Classifier, Eyes, Fetch
+from uavmap.journal import Journal
+from uavmap.link.session import Session
+from uavmap.link.transports import Transport, open_transport
+from uavmap.link.urls import parse_url
+from uavmap.mission_source import MissionSource
+from uavmap.outcome import write_results
+from uavmap.progress import Progress
+from uavmap.service import Service
+from uavmap.simulation import Simulation, Truth, true_roi
+from uavmap.tlog import TlogWriter
+from uavmap.vehicle import MavlinkVehicle
+
+JOURNAL: Final = "journal.db"
+TLOG: Final = "flight.tlog"
+SIM_EPOCH_UTC_S: Final = 1577836800.0
+"""Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
+FETCH_TIMEOUT_S: Final = 5.0
+MAX_PICTURE_BYTES: Final = 64 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class FlightPlan:
+    """What a flight is started with; it is written into the journal and read back."""
+
+    mission_source: str
+    mission_text: str
+    strategy: str | None
+    vehicles: int | None
+    seed: int
+    urls: tuple[str, ...]
+    """Empty in simulation."""
+    speedup: float | None
+    epoch_utc_s: float
+    version: str = __version__
+    rehomed: bool = False
+    """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the aircraft are simulated in this process."""
+        return not self.urls
+
+    def mission(self) -> Mission:
+        """The mission with what the command line changed. Raises `MissionFileError`."""
+        source = MissionSource(self.mission_source, self.mission_text)
+        mission = source.parse()
+        changes: dict[str, Any] = {}
+        if self.strategy is not None:
+            changes["strategy"] = self.strategy
+        wanted = self.vehicles or len(self.urls) or len(mission.vehicles)
+        if wanted != len(mission.vehicles):
+            spare = tuple(VehicleSection() for _ in range(wanted))
+            changes["vehicles"] = (mission.vehicles + spare)[:wanted]
+        if changes:
+            mission = mission.model_copy(update=changes)
+            check(mission, self.mission_source)
+        if not self.simulated and len(self.urls) != len(mission.vehicles):
+            raise MissionFileError(
+                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
+                f"{len(self.urls)} connection URLs; give --connect once a vehicle"
+            )
+        return mission
+
+    @classmethod
+    def read(cls, journal: Journal) -> FlightPlan:
+        """The plan that a journal was begun with. Raises `JournalError`."""
+        try:
+            meta = journal.meta["plan"]
+            return cls(**{**meta, "urls": tuple(meta["urls"])})
+        except (KeyError, TypeError):
+            raise JournalError(f"{journal.path} holds no flight plan; it cannot go on") from None
+
+
+def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Fly a new mission into a folder; returns the summary.
+
+    Raises `MissionFileError`, `JournalError`, `LinkError`; `KeyboardInterrupt` when the operator
+    leaves before the end.
+    """
+    setting = Setting.of(plan.mission())
+    for url in plan.urls:
+        parse_url(url)
+    folder.mkdir(parents=True, exist_ok=True)
+    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+        flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
+        return flight.run()
+
+
+def resume(
+    folder: Path, progress: Progress, *, urls: tuple[str, ...] = (), from_home: bool = False
+) -> dict[str, Any]:
+    """Go on with the mission of a folder; returns the summary.
+
+    A simulated world died with its process: it is made again by flying the recorded flight once
+    more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
+    stand at home with full batteries instead, as after a failsafe brought them back, and only
+    the journal tells what is known; that is also how real aircraft are taken up.
+    """
+    with Journal.open(folder / JOURNAL) as journal:
+        plan = FlightPlan.read(journal)
+        if urls:
+            plan = replace(plan, urls=urls)
+        setting = Setting.of(plan.mission())
+        state = fold(setting, journal.events())
+        progress.say(
+            f"{folder}: {len(journal.bodies())} events, mission time {state.t_s:.0f} s, "
+            f"{len(state.belief.roi)} ROI cells"
+        )
+        if state.over and state.completed:
+            progress.say("the mission is completed already; writing its results anew")
+            return _results(plan, setting, folder, journal, None)
+        again = plan.simulated and not (from_home or plan.rehomed)
+        if again and state.over:
+            raise JournalError(
+                f"{folder}: the flight ended without completing its mission; "
+                f"`uavmap resume {folder} --from-home` sends the aircraft out again"
+            )
+        if plan.simulated and not again and not plan.rehomed:
+            plan = replace(plan, rehomed=True)
+            journal.put_meta("plan", asdict(plan))
+        if again:
+            journal.expect_again()
+            state = State.initial(setting)
+        return _Flight(plan, setting, folder, journal, state, progress, again=again).run()
+
+
+class _Flight:
+    """A flight under way: opens links, runs the service, writes results."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        setting: Setting,
+        folder: Path,
+        journal: Journal,
+        state: State,
+        progress: Progress,
+        *,
+        again: bool = False,
+    ) -> None:
+        self._plan = plan
+        self._setting = setting
+        self._folder = folder
+        self._journal = journal
+        self._state = state
+        self._progress = progress
+        self._again = again
+        self._resumed = bool(journal.bodies()) and not again
+        self._start_s = 0.0
+        self._truth: Truth | None = None
+
+    def run(self) -> dict[str, Any]:
+        """Fly and write the results."""
+        if self._resumed:
+            self._start_s = self._state.t_s
+            if not self._plan.simulated:
+                elapsed_s = time.time() - self._plan.epoch_utc_s
+                self._start_s = max(self._start_s, elapsed_s * (self._plan.speedup or 1.0))
+        clock: Clock
+        if self._plan.simulated:
+            clock = VirtualClock(self._plan.speedup)
+            run(self._fly_simulated(), clock)
+        else:
+            clock = ScaledClock(self._plan.speedup or 1.0)
+            run(self._fly_connected(), clock)
+        return _results(self._plan, self._setting, self._folder, self._journal, self._truth)
+
+    def _now_s(self) -> float:
+        """Mission time."""
+        return self._start_s + asyncio.get_running_loop().time()
+
+    def _log(self) -> TlogWriter:
+        append = self._resumed and (self._folder / TLOG).exists()
+        rate = 1.0 if self._plan.simulated else 1.0 / (self._plan.speedup or 1.0)
+        return TlogWriter(
+            self._folder / TLOG,
+            lambda: self._plan.epoch_utc_s + self._now_s() * rate,
+            append=append,
+        )
+
+    # --- simulated -------------------------------------------------------------------------
+    async def _fly_simulated(self) -> None:
+        simulation = Simulation(self._setting, self._plan.seed, start_s=self._start_s)
+        self._truth = simulation.truth
+        with self._log() as log:
+            sessions = [
+                simulation.open_session(index, log.record)
+                for index in range(len(simulation.names()))
+            ]
+            async with asyncio.TaskGroup() as tasks:
+                world = tasks.create_task(simulation.run())
+                await self._serve(simulation.names(), sessions, simulation.fetch)
+                world.cancel()
+
+    # --- connected -------------------------------------------------------------------------
+    async def _fly_connected(self) -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            log = stack.enter_context(self._log())
+            sessions = [
+                await stack.enter_async_context(_connected(url, log.record))
+                for url in self._plan.urls
+            ]
+            await self._serve(list(self._plan.urls), sessions, fetch_over_http)
+
+    # --- both ------------------------------------------------------------------------------
+    async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
+        classifier = Classifier.of(self._setting.mission, self._setting.grid)
+        vehicles = {
+            number: MavlinkVehicle(
+                number,
+                name,
+                session,
+                Eyes(number, session, classifier, fetch, self._now_s),
+                self._setting.mission,
+                self._setting.grid,
+                self._now_s,
+            )
+            for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
+        }
+        service = Service(self._setting, self._journal, vehicles, self._state, self._observe)
+        if self._resumed:
+            service.post(Resumed(round(self._now_s(), 3)))
+        self._progress.begin(self._setting, again=self._again)
+        for vehicle in vehicles.values():
+            await vehicle.connect()
+        with self._recall_on_interrupt(service):
+            self._state = await service.fly()
+        self._progress.end()
+
+    def _observe(self, event: Event, state: State) -> None:
+        self._progress.update(event, state, again=self._journal.expected)
+
+    @contextlib.contextmanager
+    def _recall_on_interrupt(self, service: Service) -> Any:
+        """Ctrl-C once brings real aircraft home; a second time it leaves them where they are.
+
+        A simulated flight just stops: nobody is in the air.
+        """
+        if self._plan.simulated:
+            yield
+            return
+        loop = asyncio.get_running_loop()
+        task = asyncio.current_task()
+
+        def interrupted() -> None:
+            if service.state.recalled and task is not None:
+                task.cancel()
+            self._progress.say(
+                "coming home and landing; press Ctrl-C again to leave the aircraft as they are"
+            )
+            service.recall()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, interrupted)
+        try:
+            yield
+        except asyncio.CancelledError:
+            raise KeyboardInterrupt from None
+        finally:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+
+
+@contextlib.asynccontextmanager
+async def _connected(url: str, record: Callable[[bytes], None]) -> AsyncIterator[Session]:
+    """A session over the transport that a URL names."""
+    opened: list[Transport] = []
+
+    def send(frame: bytes) -> None:
+        for transport in opened:
+            transport.send(frame)
+
+    session = Session(send, record)
+    async with open_transport(parse_url(url), session.feed) as transport:
+        opened.append(transport)
+        yield session
+
+
+async def fetch_over_http(url: str) -> bytes:
+    """A picture from the camera's own server. Raises `LinkError`."""
+    if not url.startswith(("http://", "https://")):
+        raise LinkError(f"{url or 'a picture'}: the camera names no http URL for its picture")
+    return await asyncio.to_thread(functools.partial(_fetch, url))
+
+
+def _fetch(url: str) -> bytes:
+    try:
+        with urllib.request.urlopen(url, timeout=FETCH_TIMEOUT_S) as answer:
+            data: bytes = answer.read(MAX_PICTURE_BYTES)
+            return data
+    except (urllib.error.URLError, OSError) as error:
+        raise LinkError(f"{url} cannot be fetched: {error}") from None
+
+
+def _results(
+    plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None
+) -> dict[str, Any]:
+    roi = None
+    if plan.simulated and setting.mission.sim.roi:
+        roi = true_roi(setting.mission, setting.grid)
+    seed = plan.seed if plan.simulated else None
+    return write_results(folder, setting, list(journal.events()), seed, truth, roi)

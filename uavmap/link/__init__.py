@@ -1,0 +1,1 @@
+"""Links to vehicles: URLs, transports, and the MAVLink session on top of them."""

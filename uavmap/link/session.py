@@ -1,0 +1,233 @@
+"""A MAVLink 2 conversation with one vehicle: frames in, frames out, commands with their ACKs.
+
+The session keeps the latest of everything that the vehicle says (`view`), repeats commands until
+they are acknowledged, and hands every message to those who listen. It knows nothing of sockets.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefused, LinkError
+from uavmap.link.view import VehicleView
+
+Message = Any  # pymavlink carries no types
+Listener = Callable[[Message], None]
+Record = Callable[[bytes], None]
+
+ACK_WAIT_S: Final = 1.0
+ACK_TRIES: Final = 5
+GROUND_SYSTEM_ID: Final = 245
+"""Our own system id: this process flies several vehicles, so it is none of them."""
+
+_MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
+_RESULTS = {
+    value.name.removeprefix("MAV_RESULT_"): number
+    for number, value in mav.enums["MAV_RESULT"].items()
+}
+_RESULT_NAMES = {number: name.lower().replace("_", " ") for name, number in _RESULTS.items()}
+
+
+class Session:
+    """One vehicle at the other end of a link.
+
+    `send` takes frames to the link, `record` sees every frame of both directions.
+    """
+
+    def __init__(self, send: Callable[[bytes], None], record: Record) -> None:
+        self._send = send
+        self._record = record
+        self._codec = mav.MAVLink(
+            None,
+            srcSystem=GROUND_SYSTEM_ID,
+            srcComponent=mav.MAV_COMP_ID_ONBOARD_COMPUTER,
+        )
+        self._codec.robust_parsing = True
+        self._listeners: list[Listener] = []
+        self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
+        self._acks: dict[int, asyncio.Queue[Message]] = {}
+        self._command_lock = asyncio.Lock()
+        self.view = VehicleView()
+
+    # --- frames --------------------------------------------------------------------------
+    def feed(self, data: bytes) -> None:
+        """Take in what the link has heard."""
+        now_s = asyncio.get_running_loop().time()
+        for message in self._codec.parse_buffer(data) or ():
+            if message.get_type() == "BAD_DATA":
+                continue
+            self._record(bytes(message.get_msgbuf()))
+            if self.view.take(message, now_s):
+                if message.get_type() == "COMMAND_ACK":
+                    self._take_ack(message)
+                for listener in self._listeners:
+                    listener(message)
+        self._wake()
+
+    def send(self, message: Message) -> None:
+        """Send a message."""
+        frame: bytes = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) & 0xFF
+        self._record(frame)
+        self._send(frame)
+
+    def listen(self, listener: Listener) -> None:
+        """Call `listener` with every message of the vehicle."""
+        self._listeners.append(listener)
+
+    # --- waiting -------------------------------------------------------------------------
+    async def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
+        """Wait until a condition on the view holds; False if that takes too long."""
+        if condition():
+            return True
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        waiter = (condition, future)
+        self._waiters.append(waiter)
+        try:
+            async with asyncio.timeout(timeout_s):
+                await future
+        except TimeoutError:
+            return False
+        finally:
+            if waiter in self._waiters:
+                self._waiters.remove(waiter)
+        return True
+
+    def _wake(self) -> None:
+        for waiter in list(self._waiters):
+            condition, future = waiter
+            if condition():
+                self._waiters.remove(waiter)
+                if not future.done():
+                    future.set_result(None)
+
+    # --- commands ------------------------------------------------------------------------
+    async def command(
+        self, command: int, *params: float, component: int = mav.MAV_COMP_ID_AUTOPILOT1
+    ) -> None:
+        """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
+
+        Raises `CommandRefused` with what the vehicle said, `LinkError` when it stays silent.
+        """
+        filled = (*params, *([0.0] * (7 - len(params))))
+
+        def message(confirmation: int) -> Message:
+            return mav.MAVLink_command_long_message(
+                self.view.system_id, component, command, confirmation, *filled
+            )
+
+        await self._until_acknowledged(command, message)
+
+    async def command_at(
+        self,
+        command: int,
+        frame: int,
+        params: tuple[float, float, float, float],
+        lat_deg: float,
+        lon_deg: float,
+        z: float,
+    ) -> None:
+        """COMMAND_INT for a place. Errors as for `command`."""
+        place = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
+
+        def message(_confirmation: int) -> Message:
+            return mav.MAVLink_command_int_message(
+                self.view.system_id,
+                mav.MAV_COMP_ID_AUTOPILOT1,
+                frame,
+                command,
+                0,
+                0,
+                *params,
+                *place,
+            )
+
+        await self._until_acknowledged(command, message)
+
+    async def _until_acknowledged(
+        self, command: int, message: Callable[[int], Message]
+    ) -> None:
+        name = mav.enums["MAV_CMD"][command].name
+        async with self._command_lock:
+            queue = self._acks[command] = asyncio.Queue()
+            try:
+                for confirmation in range(ACK_TRIES):
+                    self.send(message(confirmation))
+                    ack = await self._ack(queue)
+                    if ack is None or ack.result in _MAY_PASS:
+                        continue
+                    if ack.result == mav.MAV_RESULT_ACCEPTED:
+                        return
+                    await self._hear_why()
+                    raise CommandRefused(
+                        f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"
+                        + self.view.recent_texts()
+                    )
+            finally:
+                del self._acks[command]
+        raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
+
+    async def _ack(self, queue: asyncio.Queue[Message]) -> Message | None:
+        """The next final ACK; IN_PROGRESS extends the wait."""
+        while True:
+            try:
+                async with asyncio.timeout(ACK_WAIT_S):
+                    ack = await queue.get()
+            except TimeoutError:
+                return None
+            if ack.result == mav.MAV_RESULT_TEMPORARILY_REJECTED:
+                await asyncio.sleep(ACK_WAIT_S)
+            if ack.result != mav.MAV_RESULT_IN_PROGRESS:
+                return ack
+
+    async def _hear_why(self) -> None:
+        """An ArduPilot sends the STATUSTEXT that explains a refusal after the ACK."""
+        heard = self.view.texts_heard
+        await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)
+
+    def _take_ack(self, ack: Message) -> None:
+        ours = ack.target_system in (0, GROUND_SYSTEM_ID)
+        if ours and (queue := self._acks.get(ack.command)) is not None:
+            queue.put_nowait(ack)
+
+    # --- what a client sends of itself -----------------------------------------------------
+    def heartbeat(self) -> None:
+        """HEARTBEAT as an onboard controller; it does not stand in for a ground station."""
+        self.send(
+            mav.MAVLink_heartbeat_message(
+                mav.MAV_TYPE_ONBOARD_CONTROLLER,
+                mav.MAV_AUTOPILOT_INVALID,
+                0,
+                0,
+                mav.MAV_STATE_ACTIVE,
+                3,
+            )
+        )
+
+    async def message_interval(self, message_id: int, rate_hz: float) -> None:
+        """Ask for a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
+        await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
+
+    def request(self, message_id: int, param2: float = math.nan) -> None:
+        """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
+        filler = 0.0 if math.isnan(param2) else param2
+        self.send(
+            mav.MAVLink_command_long_message(
+                self.view.system_id,
+                self.view.camera_component if message_id == 263 else 1,
+                mav.MAV_CMD_REQUEST_MESSAGE,
+                0,
+                message_id,
+                filler,
+                0,
+                0,
+                0,
+                0,
+                0,
+            )
+        )

@@ -1,0 +1,78 @@
+"""Connection URLs in the styles of MAVSDK and of pymavlink.
+
+    MAVSDK                              pymavlink, MAVProxy
+    udpin://0.0.0.0:14540               udpin:0.0.0.0:14550   udp:127.0.0.1:14550 (listens)
+    udpout://192.168.1.12:14550         udpout:192.168.1.12:14550
+    tcpout://192.168.1.12:5760          tcp:192.168.1.12:5760
+    tcpin://0.0.0.0:5760                tcpin:0.0.0.0:5760
+    serial:///dev/ttyACM0:57600         /dev/ttyACM0,57600
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from missions.errors import LinkError
+
+Transport = Literal["udpin", "udpout", "tcpin", "tcpout", "serial"]
+
+_SYNONYMS: dict[str, Transport] = {
+    "udp": "udpin",
+    "udpin": "udpin",
+    "udpout": "udpout",
+    "tcp": "tcpout",
+    "tcpout": "tcpout",
+    "tcpin": "tcpin",
+    "serial": "serial",
+}
+_NETWORK = re.compile(r"(?P<scheme>[a-z]+):(//)?(?P<host>\[[^\]]*\]|[^:/]*):(?P<port>\d+)/?")
+_SERIAL_URL = re.compile(r"serial:(//)?(?P<device>[^:]+)(:(?P<baud>\d+))?")
+_SERIAL_PATH = re.compile(r"(?P<device>/dev/[^,]+|COM\d+)(,(?P<baud>\d+))?")
+DEFAULT_BAUD = 57600
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """Where a vehicle is reached. `host` is a device path and `port` a baud rate for serial."""
+
+    transport: Transport
+    host: str
+    port: int
+
+    @property
+    def url(self) -> str:
+        """The URL in MAVSDK's style."""
+        return f"{self.transport}://{self.host}:{self.port}"
+
+
+def parse_url(url: str) -> Endpoint:
+    """The endpoint that a URL names. Raises `LinkError` with the remedy.
+
+    >>> parse_url("udp:127.0.0.1:14550")
+    Endpoint(transport='udpin', host='127.0.0.1', port=14550)
+    >>> parse_url("/dev/ttyACM0,115200").url
+    'serial:///dev/ttyACM0:115200'
+    """
+    text = url.strip()
+    if match := _SERIAL_PATH.fullmatch(text) or _SERIAL_URL.fullmatch(text):
+        return Endpoint("serial", match["device"], int(match["baud"] or DEFAULT_BAUD))
+    match = _NETWORK.fullmatch(text)
+    transport = _SYNONYMS.get(match["scheme"]) if match else None
+    if match is None or transport is None or transport == "serial":
+        raise LinkError(
+            f"{url!r} is not a connection URL; write udpin://0.0.0.0:14550, "
+            "udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyACM0:57600"
+        )
+    host, port = match["host"].strip("[]"), int(match["port"])
+    if not 0 < port < 65536:
+        raise LinkError(f"{url!r}: port {port} is not between 1 and 65535")
+    if not host:
+        raise LinkError(f"{url!r} names no host; write {transport}://0.0.0.0:{port}")
+    if transport in ("udpout", "tcpout") and host == "0.0.0.0":
+        raise LinkError(
+            f"{url!r}: nothing can be sent to 0.0.0.0; name the vehicle's address, or listen "
+            f"with {transport.replace('out', 'in')}://0.0.0.0:{port}"
+        )
+    return Endpoint(transport, host, port)

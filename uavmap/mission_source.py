@@ -1,0 +1,50 @@
+"""Mission files on the disk, and those that are shipped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from missions.errors import MissionFileError
+from missions.explorers import EXPLORERS
+from missions.mission_checks import parse_mission
+from missions.mission_file import Mission
+from vision.detectors import detector_names
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSource:
+    """The text of a mission and where it came from."""
+
+    source: str
+    text: str
+
+    def parse(self) -> Mission:
+        """The checked mission. Raises `MissionFileError`."""
+        return parse_mission(
+            self.text, self.source, strategies=tuple(EXPLORERS), detectors=tuple(detector_names())
+        )
+
+
+def shipped_missions() -> list[str]:
+    """The names of the missions that are shipped."""
+    folder = resources.files("missions") / "shipped"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir())
+
+
+def load_source(name: str) -> MissionSource:
+    """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`."""
+    path = Path(name)
+    if not path.suffix and not path.exists() and name in shipped_missions():
+        text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
+        return MissionSource(name, text)
+    try:
+        return MissionSource(name, path.read_text("utf-8"))
+    except OSError as error:
+        raise MissionFileError(
+            f"{name}: cannot be read ({error.strerror}); give the path of a mission file, or one "
+            f"of the shipped missions: {', '.join(shipped_missions())}"
+        ) from None
+    except UnicodeDecodeError:
+        raise MissionFileError(f"{name}: not a text file in UTF-8") from None

@@ -1,0 +1,107 @@
+"""The results of a mission in its folder: maps, picture, summary."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from shapely.geometry.base import BaseGeometry
+
+from missions.events import Event
+from missions.mission_file import positions
+from missions.state import Setting, State
+from missions.tree import Tree
+from missions.units import Cell
+from uavmap.figures import Figures, figures, summary
+from uavmap.results import geojson, kml, picture
+from uavmap.results import summary as summary_file
+from uavmap.results.model import CellRow, MapData, Track
+from uavmap.results.model import State as CellState
+from uavmap.score import score
+from uavmap.simulation import Truth
+
+
+def map_data(
+    setting: Setting,
+    state: State,
+    found: Figures,
+    truth: BaseGeometry | None,
+    *,
+    recorded: bool = False,
+) -> MapData:
+    """What the map writers need. In `recorded` imagery whatever was judged was also seen whole."""
+    mission, grid = setting.mission, setting.grid
+    rows = tuple(
+        CellRow(cell, _cell_state(cell, state, recorded=recorded), tally.positive, tally.total)
+        for cell, tally in state.belief.cells().items()
+    )
+    tracks = tuple(
+        Track(number, tuple((t, grid.position(point), height) for t, point, height in points))
+        for number, points in found.tracks.items()
+        if points
+    )
+    return MapData(
+        mission=mission.name,
+        grid=grid,
+        t_s=state.t_s,
+        cells=rows,
+        tracks=tracks,
+        start=mission.home,
+        box=positions(mission.search.box),
+        fence=positions(mission.fence.polygon),
+        fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
+        truth=truth,
+    )
+
+
+def _cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
+    if cell not in state.belief.roi:
+        return "non-roi"
+    if recorded:
+        return "explored"
+    tree: Tree | None = state.tree
+    if tree is None or cell not in tree:
+        return "unexplored"
+    return tree.state(cell).value
+
+
+def write_results(
+    folder: Path,
+    setting: Setting,
+    events: list[Event],
+    seed: int | None,
+    simulated: Truth | None = None,
+    roi: BaseGeometry | None = None,
+    recorded: int | None = None,
+) -> dict[str, Any]:
+    """Write the maps and the summary of a journal; returns the summary.
+
+    `roi` is the true ROI in the moving frame, where it is known; `simulated` what the simulator
+    watched; `recorded` the number of photographs, where there was no flight.
+    """
+    state, found = figures(setting, events)
+    data = map_data(setting, state, found, roi, recorded=recorded is not None)
+    geojson.write(data, folder / "map.geojson")
+    kml.write(data, folder / "map.kml")
+    picture.write(data, folder / "map.png")
+    values = summary(setting, state, found, seed)
+    if recorded is not None:
+        values |= {"completed": True, "photographs": recorded}
+    if roi is not None:
+        marks = score(state.belief.roi, roi, setting.grid, state.belief.detections())
+        values |= {
+            "false_positives": marks.false_positives,
+            "false_negatives": marks.false_negatives,
+            "cells_missed": marks.cells_missed,
+            "iou_cells": round(marks.iou_cells, 4),
+        }
+    if simulated is not None:
+        apart_m = simulated.min_separation_m
+        values |= {
+            "min_separation_m": round(apart_m, 2) if math.isfinite(apart_m) else None,
+            "fence_breaches": simulated.fence_breaches,
+            "reserve_violations": simulated.reserve_violations,
+        }
+    summary_file.write(values, folder / "summary.json")
+    return values

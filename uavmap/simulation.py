@@ -1,0 +1,207 @@
+"""The only door to `sitl`: a mission's world and aircraft, in this process or on sockets.
+
+In this process a vehicle and the service exchange the same MAVLink bytes as over a socket; only
+the socket is missing. What is really the case is recorded beside it, for the score.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import unary_union
+
+from missions.errors import LinkError
+from missions.grid import Grid
+from missions.homes import homes
+from missions.mission_file import Mission, positions
+from missions.state import Setting
+from missions.units import GridPoint, LatLon
+from sitl.camera import CameraSpec
+from sitl.server import serve
+from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.world import Patch, World, WorldSpec
+from uavmap.link.session import Session
+
+STEP_S = 0.05
+_LOOK_EVERY_STEPS = 2
+
+
+def true_roi(mission: Mission, grid: Grid) -> BaseGeometry:
+    """The true ROI of a mission's simulated world, in the grid's moving frame."""
+    return unary_union(
+        [
+            Polygon(
+                [grid.fixed(p) for p in positions(region.polygon)],
+                [[grid.fixed(p) for p in positions(hole)] for hole in region.holes],
+            )
+            for region in mission.sim.roi
+        ]
+    )
+
+
+def make_vehicles(
+    mission: Mission, seed: int, *, start_s: float = 0.0, image_url_prefix: str = "sim://"
+) -> list[SimVehicle]:
+    """The simulated aircraft of a mission, in one world, as it is at mission time `start_s`."""
+    sim, grid = mission.sim, Setting.of(mission).grid
+
+    def drifted(ring: Sequence[LatLon]) -> tuple[LatLon, ...]:
+        return tuple(grid.position(grid.to_fixed(grid.fixed(p), start_s)) for p in ring)
+
+    world = World(
+        WorldSpec(
+            origin=mission.home,
+            origin_amsl_m=mission.start.amsl_m,
+            patches=tuple(
+                Patch(
+                    drifted(positions(region.polygon)),
+                    tuple(drifted(positions(hole)) for hole in region.holes),
+                )
+                for region in sim.roi
+            ),
+            drift_speed_m_s=mission.drift.speed_m_s,
+            drift_toward_deg=mission.drift.toward_deg,
+            wind_speed_m_s=mission.wind.speed_m_s,
+            wind_from_deg=mission.wind.from_deg,
+            gust_m_s=sim.gust_m_s,
+            roi_intensity=sim.roi_intensity,
+            ground_intensity=sim.ground_intensity,
+            texture=sim.texture,
+            sensor_noise=sim.sensor_noise,
+            illumination=sim.illumination,
+            seed=seed,
+        )
+    )
+    camera = CameraSpec(
+        hfov_deg=mission.camera.hfov_deg,
+        width_px=mission.camera.width_px,
+        height_px=mission.camera.height_px,
+        fixed=mission.camera.mounting == "fixed",
+        yaw_deg=mission.camera.yaw_deg,
+        min_interval_s=min(mission.camera.interval_s, 0.2),
+    )
+    return [
+        SimVehicle(
+            VehicleSpec(
+                system_id=number,
+                home=home,
+                battery_wh=mission.battery.capacity_wh,
+                hover_power_w=mission.battery.hover_power_w,
+                swap_after_s=sim.swap_s,
+                camera=camera,
+                gps_sigma_m=sim.gps_sigma_m,
+                gps_tau_s=sim.gps_tau_s,
+                image_url_prefix=image_url_prefix,
+            ),
+            world,
+        )
+        for number, home in enumerate(homes(mission), start=1)
+    ]
+
+
+@dataclass(slots=True)
+class Truth:
+    """What really happened to the aircraft, watched from outside."""
+
+    min_separation_m: float = math.inf
+    fence_breaches: int = 0
+    reserve_violations: int = 0
+    crashes: int = 0
+    _outside: set[int] = field(default_factory=set)
+    _flying: set[int] = field(default_factory=set)
+    _crashed: set[int] = field(default_factory=set)
+
+    def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+        """Look at all vehicles at one instant."""
+        in_air: list[tuple[GridPoint, float]] = []
+        for vehicle in vehicles:
+            number, truth = vehicle.spec.system_id, vehicle.truth
+            point = setting.grid.fixed(truth.position)
+            if truth.crashed and number not in self._crashed:
+                self._crashed.add(number)
+                self.crashes += 1
+            if truth.landed:
+                if number in self._flying and truth.energy_wh < setting.energy.reserve_wh:
+                    self.reserve_violations += 1
+                self._flying.discard(number)
+                continue
+            self._flying.add(number)
+            in_air.append((point, truth.height_m))
+            if setting.fence.outer.covers(Point(point)):
+                self._outside.discard(number)
+            elif number not in self._outside:
+                self._outside.add(number)
+                self.fence_breaches += 1
+        for (a, a_m), (b, b_m) in itertools.combinations(in_air, 2):
+            distance_m = math.hypot(a.distance_to(b), a_m - b_m)
+            self.min_separation_m = min(self.min_separation_m, distance_m)
+
+
+class Simulation:
+    """Simulated aircraft in this process, each at the end of a session."""
+
+    def __init__(self, setting: Setting, seed: int, *, start_s: float = 0.0) -> None:
+        self._setting = setting
+        self._vehicles = make_vehicles(setting.mission, seed, start_s=start_s)
+        self._sessions: dict[int, Session] = {}
+        self.truth = Truth()
+
+    def names(self) -> list[str]:
+        """The vehicles by name, in order."""
+        return [f"sim://{vehicle.spec.system_id}" for vehicle in self._vehicles]
+
+    def open_session(self, index: int, record: Callable[[bytes], None]) -> Session:
+        """A session with a vehicle (from 0): what it sends arrives a moment later."""
+        vehicle = self._vehicles[index]
+        loop = asyncio.get_running_loop()
+
+        def send(frame: bytes) -> None:
+            if answer := vehicle.receive(frame):
+                loop.call_soon(session.feed, answer)
+
+        session = Session(send, record)
+        self._sessions[index] = session
+        return session
+
+    async def fetch(self, url: str) -> bytes:
+        """A picture by its URL."""
+        for vehicle in self._vehicles:
+            if (data := vehicle.image(url)) is not None:
+                return data
+        raise LinkError(f"{url}: there is no such picture")
+
+    async def run(self) -> None:
+        """Let the world's time pass with the loop's, until cancelled."""
+        loop = asyncio.get_running_loop()
+        start_s = loop.time()
+        for steps in itertools.count():
+            for index, vehicle in enumerate(self._vehicles):
+                frames = vehicle.step(STEP_S)
+                if frames and index in self._sessions:
+                    self._sessions[index].feed(frames)
+            if steps % _LOOK_EVERY_STEPS == 0:
+                self.truth.watch(self._vehicles, self._setting)
+            await asyncio.sleep(start_s + (steps + 1) * STEP_S - loop.time())
+
+
+async def serve_vehicles(
+    mission: Mission,
+    seed: int,
+    *,
+    speedup: float,
+    base_port: int,
+    http_port: int,
+    on_ready: Callable[[list[str]], None],
+) -> None:
+    """The simulated aircraft of a mission on loopback sockets, until cancelled."""
+    prefix = f"http://127.0.0.1:{http_port}/"
+    vehicles = make_vehicles(mission, seed, image_url_prefix=prefix)
+    await serve(
+        vehicles, speedup=speedup, base_port=base_port, http_port=http_port, on_ready=on_ready
+    )

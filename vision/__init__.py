@@ -1,0 +1,1 @@
+"""From pixels to verdicts: camera model, ground projection, detectors. Pure."""

@@ -1,0 +1,69 @@
+"""Bare ground among plants: asphalt, concrete, gravel, rock, by how little green it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import MissionFileError
+
+_KERNEL = np.ones((3, 3), np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class PavedDetector:
+    """The ROI is lit and not green.
+
+    Greenness is the excess green index (Woebbecke and others, 1995), (2 G - R - B) / (R + G + B),
+    -1 to 2. It is a ratio, so that it keeps its value where a camera exposes one picture longer
+    than the next, which a threshold on brightness does not. Green or dark pixels are the surround,
+    and are dilated as in `ThresholdDetector`.
+
+    Attributes:
+        greenness: The ROI's greenness is below this, -1 to 2.
+        intensity: The ROI's gray value is above this, 0 to 254: shadows and water have no colour
+            to speak of.
+        dilations: Passes of the 3 x 3 kernel on the surround, 0 to 255.
+
+    >>> gray, grass = (160, 160, 160), (60, 150, 110)
+    >>> PavedDetector(dilations=0).mask(np.array([[gray, grass]], np.uint8)).tolist()
+    [[255, 0]]
+    """
+
+    name: ClassVar[str] = "paved"
+
+    greenness: float = 0.04
+    intensity: int = 90
+    dilations: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse parameters out of range with `MissionFileError`, naming the key."""
+        for key, value, most in (
+            ("intensity", self.intensity, 254),
+            ("dilations", self.dilations, 255),
+        ):
+            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+                raise MissionFileError(
+                    f"detector.{key} is {value!r}: expected an integer from 0 to {most}"
+                )
+        number = isinstance(self.greenness, (int, float)) and not isinstance(self.greenness, bool)
+        if not number or not -1.0 <= self.greenness <= 2.0:
+            raise MissionFileError(
+                f"detector.greenness is {self.greenness!r}: expected a number from -1 to 2"
+            )
+
+    def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """See `Detector.mask`."""
+        channels = image.astype(np.int16)
+        total = channels.sum(axis=2, dtype=np.int16)
+        # 2 G - R - B = 3 G - (R + G + B)
+        grey = 3 * channels[:, :, 1] - total < self.greenness * total.astype(np.float32)
+        lit = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) > self.intensity
+        roi = np.where(grey & lit, np.uint8(255), np.uint8(0))
+        if self.dilations:
+            roi = cv2.erode(roi, _KERNEL, iterations=self.dilations).astype(np.uint8, copy=False)
+        return roi

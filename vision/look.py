@@ -1,0 +1,161 @@
+"""From a picture to verdicts on cells: the eyes of the straight path.
+
+The detector works on the raw picture, as in the paper. Its mask is then resampled onto the grid
+through the camera's homography, which turns it by the vehicle's yaw (and the meridian convergence)
+and takes out tilt and height in one step; what is left is to count pixels, cell by cell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from missions.grid import Grid
+from missions.units import Cell, Pose
+from vision.camera import Camera, project
+from vision.detectors.interface import Detector
+
+SEEN_SHARE = 0.9
+"""A cell of which less than this is inside the picture gets no verdict."""
+
+OBLIQUE_LIMIT = 3.0
+"""Under the view "all", cells farther from below the camera than this many heights get no verdict:
+they are seen at less than 18 degrees, where a metre of height is three metres of ground."""
+
+_SAMPLES = 48  # a cell's side in samples: a share is good to about a hundredth
+_BLOCK_SAMPLES = 3072  # the most samples along a side of what is resampled at once
+_OUTSIDE = 127  # marks samples past the picture's edge; a mask holds only 0 and 255
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A picture with where, when and with what it was taken.
+
+    `image` is (rows, columns, 3) uint8, blue-green-red, of the size that `camera` says; `t_s` is
+    the mission time at which it was taken.
+    """
+
+    image: NDArray[np.uint8]
+    pose: Pose
+    t_s: float
+    camera: Camera
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What one frame says of one cell; `share` is the part of its pixels that is ROI, 0 to 1."""
+
+    cell: Cell
+    positive: bool
+    share: float
+
+
+def look(
+    frame: Frame,
+    grid: Grid,
+    detector: Detector,
+    *,
+    share: float,
+    view: Literal["cross", "all"],
+    vantage: Cell | None = None,
+) -> tuple[Verdict, ...]:
+    """The verdicts of a frame.
+
+    Args:
+        frame: The picture and its pose.
+        grid: The grid; where it drifts, `frame.t_s` says where it is.
+        detector: Marks the ROI in the picture.
+        share: A cell is positive when at least this part of its pixels is ROI, 0 to 1.
+        view: `"cross"`: the cell under the camera's *position* and its four neighbours, in the
+            order of `Cell.cross` (the paper's). `"all"`: every cell that the picture shows whole,
+            sorted, within `OBLIQUE_LIMIT`; for recorded pictures from high up.
+        vantage: The cell over which the vehicle was told to take the frame; by default the one
+            under the camera. What is judged is where the pose says, not where it should be.
+
+    Returns:
+        One verdict a cell. A cell of which less than `SEEN_SHARE` is inside the picture is absent.
+
+    Raises:
+        ImageError: the picture is not of the camera's size.
+    """
+    rows, columns = frame.image.shape[:2]
+    if (columns, rows) != (frame.camera.width_px, frame.camera.height_px):
+        raise ImageError(
+            f"the picture is {columns} x {rows} px, the camera "
+            f"{frame.camera.width_px} x {frame.camera.height_px} px"
+        )
+    if frame.pose.height_m <= 0.0:
+        return ()  # from the ground nothing of the ground is seen
+    matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
+    here = vantage or grid.cell_at(frame.pose.position, frame.t_s)
+    if view == "cross":
+        wanted = tuple(c for c in here.cross() if _in_front(matrix, grid, c))
+    else:
+        wanted = _shown_whole(matrix, grid, frame, here)
+    if not wanted:
+        return ()
+    shares = _shares(detector.mask(frame.image), matrix, grid, wanted)
+    return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
+
+
+def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
+    _, depth = project(matrix, np.array(grid.corners_of(cell)))
+    return bool((depth > 0.0).all())
+
+
+def _shown_whole(
+    matrix: NDArray[np.float64], grid: Grid, frame: Frame, here: Cell
+) -> tuple[Cell, ...]:
+    """The cells, sorted, whose four corners lie inside the picture."""
+    reach = math.ceil(OBLIQUE_LIMIT * frame.pose.height_m / grid.cell_m)
+    steps = np.arange(-reach, reach + 2) - 0.5
+    lattice = np.stack(np.meshgrid(steps + here.east, steps + here.north, indexing="ij"), axis=-1)
+    pixels, _ = project(matrix, lattice * grid.cell_m)
+    edge = (frame.camera.width_px - 0.5, frame.camera.height_px - 0.5)
+    # NaN, behind the camera, compares false
+    inside: NDArray[np.bool_] = np.logical_and(pixels >= -0.5, pixels <= edge).min(axis=-1)
+    whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+    return tuple(
+        Cell(here.east - reach + int(i), here.north - reach + int(j)) for i, j in np.argwhere(whole)
+    )
+
+
+def _shares(
+    mask: NDArray[np.uint8], matrix: NDArray[np.float64], grid: Grid, cells: tuple[Cell, ...]
+) -> list[float]:
+    """The part of each cell that is ROI; -1 for a cell too little of which is in the picture."""
+    west, east = min(c.east for c in cells), max(c.east for c in cells)
+    south, north = min(c.north for c in cells), max(c.north for c in cells)
+    across, along = east - west + 1, north - south + 1
+    samples = max(1, min(_SAMPLES, _BLOCK_SAMPLES // max(across, along)))
+    step_m = grid.cell_m / samples
+    ground_of_sample = np.array(
+        [
+            [step_m, 0.0, (west - 0.5) * grid.cell_m + step_m / 2],
+            [0.0, -step_m, (north + 0.5) * grid.cell_m - step_m / 2],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    block = cv2.warpPerspective(
+        mask,
+        matrix @ ground_of_sample,
+        (across * samples, along * samples),
+        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=(_OUTSIDE,),
+    )
+    by_cell = block.reshape(along, samples, across, samples)
+    seen = np.count_nonzero(by_cell != _OUTSIDE, axis=(1, 3))
+    roi = np.count_nonzero(by_cell == 255, axis=(1, 3))
+    shares = []
+    for cell in cells:
+        at = (north - cell.north, cell.east - west)
+        enough = seen[at] >= SEEN_SHARE * samples * samples
+        shares.append(float(roi[at]) / float(seen[at]) if enough else -1.0)
+    return shares
