@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import singledispatch
 
-from missions.belief import FrameId
+from missions.belief import Belief, FrameId
 from missions.events import (
     Airborne,
     Arrived,
@@ -24,12 +24,16 @@ from missions.events import (
     Resumed,
     Tracked,
 )
-from missions.orders import AwaitBattery, Look, StandDown
-from missions.state import Errand, Phase, Setting, State, VehicleState
+from missions.orders import AwaitBattery, Look, StandDown, TakeOff
+from missions.state import BRAKING_S, Errand, Phase, Setting, State, VehicleState
 from missions.tree import Tree
 from missions.units import Cell
 
 _DRAW_SMOOTHING_S = 15.0
+LIFTED_M = 1.0
+"""A vehicle that is higher above home has left the ground."""
+REST_M_S = 0.5
+"""A vehicle that is slower has come to rest."""
 
 
 def apply(setting: Setting, state: State, event: Event) -> State:
@@ -92,11 +96,15 @@ def _(event: Connected, vehicle: VehicleState) -> VehicleState:
         over_home=False,
         on_lane=False,
         at_target=False,
+        braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
+        in_vain=0,
     )
 
 
 @_changed.register
 def _(event: Airborne, vehicle: VehicleState) -> VehicleState:
+    if vehicle.phase is not Phase.GROUNDED:  # somebody else has it by now
+        return replace(vehicle, landed=False)
     return replace(
         vehicle, phase=Phase.AIRBORNE, height_m=vehicle.layer_m, order=None, landed=False
     )
@@ -105,30 +113,41 @@ def _(event: Airborne, vehicle: VehicleState) -> VehicleState:
 @_changed.register
 def _(event: Tracked, vehicle: VehicleState) -> VehicleState:
     elapsed_s = event.t_s - vehicle.tracked_s
+    braking_until_s = vehicle.braking_until_s
+    if braking_until_s is not None:
+        slow = vehicle.position.distance_to(event.position) < REST_M_S * elapsed_s
+        if slow or event.t_s >= braking_until_s:
+            braking_until_s = None
     used_wh = vehicle.remaining_wh - event.remaining_wh
     drawn_w = vehicle.drawn_w
     if not vehicle.landed and elapsed_s > 0.0 and used_wh >= 0.0:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
+    # a take-off that is interrupted on its way leaves the vehicle in the air
+    climbing = isinstance(vehicle.order, TakeOff) or vehicle.phase is Phase.YIELDED
     return replace(
         vehicle,
+        landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),
         tracked_s=event.t_s,
         position=event.position,
         height_m=event.height_m,
         remaining_wh=event.remaining_wh,
         drawn_w=drawn_w,
+        braking_until_s=braking_until_s,
     )
 
 
 @_changed.register
 def _(event: Arrived, vehicle: VehicleState) -> VehicleState:
+    if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
+        return replace(vehicle, position=event.position)
     arrived = replace(vehicle, position=event.position, order=None)
     if vehicle.errand is not None:
         return replace(arrived, over_home=True)
     if vehicle.candidate is not None or vehicle.vertex is not None:
         return replace(arrived, at_target=True)
     if vehicle.on_lane:
-        return replace(arrived, lanes=vehicle.lanes[1:], on_lane=False)
+        return replace(arrived, lanes=vehicle.lanes[1:], on_lane=False, in_vain=0)
     return replace(arrived, on_lane=True)
 
 
@@ -142,6 +161,7 @@ def _(event: Landed, vehicle: VehicleState) -> VehicleState:
     landed = replace(
         vehicle,
         landed=True,
+        braking_until_s=None,
         height_m=0.0,
         remaining_wh=event.remaining_wh,
         over_home=False,
@@ -160,6 +180,8 @@ def _(event: Landed, vehicle: VehicleState) -> VehicleState:
 
 @_changed.register
 def _(event: BatterySwapped, vehicle: VehicleState) -> VehicleState:
+    if vehicle.phase is not Phase.GROUNDED:  # it does not follow us: no reason to take off
+        return replace(vehicle, remaining_wh=event.remaining_wh, drawn_w=0.0)
     return replace(
         vehicle,
         phase=Phase.GROUNDED,
@@ -186,12 +208,16 @@ def _(event: Overridden, vehicle: VehicleState) -> VehicleState:
 
 @_changed.register
 def _(event: Released, vehicle: VehicleState) -> VehicleState:
+    airborne = event.height_m > LIFTED_M
     return replace(
         vehicle,
-        phase=Phase.AIRBORNE,
+        phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,
         position=event.position,
         height_m=event.height_m,
+        landed=not airborne,
         order=None,
+        braking_until_s=event.t_s + BRAKING_S if airborne else None,
+        in_vain=0,
         note="",
     )
 
@@ -204,6 +230,9 @@ def _(event: LinkLost, vehicle: VehicleState) -> VehicleState:
 @_changed.register
 def _(event: OrderFailed, vehicle: VehicleState) -> VehicleState:
     note = f"{event.order}: {event.reason}"
+    if vehicle.phase is Phase.AIRBORNE and vehicle.errand is None:  # it cannot stay up there
+        home = replace(vehicle.interrupted(event.t_s), errand=Errand.FAULT, note=note)
+        return replace(home, over_home=False, at_target=False, on_lane=False)
     return replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
 
 
@@ -214,15 +243,26 @@ def _frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     frame = FrameId(event.vehicle, event.t_s)
     state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
     vehicle = state.vehicles[event.vehicle]
-    if isinstance(vehicle.order, Look):
-        if vehicle.order.cell == event.vantage and state.belief.settled(event.vantage):
+    if isinstance(vehicle.order, Look) and vehicle.order.cell == event.vantage:
+        if state.belief.settled(event.vantage):
             return _looked(state, vehicle, event.vantage)
-    elif state.tree is None and vehicle.errand is None and vehicle.candidate is None:
+    elif state.tree is not None:
+        return replace(state, tree=_late_positives(state.tree, state.belief, event.vantage))
+    elif vehicle.candidate is None:
         hint = _hint(setting, state, event)
         if hint is not None:
-            vehicle = replace(vehicle, candidate=hint, at_target=False, order=None)
-            return state.with_vehicle(vehicle)
+            if vehicle.phase is Phase.AIRBORNE and vehicle.errand is None:
+                vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
+            return state.with_vehicle(replace(vehicle, candidate=hint))
     return state
+
+
+def _late_positives(tree: Tree, belief: Belief, vantage: Cell) -> Tree:
+    """A frame that came after its look was over may still make a neighbour ROI."""
+    if vantage not in tree or not tree.has_looked(vantage):
+        return tree
+    new = [c for c in vantage.neighbours() if c in belief.roi and c not in tree]
+    return tree.looked(vantage, new) if new else tree
 
 
 def _hint(setting: Setting, state: State, event: FrameSeen) -> Cell | None:
@@ -247,7 +287,7 @@ def _look_ended(state: State, vehicle: VehicleState) -> State:
     cell = vehicle.order.cell
     if state.belief.frames_taken(cell) == 0:
         return state.with_vehicle(
-            replace(vehicle, order=None, errand=Errand.CAMERA, note="the camera is silent")
+            replace(vehicle, order=None, errand=Errand.FAULT, note="the camera is silent")
         )
     state = replace(state, undecided=state.undecided | {cell})
     return _looked(state, vehicle, cell)
@@ -256,7 +296,7 @@ def _look_ended(state: State, vehicle: VehicleState) -> State:
 def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
     """Somebody has looked from a cell: the tree grows, or the search has found its root."""
     roi = [c for c in cell.cross() if c in state.belief.roi]
-    vehicle = replace(vehicle, order=None)
+    vehicle = replace(vehicle, order=None, in_vain=0)
     if state.tree is not None:
         tree = state.tree
         if cell in tree:
@@ -282,11 +322,10 @@ def _found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cel
     for number, other in state.vehicles.items():
         searching = other.phase is Phase.AIRBORNE and other.errand is None
         vehicles[number] = replace(
-            other,
+            other.interrupted(state.t_s) if searching else other,
             vertex=root,
             candidate=None,
             on_lane=False,
             at_target=number == vehicle.vehicle and root == looked_from,
-            order=None if searching else other.order,
         )
     return replace(state, vehicles=vehicles)

@@ -78,7 +78,5 @@ class EnergyModel:
         """Energy to fly home, land, and have the reserve left."""
         landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
         return (
-            self.leg_wh(distance_m, drawn_w)
-            + self.hover_wh(landing_s, drawn_w)
-            + self.reserve_wh
+            self.leg_wh(distance_m, drawn_w) + self.hover_wh(landing_s, drawn_w) + self.reserve_wh
         )

@@ -6,7 +6,7 @@
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── JournalError            a journal that is truncated, foreign, or of another version
     └── LinkError               a connection URL, or a vehicle that does not answer
-        └── CommandRefused      a vehicle that answered no, with what it said
+        └── CommandRefusedError      a vehicle that answered no, with what it said
 
 A defect of the program is never one of these: it keeps its traceback.
 """
@@ -38,5 +38,5 @@ class LinkError(UavmapError):
     """A URL that cannot be used, or a vehicle that is silent."""
 
 
-class CommandRefused(LinkError):
+class CommandRefusedError(LinkError):
     """A command that the vehicle denied; the text holds what the vehicle said."""

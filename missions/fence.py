@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import shapely
 from shapely.geometry import LineString, Point, Polygon
@@ -33,6 +33,8 @@ class Fence:
     outer: Polygon
     inner: Polygon | shapely.MultiPolygon
     corners: tuple[GridPoint, ...]
+    _seen: dict[tuple[GridPoint, GridPoint], bool] = field(default_factory=dict)
+    """Which corners see each other, as far as anybody has asked."""
 
     @classmethod
     def of(
@@ -61,7 +63,9 @@ class Fence:
 
     def allows(self, point: GridPoint) -> bool:
         """Whether a leg may end here."""
-        return bool(self.inner.covers(Point(point)))
+        # a point that was computed to lie on the edge may miss it by a rounding
+        at = Point(point)
+        return bool(self.inner.covers(at)) or bool(self.inner.dwithin(at, _TOLERANCE_M))
 
     def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
         """Whether a straight leg stays inside the margin."""
@@ -85,26 +89,38 @@ class Fence:
         return self._shortest(start, end)
 
     def _shortest(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
-        """Dijkstra over the corners that see each other."""
+        """A* over the corners that see each other."""
         if self.allows_leg(start, end):
             return (end,)
         counter = itertools.count()
-        queue: list[tuple[float, int, GridPoint, tuple[GridPoint, ...]]] = [
-            (0.0, next(counter), start, ())
+        # at least so far in all, so far until here, the place, the way to it
+        queue: list[tuple[float, int, float, GridPoint, tuple[GridPoint, ...]]] = [
+            (start.distance_to(end), next(counter), 0.0, start, ())
         ]
         done: set[GridPoint] = set()
         while queue:
-            travelled_m, _, at, way = heapq.heappop(queue)
+            _, _, travelled_m, at, way = heapq.heappop(queue)
             if at == end:
                 return way
             if at in done:
                 continue
             done.add(at)
             for corner in (end, *self.corners):
-                if corner not in done and self.allows_leg(at, corner):
-                    length_m = travelled_m + at.distance_to(corner)
-                    heapq.heappush(queue, (length_m, next(counter), corner, (*way, corner)))
+                if corner not in done and self._sees(at, corner):
+                    so_far_m = travelled_m + at.distance_to(corner)
+                    in_all_m = so_far_m + corner.distance_to(end)
+                    heapq.heappush(
+                        queue, (in_all_m, next(counter), so_far_m, corner, (*way, corner))
+                    )
         return None
+
+    def _sees(self, one: GridPoint, other: GridPoint) -> bool:
+        """Whether a leg is allowed; remembered between corners."""
+        if one not in self.corners or other not in self.corners:
+            return self.allows_leg(one, other)
+        if (one, other) not in self._seen:
+            self._seen[one, other] = self._seen[other, one] = self.allows_leg(one, other)
+        return self._seen[one, other]
 
 
 def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:

@@ -85,20 +85,18 @@ class UtmZone:
 
         East of the central meridian (northern hemisphere) grid north points east of true north.
         """
-        return math.radians(_factors(self, position).meridian_convergence)
+        factors = _proj(self).get_factors(position.lon_deg, position.lat_deg)
+        return math.radians(factors.meridian_convergence)
 
     def scale(self, position: LatLon) -> float:
         """Metres of the projection for a metre on the ground, 0.9996 on the central meridian."""
-        return float(_factors(self, position).meridional_scale)
+        factors = _proj(self).get_factors(position.lon_deg, position.lat_deg)
+        return float(factors.meridional_scale)
 
 
 @lru_cache(maxsize=8)
 def _proj(zone: UtmZone) -> pyproj.Proj:
     return pyproj.Proj(proj="utm", zone=zone.number, south=zone.south, ellps="WGS84")
-
-
-def _factors(zone: UtmZone, position: LatLon) -> pyproj.proj.Factors:
-    return _proj(zone).get_factors(position.lon_deg, position.lat_deg)
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,7 +106,7 @@ class DetectorSection(_Section):
     polarity: Literal["dark", "bright"] = "dark"
     greenness: Annotated[float, Field(ge=0, le=1)] = 0.04
     """Of the detector `paved`: what is greener than this grows."""
-    share: Annotated[Number, Field(gt=0, le=1)] = 0.4
+    share: Annotated[Number, Field(gt=0, le=1)] = 0.3
     """A cell is seen as ROI from this share of its pixels on."""
     view: Literal["cross", "all"] = "cross"
     """`cross`: a frame votes on the cell below and its four neighbours; `all`: on every cell

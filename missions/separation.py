@@ -14,10 +14,15 @@ from shapely.geometry import LineString, Point
 
 from missions.units import GridPoint
 
+_ROUNDING_M = 1e-6
+"""Heights of layers are sums; two layers that lie just far enough apart must not seem nearer."""
+
 
 @dataclass(frozen=True, slots=True)
 class Volume:
     """The air that a vehicle claims: a path over ground, and the heights it may have there.
+
+    `stray_m` is how far it may be from its path.
 
     >>> column = Volume((GridPoint(0, 0),), 0.0, 18.0)
     >>> leg = Volume((GridPoint(-20, 1), GridPoint(20, 1)), 12.0, 12.0)
@@ -28,12 +33,15 @@ class Volume:
     path: tuple[GridPoint, ...]
     low_m: float
     high_m: float
+    stray_m: float = 0.0
 
     def meets(self, other: Volume, distance_m: float) -> bool:
         """Whether the two come nearer to each other than a distance."""
-        if self.low_m - other.high_m >= distance_m or other.low_m - self.high_m >= distance_m:
+        gap_m = max(self.low_m - other.high_m, other.low_m - self.high_m)
+        if gap_m >= distance_m - _ROUNDING_M:
             return False
-        return bool(_line(self.path).distance(_line(other.path)) < distance_m)
+        gap_m = _line(self.path).distance(_line(other.path)) - self.stray_m - other.stray_m
+        return bool(gap_m < distance_m)
 
 
 def is_free(volume: Volume, others: Iterable[Volume], distance_m: float) -> bool:

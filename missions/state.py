@@ -15,10 +15,16 @@ from missions.explorers import EXPLORERS, Explorer
 from missions.fence import Fence
 from missions.grid import Grid
 from missions.mission_file import Mission, positions
-from missions.orders import Hold, Order
+from missions.orders import FlyTo, Hold, Order, Sweep
 from missions.search import Lane, lanes, share_out
 from missions.tree import Tree
 from missions.units import Cell, GridPoint
+
+_ORIGIN = GridPoint(0.0, 0.0)
+
+
+BRAKING_S = 8.0
+"""A vehicle that is not at rest by then is taken to be (blown about by the wind)."""
 
 
 class Phase(StrEnum):
@@ -39,7 +45,8 @@ class Errand(StrEnum):
     DONE = "done"
     BATTERY = "battery"
     RECALLED = "recalled"
-    CAMERA = "camera"
+    FAULT = "fault"
+    """Its camera is silent, or an order failed: it takes no more part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +57,8 @@ class VehicleState:
     layer_m: float
     phase: Phase = Phase.OFFLINE
     tracked_s: float = 0.0
-    home: GridPoint = GridPoint(0.0, 0.0)
-    position: GridPoint = GridPoint(0.0, 0.0)
+    home: GridPoint = _ORIGIN
+    position: GridPoint = _ORIGIN
     height_m: float = 0.0
     remaining_wh: float = 0.0
     drawn_w: float = 0.0
@@ -65,12 +72,22 @@ class VehicleState:
     at_target: bool = False
     """Whether it has arrived at its candidate or vertex."""
     landed: bool = True
+    in_vain: int = 0
+    """Sorties that the battery ended, since the last progress; the last counts itself."""
+    braking_until_s: float | None = None
+    """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
     note: str = ""
 
     @property
     def idle(self) -> bool:
         """Whether it waits for an order."""
         return self.order is None or isinstance(self.order, Hold)
+
+    def interrupted(self, t_s: float) -> VehicleState:
+        """This vehicle with its order taken back; from a leg it has to come to rest first."""
+        if isinstance(self.order, FlyTo | Sweep):
+            return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
+        return replace(self, order=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,4 +197,3 @@ class State:
             for number, v in self.vehicles.items()
             if v.vertex is not None and v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
         }
-

@@ -63,7 +63,7 @@ class Tree:
     @classmethod
     def of(cls, root: Cell, vertices: Mapping[Cell, Vertex]) -> Tree:
         """A tree from its facts."""
-        children: dict[Cell, tuple[Cell, ...]] = {cell: () for cell in vertices}
+        children: dict[Cell, tuple[Cell, ...]] = dict.fromkeys(vertices, ())
         below = dict.fromkeys(vertices, 0)
         for cell, vertex in sorted(vertices.items()):
             if vertex.parent is not None:

@@ -31,7 +31,6 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.grid import Grid
 from missions.homes import homes
 from missions.mission_file import Mission
 from missions.orders import (
@@ -363,6 +362,10 @@ class Fleet:
         self._stop(vehicle)
         self.post(Overridden(number, self._now(), "LOITER"))
 
+    def post_landed(self, number: int) -> None:
+        """The pilot has put it on the ground."""
+        self.post(Landed(number, self._now(), self.vehicles[number].wh))
+
     def give_back(self, number: int) -> None:
         """The pilot gives it back."""
         vehicle = self.vehicles[number]
@@ -408,5 +411,3 @@ class Fleet:
 def fleet(mission: Mission, roi: Collection[Cell], *, draw: float = 1.08) -> Fleet:
     """A fleet for a mission on a true ROI."""
     return Fleet(Setting.of(mission), roi, draw)
-
-

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -60,6 +61,7 @@ def mission(
     frames: int = 5,
     positive: int = 3,
     strategy: str = "rdfs",
+    interval_s: float = 0.25,
     margin_m: float = 2.0,
 ) -> Mission:
     """A checked mission from ground metres along the grid around the start."""
@@ -86,7 +88,7 @@ def mission(
         altitude_m = {altitude_m}
         speed_m_s = {speed_m_s}
         [camera]
-        interval_s = 0.25
+        interval_s = {interval_s}
         [votes]
         frames = {frames}
         positive = {positive}
@@ -126,22 +128,28 @@ def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
         float(rng.uniform(5, 14)),
     )
     hole_too = not drift and bool(rng.random() < 0.6)
+    speed_m_s = float(rng.choice([1.5, 5.0]))
+    # what the farthest place needs, and between a little and twice as much on top
+    away_m = math.hypot(max(abs(west_m), abs(west_m + width_m)) + 20, south_m + depth_m) + 25
+    sortie_s = 2.4 * away_m / speed_m_s + 30 + 3 * (12 + 6 * vehicles)
+    capacity_wh = sortie_s * 300 / 3600 * 1.15 / 0.85 * float(rng.uniform(1.0, 1.3))
     made = mission(
         square(west_m, south_m, width_m, depth_m),
         fence,
         [hole] if hole_too else [],
         vehicles=vehicles,
-        capacity_wh=float(rng.uniform(9, 20)) + 2.0 * vehicles,
-        speed_m_s=float(rng.choice([2.0, 5.0])),
-        drift_m_s=float(rng.uniform(0.1, 0.4)) if drift else 0.0,
+        capacity_wh=capacity_wh,
+        speed_m_s=speed_m_s,
+        drift_m_s=float(rng.uniform(0.05, 0.2)) if drift else 0.0,
         toward_deg=float(rng.uniform(0, 360)),
         strategy=str(rng.choice(["rdfs", "rdfs-paper"])),
+        interval_s=float(rng.choice([0.25, 1.0])),
     )
     seat = Cell(
         round((west_m + float(rng.uniform(0.2, 0.8)) * width_m) / CELL_M),
         round((south_m + float(rng.uniform(0.2, 0.8)) * depth_m) / CELL_M),
     )
-    grown = eden(int(rng.integers(4, 41)), rng)
+    grown = eden(int(rng.integers(4, 50)), rng)
     roi = frozenset(Cell(seat.east + e, seat.north + n) for e, n in grown)
     return Scenario(made, roi)
 

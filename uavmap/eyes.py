@@ -1,6 +1,6 @@
 """The camera of a vehicle, and what its frames say.
 
-    CAMERA_IMAGE_CAPTURED -> fetch -> frame -> look(frame, grid, detector) -> FrameSeen
+CAMERA_IMAGE_CAPTURED -> fetch -> frame -> look(frame, grid, detector) -> FrameSeen
 """
 
 from __future__ import annotations

@@ -45,7 +45,6 @@ class Journal:
                 "or choose another --out"
             )
         database = _connect(path)
-        database.execute("PRAGMA journal_mode = WAL")
         database.execute("PRAGMA synchronous = FULL")
         with database:  # all or nothing: a journal that exists has its tables and its mission
             database.execute("BEGIN")
@@ -57,6 +56,9 @@ class Journal:
                 "INSERT INTO meta VALUES (?, ?)",
                 [(key, json.dumps(value)) for key, value in meta.items()],
             )
+        # only now: in WAL mode the header would stay out of the file until the first checkpoint,
+        # and a journal is known by its header
+        database.execute("PRAGMA journal_mode = WAL")
         return cls(path, database)
 
     @classmethod
@@ -99,7 +101,7 @@ class Journal:
         with self._database:
             self._database.execute("BEGIN")
             self._database.execute(
-                "INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value",
+                "INSERT OR REPLACE INTO meta VALUES (?, ?)",
                 (key, json.dumps(value)),
             )
 

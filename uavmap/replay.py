@@ -87,9 +87,7 @@ def _upright(
 ) -> list[Frame]:
     """Turn back what a picture viewer has turned by 180 degrees, and say so."""
     upright = []
-    for frame, photo, turned in zip(
-        frames, photos, upside_down(frames, setting.grid), strict=True
-    ):
+    for frame, photo, turned in zip(frames, photos, upside_down(frames, setting.grid), strict=True):
         if turned:
             progress.say(
                 f"{photo.path.name}: stored upside down (it overlaps its neighbours only when "

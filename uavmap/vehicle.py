@@ -198,9 +198,7 @@ class MavlinkVehicle:
             if mode == GUIDED and self._view.armed:
                 self._overridden = False
                 self._commanded = GUIDED
-                self._report(
-                    Released(self.number, self._t_s(), self._position(), self._height_m())
-                )
+                self._report(Released(self.number, self._t_s(), self._position(), self._height_m()))
         elif mode != self._commanded and self._view.armed:
             self._overridden = True
             self._report(Overridden(self.number, self._t_s(), self._view.mode_name))
@@ -290,9 +288,7 @@ class MavlinkVehicle:
 
     async def _take_off(self, order: TakeOff) -> None:
         if not await self._session.until(lambda: self._view.ready_to_arm, READY_S):
-            raise LinkError(
-                f"not ready to arm within {READY_S:g} s{self._view.recent_texts()}"
-            )
+            raise LinkError(f"not ready to arm within {READY_S:g} s{self._view.recent_texts()}")
         for attempt in range(ARM_TRIES):
             try:
                 self._commanded = GUIDED
@@ -305,9 +301,7 @@ class MavlinkVehicle:
                 if attempt == ARM_TRIES - 1:
                     raise
                 await asyncio.sleep(ARM_PAUSE_S)
-        await self._session.command(
-            mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, order.height_m
-        )
+        await self._session.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, order.height_m)
         reached = order.height_m - CLIMB_TOLERANCE_M
         if not await self._session.until(
             lambda: self._view.height_m >= reached, 60.0 + 3.0 * order.height_m
@@ -332,9 +326,7 @@ class MavlinkVehicle:
         centre = self._grid.centre_of(cell)
         return lambda: self._grid.to_fixed(centre, self._now_s())
 
-    async def _reach(
-        self, target: Callable[[], GridPoint], height_m: float, *, stop: bool
-    ) -> None:
+    async def _reach(self, target: Callable[[], GridPoint], height_m: float, *, stop: bool) -> None:
         """Fly to a point that may move, until there (and slow, if it is to stop)."""
         drift_m_s = self._grid.drift_speed_m_s
         radius_m = STOP_RADIUS_M if stop else min(PASS_RADIUS_M, 0.5 * self._grid.cell_m)

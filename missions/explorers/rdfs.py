@@ -72,9 +72,7 @@ def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool,
     return (entered, sum(robots.get(child, 0) for child in branch))
 
 
-def _robots_below(
-    tree: Tree, at: Mapping[int, Cell], robot: int, v: Cell
-) -> Mapping[Cell, int]:
+def _robots_below(tree: Tree, at: Mapping[int, Cell], robot: int, v: Cell) -> Mapping[Cell, int]:
     """For every child of v the robots at or below it."""
     depth = tree.vertices[v].depth
     counts: dict[Cell, int] = {}

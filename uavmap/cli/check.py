@@ -79,7 +79,5 @@ def estimate(setting: Setting) -> dict[str, Any]:
 
 def _footprint(setting: Setting) -> tuple[float, float]:
     camera = setting.mission.camera
-    across_m = (
-        2.0 * setting.mission.altitude_m(0) * math.tan(math.radians(camera.hfov_deg) / 2.0)
-    )
+    across_m = 2.0 * setting.mission.altitude_m(0) * math.tan(math.radians(camera.hfov_deg) / 2.0)
     return across_m, across_m * camera.height_px / camera.width_px

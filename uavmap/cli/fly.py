@@ -6,6 +6,7 @@ import argparse
 import time
 from typing import Any
 
+from missions.errors import LinkError
 from missions.explorers import EXPLORERS
 from uavmap.cli.common import positive_float, positive_int, report, results_folder
 from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan, fly
@@ -76,8 +77,6 @@ def run(options: argparse.Namespace) -> int:
     if not options.sim and not urls:
         urls = tuple(v.url for v in mission.vehicles if v.url is not None)
     if not options.sim and len(urls) == 0:
-        from missions.errors import LinkError
-
         raise LinkError(
             f"{options.mission}: no vehicle to fly; give --connect URL (or vehicles.url in the "
             "mission file), or --sim for the simulator"

@@ -50,7 +50,5 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Resume."""
     folder = Path(options.folder)
-    summary = resume(
-        folder, Terminal(), urls=tuple(options.connect), from_home=options.from_home
-    )
+    summary = resume(folder, Terminal(), urls=tuple(options.connect), from_home=options.from_home)
     return report(summary, folder, as_json=options.json)

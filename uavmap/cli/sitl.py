@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import signal
 import sys
 from typing import Any
 
@@ -39,7 +40,11 @@ def add_parser(commands: Any) -> None:
         "--speedup", metavar="X", type=positive_float, default=1.0, help="times real time"
     )
     parser.add_argument(
-        "--port", metavar="P", type=positive_int, default=14550, help="of the first vehicle's client"
+        "--port",
+        metavar="P",
+        type=positive_int,
+        default=14550,
+        help="where the first client listens",
     )
     parser.add_argument(
         "--http-port", metavar="P", type=positive_int, default=8150, help="of the picture server"
@@ -66,18 +71,23 @@ def run(options: argparse.Namespace) -> int:
         for url in urls:
             print(url, flush=True)
 
-    try:
-        asyncio.run(
-            serve_vehicles(
-                mission,
-                options.seed,
-                speedup=options.speedup,
-                base_port=options.port,
-                http_port=options.http_port,
-                on_ready=ready,
-            )
+    async def serve() -> None:
+        task = asyncio.current_task()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, task.cancel if task else loop.stop)
+        await serve_vehicles(
+            mission,
+            options.seed,
+            speedup=options.speedup,
+            base_port=options.port,
+            http_port=options.http_port,
+            on_ready=ready,
         )
-    except KeyboardInterrupt:
+
+    try:
+        asyncio.run(serve())
+    except asyncio.CancelledError:
         print("uavmap: simulation ended", file=sys.stderr)
     except OSError as error:
         raise LinkError(

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import CommandRefused, LinkError
+from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.view import VehicleView
 
 Message = Any  # pymavlink carries no types
@@ -112,7 +112,7 @@ class Session:
     ) -> None:
         """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
 
-        Raises `CommandRefused` with what the vehicle said, `LinkError` when it stays silent.
+        Raises `CommandRefusedError` with what the vehicle said, `LinkError` when it stays silent.
         """
         filled = (*params, *([0.0] * (7 - len(params))))
 
@@ -149,9 +149,7 @@ class Session:
 
         await self._until_acknowledged(command, message)
 
-    async def _until_acknowledged(
-        self, command: int, message: Callable[[int], Message]
-    ) -> None:
+    async def _until_acknowledged(self, command: int, message: Callable[[int], Message]) -> None:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
             queue = self._acks[command] = asyncio.Queue()
@@ -164,7 +162,7 @@ class Session:
                     if ack.result == mav.MAV_RESULT_ACCEPTED:
                         return
                     await self._hear_why()
-                    raise CommandRefused(
+                    raise CommandRefusedError(
                         f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"
                         + self.view.recent_texts()
                     )

@@ -1,11 +1,11 @@
 """Connection URLs in the styles of MAVSDK and of pymavlink.
 
-    MAVSDK                              pymavlink, MAVProxy
-    udpin://0.0.0.0:14540               udpin:0.0.0.0:14550   udp:127.0.0.1:14550 (listens)
-    udpout://192.168.1.12:14550         udpout:192.168.1.12:14550
-    tcpout://192.168.1.12:5760          tcp:192.168.1.12:5760
-    tcpin://0.0.0.0:5760                tcpin:0.0.0.0:5760
-    serial:///dev/ttyACM0:57600         /dev/ttyACM0,57600
+MAVSDK                              pymavlink, MAVProxy
+udpin://0.0.0.0:14540               udpin:0.0.0.0:14550   udp:127.0.0.1:14550 (listens)
+udpout://192.168.1.12:14550         udpout:192.168.1.12:14550
+tcpout://192.168.1.12:5760          tcp:192.168.1.12:5760
+tcpin://0.0.0.0:5760                tcpin:0.0.0.0:5760
+serial:///dev/ttyACM0:57600         /dev/ttyACM0,57600
 """
 
 from __future__ import annotations

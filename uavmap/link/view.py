@@ -61,10 +61,10 @@ class VehicleView:
         """Note a message; False when it is not from our vehicle."""
         name = message.get_type()
         system, component = message.get_srcSystem(), message.get_srcComponent()
-        if name == "HEARTBEAT" and message.autopilot != mav.MAV_AUTOPILOT_INVALID:
-            if self.system_id in (0, system):
-                self.system_id = system
-                self.heard_s = now_s
+        autopilot = name == "HEARTBEAT" and message.autopilot != mav.MAV_AUTOPILOT_INVALID
+        if autopilot and self.system_id in (0, system):
+            self.system_id = system
+            self.heard_s = now_s
         if system != self.system_id:
             return False
         handler = _HANDLERS.get(name)

@@ -1,0 +1,184 @@
+"""Whole missions with a fake fleet: what must hold at every instant, and at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from missions.belief import Belief, FrameId
+from missions.events import Event, FrameSeen
+from missions.orders import Hold, TakeOff
+from missions.state import Phase
+from missions.step import fold
+from tests.arena import component
+from tests.fake_fleet import Fleet, fleet
+from tests.small_missions import Scenario, random_scenario, reachable
+
+SEEDS = range(24)
+DRIFT_SEEDS = range(10)
+KINDS = ["pilot", "link", "crash"]
+
+
+def flown(scenario: Scenario) -> Fleet:
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    flight.run()
+    return flight
+
+
+def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
+    """Everything that can be reached was looked from, and nothing else is on the map."""
+    state = flight.state
+    assert state.belief.roi <= scenario.roi
+    if state.tree is None:
+        assert state.exhausted
+        return
+    looked, mapped = reachable(flight.setting, scenario.roi, state.tree.root)
+    assert mapped <= state.belief.roi
+    assert {c for c in looked if c not in state.tree or not state.tree.has_looked(c)} == set()
+    assert state.abandoned.isdisjoint(looked)
+    assert state.completed == (looked == component(scenario.roi, state.tree.root))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_mission_ends_with_a_whole_map_and_everybody_safe(seed: int) -> None:
+    scenario = random_scenario(seed)
+    flight = flown(scenario)
+    assert flight.faults == []
+    assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
+    map_is_whole(flight, scenario)
+
+
+@pytest.mark.parametrize("seed", DRIFT_SEEDS)
+def test_a_drifting_region_is_mapped_whole(seed: int) -> None:
+    scenario = random_scenario(seed, drift=True)
+    flight = flown(scenario)
+    assert flight.faults == []
+    assert flight.state.completed
+    if flight.state.tree is not None:
+        assert component(scenario.roi, flight.state.tree.root) <= flight.state.belief.roi
+
+
+def test_the_batteries_are_swapped_somewhere() -> None:
+    """The scenarios would say nothing about batteries if one were always enough."""
+    swaps = [
+        sum(isinstance(order, TakeOff) for _, _, order in flight.orders) - len(flight.vehicles)
+        for flight in (flown(random_scenario(seed)) for seed in (6, 9, 16))
+    ]
+    assert all(count > 0 for count in swaps)
+
+
+def test_the_reserve_check_can_fail() -> None:
+    """A squall that nobody reckoned with, far from home, breaks the reserve."""
+    scenario = random_scenario(11)
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    farthest_s = next(t_s for t_s, _, order in flown(scenario).orders if isinstance(order, Hold))
+    flight.run(until=lambda f: f.t_s >= farthest_s)
+    flight.draw = 6.0
+    flight.run(until=lambda f: bool(f.faults))
+    faults = flight.faults
+    assert any("reserve" in fault or "fell" in fault for fault in faults)
+
+
+# --- interruptions ---------------------------------------------------------------------------
+def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Fleet:
+    """A flight with up to five interruptions of a kind at random moments."""
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    for _ in range(5):
+        until_s = flight.t_s + float(rng.uniform(3, 60))
+        flight.run(until=lambda f, end_s=until_s: f.t_s >= end_s)
+        if flight.state.over:
+            break
+        number = int(rng.integers(1, len(flight.vehicles) + 1))
+        pause_s = float(rng.uniform(2, 20))
+        if kind == "crash":
+            flight.crash_and_resume()
+        elif flight.state.vehicles[number].phase is not Phase.FINISHED:
+            (flight.take_over if kind == "pilot" else flight.cut_link)(number)
+            until_s = flight.t_s + pause_s
+            while flight.t_s < until_s:
+                flight.tick()
+            if kind == "pilot":
+                flight.give_back(number)
+            else:
+                flight.connect(flight.vehicles[number])
+    flight.run()
+    return flight
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(12))
+def test_interruptions_change_nothing_in_the_end(seed: int, kind: str) -> None:
+    scenario = random_scenario(100 + seed)
+    flight = interrupted(scenario, kind, np.random.default_rng([seed, KINDS.index(kind)]))
+    assert flight.faults == []
+    map_is_whole(flight, scenario)
+    for event in flight.events:
+        if isinstance(event, FrameSeen):
+            frame = FrameId(event.vehicle, event.t_s)
+            assert frame in flight.state.belief.looks[event.vantage]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed: int) -> None:
+    scenario = random_scenario(200 + seed)
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    when_s = float(np.random.default_rng(seed).uniform(2, 70))
+    flight.run(until=lambda f: f.t_s >= when_s)
+    flight.recall()
+    flight.run(600.0)
+    assert not any(v.flying for v in flight.vehicles.values())
+    flight.crash_and_resume()
+    flight.run()
+    assert flight.faults == []
+    map_is_whole(flight, scenario)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_one_lost_for_good_is_done_without(seed: int) -> None:
+    """A vehicle lands under its pilot and never comes back: the others finish its work."""
+    scenario = next(
+        s for s in (random_scenario(300 + 10 * seed + i) for i in range(10))
+        if len(s.mission.vehicles) > 1
+    )  # fmt: skip
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    flight.run(until=lambda f: f.t_s >= 12.0 + 7 * seed)
+    flight.take_over(1)
+    flight.tick()
+    lost = flight.vehicles[1]
+    lost.flying, lost.height_m = False, 0.0
+    flight.post_landed(1)
+    flight.run()
+    assert flight.faults == []
+    map_is_whole(flight, scenario)
+
+
+# --- the journal -----------------------------------------------------------------------------
+def belief_of(events: list[Event], empty: Belief) -> Belief:
+    belief = empty
+    for event in events:
+        if isinstance(event, FrameSeen):
+            votes = {vote.cell: vote.positive for vote in event.votes}
+            belief = belief.with_frame(event.vantage, FrameId(event.vehicle, event.t_s), votes)
+    return belief
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_same_frames_in_any_order_make_the_same_map(seed: int) -> None:
+    flight = flown(random_scenario(seed))
+    mission = flight.setting.mission
+    empty = Belief(mission.votes.frames, mission.votes.positive)
+    events = list(flight.events)
+    np.random.default_rng(seed).shuffle(events)  # type: ignore[arg-type]
+    assert belief_of(events, empty) == flight.state.belief
+
+
+def test_the_same_scenario_twice_gives_the_same_events_and_orders() -> None:
+    once, again = flown(random_scenario(6)), flown(random_scenario(6))
+    assert once.events == again.events
+    assert once.orders == again.orders
+    assert fold(once.setting, once.events) == once.state

@@ -1,0 +1,440 @@
+"""Single situations of `step`: what one event changes, and what is ordered after it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from missions.apply import apply
+from missions.events import (
+    Airborne,
+    Arrived,
+    BatterySwapped,
+    Connected,
+    Event,
+    FrameSeen,
+    Landed,
+    LinkLost,
+    LookEnded,
+    OrderFailed,
+    Overridden,
+    Recalled,
+    Released,
+    Resumed,
+    Tracked,
+    Vote,
+    from_json,
+    to_json,
+)
+from missions.mission_file import Mission
+from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, Order, StandDown, Sweep, TakeOff
+from missions.state import Errand, Phase, Setting, State
+from missions.step import Orders, step
+from missions.tree import Tree
+from missions.units import Cell, GridPoint
+from tests.fake_fleet import fleet
+from tests.small_missions import mission, square
+
+HOME = GridPoint(0.0, 0.0)
+ROOT = Cell(2, 6)
+
+
+class Service:
+    """Events in, orders out, and the state between."""
+
+    def __init__(self, made: Mission) -> None:
+        self.setting = Setting.of(made)
+        self.state = State.initial(self.setting)
+        self.now_s = 0.0
+
+    def post(self, *events: Event) -> Orders:
+        orders: Orders = ()
+        for event in events:
+            self.now_s = max(self.now_s, event.t_s)
+            self.state, orders = step(self.setting, self.state, event)
+        return orders
+
+    def connect(self, vehicle: int = 1, *, at: GridPoint = HOME, height_m: float = 0.0) -> Orders:
+        wh = self.setting.mission.battery.capacity_wh
+        t_s = self.now_s
+        return self.post(Connected(vehicle, t_s, at, at, height_m, height_m > 0.0, True, wh))
+
+    def track(self, vehicle: int, at: GridPoint, height_m: float = 12.0) -> Orders:
+        self.now_s += 1.0
+        wh = self.state.vehicles[vehicle].remaining_wh - 0.1
+        return self.post(Tracked(vehicle, self.now_s, at, height_m, wh))
+
+    def order(self, vehicle: int = 1) -> Order | None:
+        return self.state.vehicles[vehicle].order
+
+    def exploring(self, vehicle: int = 1, *, at: Cell = ROOT) -> None:
+        """As if the ROI had just been found and the vehicle hovered over its root."""
+        here = self.setting.grid.centre_of(at)
+        state = replace(self.state, tree=Tree.rooted(at), found_s=self.now_s)
+        there = replace(
+            state.vehicles[vehicle],
+            phase=Phase.AIRBORNE, landed=False, vertex=at, at_target=True, order=None,
+            position=here, height_m=12.0, lanes=(),
+            remaining_wh=self.setting.mission.battery.capacity_wh,
+        )  # fmt: skip
+        self.state = state.with_vehicle(there)
+        self.track(vehicle, here)
+
+
+def frame(
+    vehicle: int, t_s: float, vantage: Cell, *positive: Cell, of: tuple[Cell, ...] | None = None
+) -> FrameSeen:
+    cells = of if of is not None else vantage.cross()
+    votes = tuple(Vote(c, c in positive, float(c in positive)) for c in cells)
+    return FrameSeen(vehicle, t_s, vantage, votes)
+
+
+@pytest.fixture
+def service() -> Service:
+    return Service(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0))
+
+
+@pytest.fixture
+def pair() -> Service:
+    made = mission(
+        square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0, vehicles=2
+    )
+    return Service(made)
+
+
+# --- taking off, searching -------------------------------------------------------------------
+def test_a_sortie_begins_with_take_off_flight_and_sweep(service: Service) -> None:
+    assert service.connect() == ((1, TakeOff(12.0)),)
+    ((_, leg),) = service.post(Airborne(1, 8.0))
+    assert isinstance(leg, FlyTo)
+    ((_, sweep),) = service.post(Arrived(1, 12.0, leg.route[-1]))
+    assert sweep == Sweep(service.setting.lanes[0][1], 4.0, 12.0)
+
+
+def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    start = service.setting.lanes[0][0]
+    service.post(Arrived(1, 12.0, start))
+    suspect = Cell(0, 6)
+    service.post(frame(1, 14.0, suspect, suspect))
+    assert service.order() == Hold()  # it comes to rest first
+    service.track(1, start)
+    service.track(1, start)
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.cell == suspect
+    t_s = service.now_s
+    service.post(Arrived(1, t_s, service.setting.grid.centre_of(suspect)))
+    assert service.order() == Look(suspect, 15, 12.0)
+    for i in range(5):
+        service.post(frame(1, t_s + 1 + i, suspect, suspect, Cell(0, 7)))
+    assert service.state.tree is not None
+    assert service.state.tree.root == suspect
+    assert service.state.tree.children(suspect) == (Cell(0, 7),)
+    assert service.state.found_s == t_s + 4  # the search frame over the cell counts
+
+
+def test_a_box_without_roi_is_exhausted_which_is_a_result(service: Service) -> None:
+    flight = fleet(service.setting.mission, roi=())
+    flight.start()
+    flight.run()
+    assert flight.state.exhausted
+    assert flight.state.completed
+    assert flight.state.belief.roi == frozenset()
+
+
+def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sortie(
+    service: Service,
+) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
+    low_wh = service.setting.energy.reserve_wh
+    service.post(Tracked(1, 13.0, service.setting.lanes[0][0], 12.0, low_wh))
+    assert service.state.vehicles[1].errand is Errand.BATTERY
+    service.post(frame(1, 13.5, Cell(0, 6), Cell(0, 6)))
+    assert service.state.vehicles[1].candidate == Cell(0, 6)
+    assert service.state.vehicles[1].errand is Errand.BATTERY
+
+
+def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Service) -> None:
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    suspect = Cell(0, 6)
+    dropped = replace(pair.state.vehicles[1], candidate=suspect, lanes=())
+    pair.state = pair.state.with_vehicle(dropped)
+    pair.state = pair.state.with_vehicle(replace(pair.state.vehicles[2], lanes=()))
+    pair.post(OrderFailed(1, 1.0, "take off", "no arming"))
+    pair.post(Airborne(2, 12.0))
+    pair.track(2, GridPoint(8.0, 0.0), 18.0)
+    assert not pair.state.exhausted
+    assert pair.state.vehicles[2].candidate == suspect
+
+
+def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
+    """The fence is two halves with a gap: the box lies in the one, home in the other."""
+    wall = square(-60, 10, 160, 4)
+    made = mission(square(0, 20, 30, 20), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
+    flight = fleet(made, roi={Cell(2, 7)})
+    flight.start()
+    flight.run(300.0)
+    assert flight.faults == []
+    assert flight.state.belief.roi == frozenset()
+
+
+def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
+    made = mission(
+        square(-140, 20, 280, 8), square(-200, -60, 400, 160), capacity_wh=14.0, speed_m_s=5.0
+    )
+    flight = fleet(made, roi=())
+    flight.start()
+    flight.run()
+    assert flight.faults == []
+    assert flight.state.exhausted
+    assert sum(isinstance(order, TakeOff) for _, _, order in flight.orders) > 1
+
+
+# --- exploring -------------------------------------------------------------------------------
+def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
+    service.exploring()
+    for t in range(5):
+        service.post(frame(1, 20.0 + t, ROOT, ROOT))
+    assert service.state.tree is not None
+    assert service.state.tree.is_explored(ROOT)
+    north = Cell(ROOT.east, ROOT.north + 1)
+    for t in range(3):
+        service.post(frame(1, 30.0 + t, ROOT, ROOT, north))
+    assert service.state.tree.children(ROOT) == (north,)
+    assert not service.state.mapped
+
+
+def test_a_look_that_ends_early_leaves_the_cell_undecided(service: Service) -> None:
+    service.exploring()
+    service.post(frame(1, 20.0, ROOT, ROOT, of=(ROOT,)), LookEnded(1, 21.0))
+    assert service.state.undecided == {ROOT}
+    assert service.state.mapped
+    assert not service.state.completed
+
+
+def test_a_silent_camera_brings_the_vehicle_home_for_good(service: Service) -> None:
+    service.exploring()
+    service.post(LookEnded(1, 21.0))
+    vehicle = service.state.vehicles[1]
+    assert vehicle.errand is Errand.FAULT
+    assert isinstance(vehicle.order, FlyTo)
+    service.post(Arrived(1, 25.0, HOME))
+    assert service.order() == Land()
+    service.post(Landed(1, 40.0, 50.0))
+    assert service.state.vehicles[1].phase is Phase.FAILED
+
+
+def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() -> None:
+    """It was looked from; its child is still inside. (This once recursed for ever.)"""
+    made = mission(
+        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
+        drift_m_s=0.4, toward_deg=0.0,
+    )  # fmt: skip
+    service = Service(made)
+    root, far, near = Cell(0, 20), Cell(0, 21), Cell(0, 19)
+    service.exploring(at=root)
+    tree = Tree.rooted(root).looked(root, [far, near]).looked(far, [])
+    vehicle = replace(service.state.vehicles[1], vertex=root, at_target=False, order=None)
+    late = replace(service.state, tree=tree, t_s=50.0).with_vehicle(vehicle)
+    assert not service.setting.fence.allows(
+        service.setting.grid.to_fixed(service.setting.grid.centre_of(root), 70.0)
+    )
+    service.state, service.now_s = late, 70.0
+    for _ in range(6):
+        service.track(1, GridPoint(0.0, 90.0))
+    assert service.state.tree is not None
+    assert root not in service.state.abandoned
+    assert service.state.mapped or service.state.vehicles[1].vertex == near
+
+
+def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
+    made = mission(square(-10, 16, 40, 20), square(-60, -60, 160, 100), capacity_wh=60.0)
+    flight = fleet(made, roi={Cell(0, n) for n in range(5, 14)})
+    flight.start()
+    flight.run()
+    assert flight.faults == []
+    assert flight.state.mapped
+    assert not flight.state.completed
+    assert flight.state.abandoned == {Cell(0, 10)}
+
+
+# --- other hands -----------------------------------------------------------------------------
+def test_nothing_is_ordered_while_a_pilot_flies(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    assert service.post(Overridden(1, 9.0, "LOITER")) == ((1, StandDown()),)
+    stale = (
+        Arrived(1, 9.5, HOME),
+        Airborne(1, 9.6),
+        BatterySwapped(1, 9.7, 60.0),
+        frame(1, 9.8, Cell(0, 6), Cell(0, 6)),
+    )
+    for event in stale:
+        assert service.post(event) == ()
+        assert service.state.vehicles[1].phase is Phase.YIELDED
+    assert not service.state.vehicles[1].at_target
+
+
+def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None:
+    service.connect()
+    service.post(OrderFailed(1, 2.0, "take off", "no arming"))
+    assert service.post(BatterySwapped(1, 60.0, 60.0)) == ()
+    assert service.state.vehicles[1].phase is Phase.FAILED
+
+
+def test_given_back_on_the_ground_it_takes_off_first(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0))
+    assert service.post(Released(1, 60.0, HOME, 0.2)) == ((1, TakeOff(12.0)),)
+
+
+def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    at = GridPoint(3.0, 9.0)
+    assert service.post(Released(1, 20.0, at, 12.0)) == ((1, Hold()),)
+    service.track(1, at)
+    assert isinstance(service.order(), FlyTo)
+
+
+def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
+    service.connect()
+    service.track(1, HOME, 4.0)
+    service.post(Overridden(1, service.now_s + 0.5, "LOITER"))
+    assert not service.state.vehicles[1].landed
+    assert not service.state.over
+
+
+def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    service.post(OrderFailed(1, 9.0, "fly to", "denied"))
+    assert service.state.vehicles[1].errand is Errand.FAULT
+    service.track(1, HOME)
+    service.track(1, HOME)
+    assert service.order() == Land()
+
+
+def test_a_lost_link_is_taken_up_where_the_vehicle_is(service: Service) -> None:
+    service.exploring()
+    assert service.post(LinkLost(1, 20.0)) == ((1, StandDown()),)
+    here = GridPoint(8.0, 24.0)
+    service.now_s = 30.0
+    service.connect(at=here, height_m=12.0)
+    service.track(1, here)
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.cell == ROOT
+
+
+def test_half_way_down_over_home_it_lands_without_climbing_first(service: Service) -> None:
+    service.exploring()
+    low_wh = service.setting.energy.reserve_wh + 1.0
+    service.post(Resumed(20.0))
+    service.post(Connected(1, 21.0, HOME, HOME, 3.0, True, True, low_wh))
+    service.post(Tracked(1, 22.0, HOME, 3.0, low_wh))
+    assert service.order() == Land()
+
+
+# --- coming home -----------------------------------------------------------------------------
+def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Service) -> None:
+    service.exploring()
+    far = service.setting.grid.centre_of(ROOT)
+    service.post(Tracked(1, 30.0, far, 12.0, service.setting.energy.reserve_wh + 2.0))
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.route[-1] == HOME
+    service.post(Arrived(1, 40.0, HOME))
+    assert service.order() == Land()
+    service.post(Landed(1, 60.0, 10.0))
+    assert service.order() == AwaitBattery()
+    assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
+    service.post(Airborne(1, 98.0))
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.cell == ROOT
+
+
+def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> None:
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.post(Airborne(1, 8.0), Recalled(9.0))
+    assert pair.state.vehicles[2].phase in (Phase.GROUNDED, Phase.FINISHED)
+    assert pair.state.vehicles[1].errand is Errand.RECALLED
+    pair.post(Airborne(2, 12.0)) if pair.state.vehicles[2].phase is Phase.GROUNDED else None
+    pair.post(Resumed(100.0))
+    assert not pair.state.recalled
+    assert {v.phase for v in pair.state.vehicles.values()} == {Phase.OFFLINE}
+
+
+# --- keeping apart ---------------------------------------------------------------------------
+def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
+    pair.connect(1)
+    leg = FlyTo((GridPoint(30.0, 0.0),), None, stop=True, height_m=12.0)
+    low = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=leg, position=GridPoint(-30.0, 0.0),
+        height_m=12.0,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(low)
+    assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
+    pair.track(1, GridPoint(16.0, 0.0))
+    assert pair.order(2) == TakeOff(18.0)
+
+
+def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
+    """Its last report is a second old, and it needs metres to stop."""
+    pair.connect(1)
+    braking = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=Hold(), position=GridPoint(0.0, 0.0),
+        height_m=12.0, braking_until_s=9.0,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(braking)
+    assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
+
+
+def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
+    made = mission(
+        square(-10, 16, 40, 30), square(-60, -60, 160, 160),
+        capacity_wh=40.0, vehicles=3, layer_m=4.5,
+    )  # fmt: skip
+    flight = fleet(made, roi={Cell(e, n) for e in range(3, 6) for n in range(6, 10)})
+    flight.start()
+    flight.run(900.0)
+    assert flight.faults == []
+    assert flight.state.completed
+
+
+# --- the journal -----------------------------------------------------------------------------
+def test_every_event_survives_its_text() -> None:
+    made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0)
+    flight = fleet(made, roi={Cell(2, 6), Cell(2, 7)})
+    flight.start()
+    flight.run()
+    events: list[Event] = [
+        *flight.events,
+        Overridden(1, 1.0, "RTL"),
+        Released(1, 2.0, HOME, 3.0),
+        LinkLost(1, 3.0),
+        OrderFailed(1, 4.0, "take off", "no"),
+        Recalled(5.0),
+        Resumed(6.0),
+    ]
+    for event in events:
+        again = from_json(to_json(event))
+        assert again == event
+        assert type(again) is type(event)
+        assert to_json(again) == to_json(event)
+
+
+def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
+    service.connect()
+    before, text = service.state, repr(service.state)
+    apply(service.setting, before, Airborne(1, 8.0))
+    assert repr(before) == text
