@@ -148,7 +148,7 @@ def _(event: Arrived, vehicle: VehicleState) -> VehicleState:
         return replace(arrived, at_target=True)
     if vehicle.on_lane:
         return replace(arrived, lanes=vehicle.lanes[1:], on_lane=False, in_vain=0)
-    return replace(arrived, on_lane=True)
+    return replace(arrived, on_lane=bool(vehicle.lanes))
 
 
 @_changed.register

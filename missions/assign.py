@@ -186,7 +186,12 @@ def _search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if not vehicle.lanes:
         state = _find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
-        return state if vehicle.lanes or vehicle.candidate else _hold(state, vehicle)
+        if not _idle_in_search(vehicle):
+            return state
+        if vehicle.position.distance_to(vehicle.home) <= OVER_HOME_M:
+            return _hold(state, vehicle)
+        # it waits over its own pad, where it is not in the way of anybody who has to land
+        return _give(setting, state, vehicle, _home_order(setting, vehicle))
     start, end = vehicle.lanes[0]
     if vehicle.on_lane and setting.fence.allows_leg(vehicle.position, end):
         # flown as far as the battery lasts; the next sortie takes up the rest

@@ -15,6 +15,8 @@ LANDING_SPEED_M_S = 0.5
 CLIMB_SPEED_M_S = 1.5
 LANDING_OVERHEAD_S = 12.0
 """Braking, turning, and touch-down detection."""
+AIRSPEED_LIMIT_M_S = 12.0
+"""What a mapping multicopter can hold; ArduCopter's tilt limit allows more to most."""
 NOMINAL_MARGIN = 1.15
 """Flying draws more than hovering."""
 MEASURED_MARGIN = 1.1
@@ -59,11 +61,11 @@ class EnergyModel:
     def leg_s(self, distance_m: float) -> float:
         """Time for a leg from rest to rest.
 
-        A multicopter holds its ground speed against the wind by tilting, at a higher power; the
-        worst case taken is a head wind that eats a quarter of its own speed from the ground
-        speed, to no less than half.
+        A multicopter holds its ground speed against a head wind by tilting, at a higher power,
+        as long as the two together stay below the airspeed that it can fly.
         """
-        speed = max(self.speed_m_s - 0.25 * self.wind_m_s, 0.5 * self.speed_m_s)
+        against_wind = max(AIRSPEED_LIMIT_M_S - self.wind_m_s, 0.5)
+        speed = min(self.speed_m_s, against_wind)
         return distance_m / speed + speed / self.accel_m_s2
 
     def leg_wh(self, distance_m: float, drawn_w: float = 0.0) -> float:

@@ -61,7 +61,7 @@ def run(
     Raises:
         AssertionError: for a move that is not along an edge of the tree, or too many rounds.
     """
-    tree = look(tree if tree is not None else Tree.rooted(start), start, roi)
+    known = look(tree if tree is not None else Tree.rooted(start), start, roi)
     at = dict.fromkeys(range(robots), start)
     limit = limit if limit is not None else 50 * (len(roi) + 1)
     moves: list[dict[int, Cell]] = []
@@ -69,21 +69,21 @@ def run(
     while True:
         rounds += 1
         assert rounds < limit, "the explorer does not come to an end"
-        present = set(range(robots) if team is None else team(rounds, tree))
-        asked = [r for r in sorted(present) if not _done(tree, at[r])]
-        if not asked and (team is None or all(_done(tree, cell) for cell in at.values())):
-            return Run(len(moves), tree, tuple(moves), at)
-        answer = explorer.moves(tree, {r: at[r] for r in sorted(present)}, asked)
+        present = set(range(robots) if team is None else team(rounds, known))
+        asked = [r for r in sorted(present) if not _done(known, at[r])]
+        if not asked and (team is None or all(_done(known, cell) for cell in at.values())):
+            return Run(len(moves), known, tuple(moves), at)
+        answer = explorer.moves(known, {r: at[r] for r in sorted(present)}, asked)
         moved = {r: cell for r, cell in answer.items() if cell is not None}
         for robot, cell in moved.items():
-            known = (*tree.children(at[robot]), tree.parent(at[robot]))
-            assert cell in known, f"robot {robot} jumps from {at[robot]} to {cell}"
+            near = (*known.children(at[robot]), known.parent(at[robot]))
+            assert cell in near, f"robot {robot} jumps from {at[robot]} to {cell}"
             at[robot] = cell
         if moved:
             moves.append(moved)
-        for cell in sorted(set(moved.values()), key=lambda c: (tree.vertices[c].depth, c)):
-            if not tree.has_looked(cell):
-                tree = look(tree, cell, roi)
+        for cell in sorted(set(moved.values()), key=lambda c: (known.vertices[c].depth, c)):
+            if not known.has_looked(cell):
+                known = look(known, cell, roi)
 
 
 def _done(tree: Tree, cell: Cell) -> bool:

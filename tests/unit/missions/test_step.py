@@ -195,6 +195,29 @@ def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
     assert sum(isinstance(order, TakeOff) for _, _, order in flight.orders) > 1
 
 
+def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None:
+    """Below somebody else's column it would keep a vehicle with a low battery from landing."""
+    pad = GridPoint(8.0, 0.0)
+    pair.connect(1)
+    pair.connect(2, at=pad)
+    idle = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=None, position=pad, height_m=12.0, lanes=(),
+    )  # fmt: skip
+    full = pair.state.vehicles[2]
+    landing = replace(
+        full,
+        phase=Phase.AIRBORNE, landed=False, order=Hold(), errand=Errand.BATTERY, over_home=True,
+        position=pad, height_m=18.0, lanes=full.lanes[-1:],
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(idle).with_vehicle(landing)
+    pair.track(2, pad, 18.0)
+    assert isinstance(pair.order(1), FlyTo)
+    pair.post(Arrived(1, pair.now_s + 2.0, HOME))
+    assert pair.order(1) == Hold()
+    assert pair.order(2) == Land()
+
+
 # --- exploring -------------------------------------------------------------------------------
 def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
     service.exploring()
