@@ -63,6 +63,7 @@ def _resume(state: State) -> State:
             over_home=False,
             at_target=False,
             vertex=v.vertex or root,
+            cleared=True,
             note="",
         )
         for number, v in state.vehicles.items()
@@ -104,9 +105,14 @@ def _(event: Connected, vehicle: VehicleState) -> VehicleState:
 @_changed.register
 def _(event: Airborne, vehicle: VehicleState) -> VehicleState:
     if vehicle.phase is not Phase.GROUNDED:  # somebody else has it by now
-        return replace(vehicle, landed=False)
+        return replace(vehicle, landed=False, cleared=False)
     return replace(
-        vehicle, phase=Phase.AIRBORNE, height_m=vehicle.layer_m, order=None, landed=False
+        vehicle,
+        phase=Phase.AIRBORNE,
+        height_m=vehicle.layer_m,
+        order=None,
+        landed=False,
+        cleared=False,
     )
 
 
@@ -189,6 +195,7 @@ def _(event: BatterySwapped, vehicle: VehicleState) -> VehicleState:
         drawn_w=0.0,
         order=None,
         errand=None,
+        cleared=True,
     )
 
 

@@ -8,6 +8,7 @@ air that another vehicle claims.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -129,6 +130,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         )
     if not vehicle.idle:
         return state
+    if not vehicle.cleared:
+        return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
     if state.tree is None and _idle_in_search(vehicle):
         state = _find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
@@ -362,7 +365,34 @@ def _give(setting: Setting, state: State, vehicle: VehicleState, order: Order) -
     ]
     if is_free(volume, others, distance_m):
         return state.with_vehicle(replace(vehicle, order=order))
+    if isinstance(order, FlyTo) and vehicle.errand is not None:
+        for detour in _detours(setting, vehicle, order, others):
+            if is_free(_volume(setting, state, vehicle, detour), others, distance_m):
+                return state.with_vehicle(replace(vehicle, order=detour))
     return state if vehicle.landed else _hold(state, vehicle)
+
+
+def _detours(
+    setting: Setting, vehicle: VehicleState, order: FlyTo, others: Sequence[Volume]
+) -> list[FlyTo]:
+    """Ways home round the columns of others, the shortest first.
+
+    A landing takes half a minute, which who comes home for a battery cannot always wait.
+    """
+    fence, away_m = setting.fence, 2 * _distance_m(setting)
+    ways = []
+    for centre in {volume.path[0] for volume in others if len(set(volume.path)) == 1}:
+        for eighth in range(8):
+            turn_rad = eighth * math.tau / 8
+            via = GridPoint(
+                centre.east_m + away_m * math.sin(turn_rad),
+                centre.north_m + away_m * math.cos(turn_rad),
+            )
+            there, back = fence.route(vehicle.position, via), fence.route(via, vehicle.home)
+            if there is not None and back is not None:
+                ways.append((*there, *back))
+    ways.sort(key=lambda way: (route_length_m(vehicle.position, way), way))
+    return [replace(order, route=way) for way in ways]
 
 
 def _distance_m(setting: Setting) -> float:

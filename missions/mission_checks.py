@@ -25,7 +25,7 @@ from missions.mission_file import Mission, Vertex, parse_fields, positions
 from missions.units import GridPoint, LatLon
 
 STRATEGIES = ("rdfs", "rdfs-paper")
-DETECTORS = ("threshold",)
+DETECTORS = ("threshold", "paved")
 
 FARTHEST_M = 50_000.0
 """No place of a mission lies farther from its start: nothing here flies that far."""

@@ -60,7 +60,7 @@ class Land:
 
 @dataclass(frozen=True, slots=True)
 class AwaitBattery:
-    """Wait on the ground until the battery is fresh. Ends with `BatterySwapped`."""
+    """Wait on the ground for a fresh battery and the crew's word. Ends with `BatterySwapped`."""
 
 
 @dataclass(frozen=True, slots=True)

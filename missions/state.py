@@ -72,6 +72,9 @@ class VehicleState:
     at_target: bool = False
     """Whether it has arrived at its candidate or vertex."""
     landed: bool = True
+    cleared: bool = True
+    """Whether the operator has cleared it for take-off; a flight uses the clearance up, a battery
+    swap or a resume renews it. Nothing takes off beside people because a link came back."""
     in_vain: int = 0
     """Sorties that the battery ended, since the last progress; the last counts itself."""
     braking_until_s: float | None = None

@@ -47,7 +47,7 @@ class Tree:
     >>> tree.state(Cell(0, 0)).value, tree.state(Cell(1, 0)).value
     ('under exploration', 'unexplored')
     >>> tree.children(Cell(0, 0))
-    (Cell(east=1, north=0), Cell(east=0, north=1))
+    (Cell(east=0, north=1), Cell(east=1, north=0))
     """
 
     root: Cell

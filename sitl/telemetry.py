@@ -87,6 +87,11 @@ def _int32(value: float) -> int:
     return _clamp(value, -(2**31), 2**31 - 1)
 
 
+IDENTITY = (0x5541, 0x534D)
+"""vendor_id and product_id in AUTOPILOT_VERSION: a client that knows them knows that nobody stands
+beside the propellers."""
+
+
 class Telemetry:
     """Builds messages from an autopilot whose plane has its origin at `amsl_m`."""
 
@@ -277,9 +282,9 @@ class Telemetry:
         return None
 
     def autopilot_version(self) -> Message:
-        """AUTOPILOT_VERSION of an ArduCopter 4.6."""
+        """AUTOPILOT_VERSION of an ArduCopter 4.6, with the simulator's own vendor and product."""
         return mav.MAVLink_autopilot_version_message(
-            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0
+            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, *IDENTITY, 0
         )
 
     def wind(self) -> Message:

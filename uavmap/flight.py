@@ -22,10 +22,11 @@ from missions.errors import JournalError, LinkError, MissionFileError
 from missions.events import Event, Resumed
 from missions.mission_checks import check
 from missions.mission_file import Mission, VehicleSection
-from missions.state import Setting, State
+from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap import __version__
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.crew import Crew
 from uavmap.eyes import Classifier, Eyes, Fetch
 from uavmap.journal import Journal
 from uavmap.link.session import Session
@@ -61,6 +62,8 @@ class FlightPlan:
     speedup: float | None
     epoch_utc_s: float
     version: str = __version__
+    auto_swap: bool = False
+    """Whether a fresh battery alone allows take-off: for simulators, where nobody stands near."""
     rehomed: bool = False
     """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
 
@@ -234,6 +237,8 @@ class _Flight:
     # --- both ------------------------------------------------------------------------------
     async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
         classifier = Classifier.of(self._setting.mission, self._setting.grid)
+        automatic = self._plan.simulated or self._plan.auto_swap
+        crew = Crew(self._progress.say, automatic=automatic)
         vehicles = {
             number: MavlinkVehicle(
                 number,
@@ -243,10 +248,20 @@ class _Flight:
                 self._setting.mission,
                 self._setting.grid,
                 self._now_s,
+                crew.swap,
             )
             for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
         }
-        service = Service(self._setting, self._journal, vehicles, self._state, self._observe)
+
+        def observe(event: Event, state: State) -> None:
+            self._progress.update(event, state, again=self._journal.expected)
+            if crew.absent and _all_wait(state, crew.waiting):
+                self._progress.say(
+                    f"swap the batteries, then `uavmap resume {self._folder}` goes on"
+                )
+                service.stop()
+
+        service = Service(self._setting, self._journal, vehicles, self._state, observe)
         if self._resumed:
             service.post(Resumed(round(self._now_s(), 3)))
         self._progress.begin(self._setting, again=self._again)
@@ -255,9 +270,6 @@ class _Flight:
         with self._recall_on_interrupt(service):
             self._state = await service.fly()
         self._progress.end()
-
-    def _observe(self, event: Event, state: State) -> None:
-        self._progress.update(event, state, again=self._journal.expected)
 
     @contextlib.contextmanager
     def _recall_on_interrupt(self, service: Service) -> Any:
@@ -274,6 +286,7 @@ class _Flight:
         def interrupted() -> None:
             if service.state.recalled and task is not None:
                 task.cancel()
+                return
             self._progress.say(
                 "coming home and landing; press Ctrl-C again to leave the aircraft as they are"
             )
@@ -288,6 +301,14 @@ class _Flight:
         finally:
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
+
+
+def _all_wait(state: State, waiting: set[int]) -> bool:
+    """Whether everybody who is not done waits for a battery that nobody here will announce."""
+    return bool(waiting) and all(
+        number in waiting or v.phase in (Phase.FINISHED, Phase.FAILED)
+        for number, v in state.vehicles.items()
+    )
 
 
 @contextlib.asynccontextmanager

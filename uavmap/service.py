@@ -67,6 +67,10 @@ class Service:
         if not self.state.recalled:
             self.post(Recalled(self.state.t_s))
 
+    def stop(self) -> None:
+        """End the flight as it is; the journal tells how to go on."""
+        self._over.set()
+
     async def fly(self) -> State:
         """Fly until nobody has anything more to do. Returns the final state."""
         async with asyncio.TaskGroup() as tasks:

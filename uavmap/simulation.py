@@ -24,11 +24,14 @@ from missions.state import Setting
 from missions.units import GridPoint, LatLon
 from sitl.camera import CameraSpec
 from sitl.server import serve
+from sitl.telemetry import IDENTITY
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world import Patch, World, WorldSpec
 from uavmap.link.session import Session
 
 STEP_S = 0.05
+SIMULATOR_IDENTITY = IDENTITY
+"""How the bundled simulator is told from an aircraft, over whatever link."""
 _LOOK_EVERY_STEPS = 2
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -47,8 +47,11 @@ from missions.units import Cell, GridPoint
 from uavmap.eyes import Eyes, Frames
 from uavmap.link.session import Message, Session
 from uavmap.link.view import GUIDED, LAND
+from uavmap.simulation import SIMULATOR_IDENTITY
 
 Report = Callable[[Event], None]
+Crew = Callable[[int], Awaitable[None]]
+"""Returns once the people on the ground have swapped a vehicle's battery and stand clear."""
 
 HEARTBEAT_S: Final = 1.0
 LINK_LOST_S: Final = 5.0
@@ -63,7 +66,7 @@ DRIFT_RESEND_S: Final = 0.5
 CLIMB_TOLERANCE_M: Final = 0.4
 STOP_RADIUS_M: Final = 0.7
 PASS_RADIUS_M: Final = 2.0
-FULL: Final = 0.97
+FULL: Final = 0.9
 """From this part of its capacity on a battery counts as fresh."""
 
 _STREAMS: Final = {
@@ -87,7 +90,9 @@ class MavlinkVehicle:
         mission: Mission,
         grid: Grid,
         mission_time_s: Callable[[], float],
+        crew: Crew,
     ) -> None:
+        self._crew = crew
         self.number = number
         self.name = name
         self._session = session
@@ -122,6 +127,7 @@ class MavlinkVehicle:
             )
         for message_id, rate_hz in _STREAMS.items():
             await session.message_interval(message_id, rate_hz)
+        session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         while view.home is None or view.position is None or self._remaining_wh() is None:
             session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
             if not await session.until(self._knows_itself, 5.0) and not self._hears():
@@ -391,6 +397,8 @@ class MavlinkVehicle:
         # touch-down and disarming are watched for all the time
 
     async def _await_battery(self) -> None:
+        if self._view.identity != SIMULATOR_IDENTITY:
+            await self._crew(self.number)
         full_wh = FULL * self._mission.battery.capacity_wh
         await self._session.until(lambda: (self._remaining_wh() or 0.0) >= full_wh)
         self._report(BatterySwapped(self.number, self._t_s(), self._remaining()))

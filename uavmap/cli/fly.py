@@ -64,6 +64,12 @@ def add_parser(commands: Any) -> None:
         type=positive_float,
         help="times real time; with --sim the default is as fast as it goes, with --connect 1",
     )
+    parser.add_argument(
+        "--auto-swap",
+        action="store_true",
+        help="take off again as soon as a battery is fresh, unasked; only for simulators "
+        "(the bundled one is recognised)",
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -89,6 +95,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         urls=urls,
         speedup=options.speedup,
+        auto_swap=options.auto_swap,
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
     plan.mission()  # say what is wrong before a folder is made

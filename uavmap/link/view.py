@@ -54,6 +54,8 @@ class VehicleView:
     ekf_flags: int = 0
     battery_percent: int | None = None
     energy_consumed_j: float | None = None
+    identity: tuple[int, int] | None = None
+    """vendor_id and product_id."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
     texts_heard: int = 0
 
@@ -159,6 +161,10 @@ def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> N
     view.ekf_flags = message.flags
 
 
+def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.identity = (message.vendor_id, message.product_id)
+
+
 def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.texts.append((now_s, str(message.text)))
     view.texts_heard += 1
@@ -172,5 +178,6 @@ _HANDLERS: Final = {
     "BATTERY_STATUS": _battery,
     "EXTENDED_SYS_STATE": _extended,
     "EKF_STATUS_REPORT": _ekf,
+    "AUTOPILOT_VERSION": _version,
     "STATUSTEXT": _text,
 }

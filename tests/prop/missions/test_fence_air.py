@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
@@ -253,6 +253,14 @@ def test_shares_are_of_nearly_equal_length() -> None:
 @FAST
 @given(points, points, points)
 def test_the_rest_of_a_lane_lies_on_it(start: GridPoint, end: GridPoint, at: GridPoint) -> None:
+    assume(start.distance_to(end) > 0.01)
     rest = rest_of((start, end), at)
     assert rest[1] == end
     assert LineString([start, end]).distance(Point(rest[0])) < 1e-6
+    assert at.distance_to(rest[0]) <= LineString([start, end]).distance(Point(at)) + 1e-6
+
+
+def test_nothing_is_left_of_a_lane_at_its_end() -> None:
+    start, end = GridPoint(0, 0), GridPoint(10, 0)
+    assert rest_of((start, end), GridPoint(12, 3)) == (end, end)
+    assert rest_of((end, end), GridPoint(12, 3)) == (end, end)

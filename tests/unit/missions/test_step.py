@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from shapely.geometry import LineString, Point
 
 from missions.apply import apply
 from missions.events import (
@@ -423,15 +424,49 @@ def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> 
 
 
 def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
+    """Two that want to change places would otherwise wait for each other for ever."""
     made = mission(
-        square(-10, 16, 40, 30), square(-60, -60, 160, 160),
-        capacity_wh=40.0, vehicles=3, layer_m=4.5,
+        square(-10, 16, 40, 30), square(-60, -60, 160, 160), vehicles=2,
+        capacity_wh=60.0, layer_m=4.5,
     )  # fmt: skip
-    flight = fleet(made, roi={Cell(e, n) for e in range(3, 6) for n in range(6, 10)})
-    flight.start()
-    flight.run(900.0)
-    assert flight.faults == []
-    assert flight.state.completed
+    pair = Service(made)
+    north = Cell(ROOT.east, ROOT.north + 1)
+    above = replace(
+        pair.state.vehicles[2],
+        phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=16.5, lanes=(),
+        position=pair.setting.grid.centre_of(north), vertex=north, remaining_wh=60.0,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(above)
+    pair.exploring()
+    for t in range(5):
+        pair.post(frame(1, 20.0 + t, ROOT, ROOT, north))
+    order = pair.order(1)
+    assert isinstance(order, FlyTo)
+    assert order.cell == north
+
+
+def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -> None:
+    pad = GridPoint(8.0, 0.0)
+    pair.connect(1)
+    pair.connect(2, at=pad)
+    descending = replace(
+        pair.state.vehicles[2],
+        phase=Phase.AIRBORNE, landed=False, order=Land(), position=pad, height_m=9.0,
+        errand=Errand.BATTERY, over_home=True,
+    )  # fmt: skip
+    low = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=None, position=GridPoint(60.0, 0.0),
+        height_m=12.0, errand=Errand.BATTERY,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(descending).with_vehicle(low)
+    pair.track(1, GridPoint(60.0, 0.0))
+    order = pair.order(1)
+    assert isinstance(order, FlyTo)
+    assert order.route[-1] == HOME
+    way = LineString([(60.0, 0.0), *order.route])
+    assert way.distance(Point(pad)) >= 6.0
+    assert way.length < 75.0
 
 
 # --- the journal -----------------------------------------------------------------------------

@@ -1,0 +1,44 @@
+"""Flights that several tests look at; each is flown once, in a process of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.e2e.rig import Finished, mission, uavmap
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A flight that has ended."""
+
+    done: Finished
+    folder: Path
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        return self.done.summary
+
+
+def _flown(tmp: pytest.TempPathFactory, name: str) -> Flight:
+    folder = tmp.mktemp(name) / "out"
+    done = uavmap("fly", mission(name), "--sim", "--json", "--out", folder, hash_seed="1")
+    return Flight(done, folder)
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return _flown(tmp_path_factory, "tiny")
+
+
+@pytest.fixture(scope="session")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return _flown(tmp_path_factory, "pair")
+
+
+@pytest.fixture(scope="session")
+def drift(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return _flown(tmp_path_factory, "drift")

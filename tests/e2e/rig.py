@@ -1,0 +1,249 @@
+"""What the end-to-end tests share: the command as a process, journals, simulators, a relay."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+ROOT = Path(__file__).resolve().parents[2]
+MISSIONS = ROOT / "tests" / "data"
+SHARED = ROOT / "../shared/data"
+LOOPBACK = "127.0.0.1"
+PATIENCE_S = 60.0
+"""For what takes a few seconds on an idle machine."""
+
+
+def mission(name: str) -> str:
+    """The path of a mission of the tests."""
+    return str(MISSIONS / f"{name}.toml")
+
+
+def environment(hash_seed: str = "random") -> dict[str, str]:
+    """The environment of a process that runs the package from the source tree."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": hash_seed}
+
+
+def command(*arguments: object) -> list[str]:
+    """The command line of `uavmap`."""
+    return [sys.executable, "-m", "uavmap", *map(str, arguments)]
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A process that has ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What `--json` printed."""
+        values: dict[str, Any] = json.loads(self.out)
+        return values
+
+
+def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str = "random") -> Finished:
+    """Run `uavmap` to its end. Whatever happens, nobody is shown a traceback."""
+    done = subprocess.run(
+        command(*arguments),
+        cwd=cwd,
+        env=environment(hash_seed),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+    return Finished(done.returncode, done.stdout, done.stderr)
+
+
+@contextlib.contextmanager
+def started(*arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """`uavmap` as a process under way; it is gone when the block ends."""
+    process = subprocess.Popen(
+        command(*arguments),
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def ended(process: subprocess.Popen[str]) -> Finished:
+    """Wait for the end of a process."""
+    out, err = process.communicate(timeout=PATIENCE_S)
+    assert "Traceback" not in err, err
+    return Finished(process.returncode, out, err)
+
+
+def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
+    """Poll until a condition holds; fails when it takes too long."""
+    due_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < due_s, f"waited {timeout_s:g} s in vain for {what}"
+        time.sleep(0.01)
+
+
+# --- journals --------------------------------------------------------------------------------
+def bodies(folder: Path) -> list[str]:
+    """The texts of the events that are on the disk by now."""
+    path = folder / "journal.db"
+    if not path.exists():
+        return []
+    with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            return [body for (body,) in database.execute("SELECT body FROM events ORDER BY seq")]
+        except sqlite3.OperationalError:  # the file is there, its tables are not yet
+            return []
+
+
+def events(folder: Path, *kinds: str) -> list[dict[str, Any]]:
+    """The events of some kinds, or all of them."""
+    found = [json.loads(body) for body in bodies(folder)]
+    return [event for event in found if not kinds or event["kind"] in kinds]
+
+
+def roi_cells(folder: Path) -> set[tuple[int, int]]:
+    """The cells that the map in a folder calls ROI."""
+    found = json.loads((folder / "map.geojson").read_text("utf-8"))
+    return {
+        (feature["properties"]["column"], feature["properties"]["row"])
+        for feature in found["features"]
+        if feature["properties"]["kind"] == "cell" and feature["properties"]["state"] != "non-roi"
+    }
+
+
+def stop_after(
+    process: subprocess.Popen[str], folder: Path, count: int, number: signal.Signals
+) -> Finished | None:
+    """Send a signal once a journal holds so many events; None after a SIGKILL."""
+    wait_until(
+        lambda: len(bodies(folder)) >= count or process.poll() is not None, f"{count} events"
+    )
+    assert process.poll() is None, f"over before event {count}: {process.communicate()}"
+    process.send_signal(number)
+    if number is signal.SIGKILL:
+        process.communicate()
+        return None
+    return ended(process)
+
+
+# --- sockets ---------------------------------------------------------------------------------
+def free_ports(vehicles: int) -> tuple[int, int]:
+    """A UDP port whose neighbours, ten further each, are free too, and a TCP port."""
+    with contextlib.ExitStack() as stack:
+        tcp = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+        tcp.bind((LOOPBACK, 0))
+        while True:
+            with contextlib.ExitStack() as row, contextlib.suppress(OSError, OverflowError):
+                first = row.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                first.bind((LOOPBACK, 0))
+                port = first.getsockname()[1]
+                for i in range(1, vehicles):
+                    other = row.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                    other.bind((LOOPBACK, port + 10 * i))
+                return port, tcp.getsockname()[1]
+
+
+@contextlib.contextmanager
+def simulator(name: str, *, speedup: float, vehicles: int = 1) -> Iterator[list[str]]:
+    """`uavmap sitl` in a process of its own; its URLs."""
+    port, http_port = free_ports(vehicles)
+    arguments = ["sitl", "--mission", mission(name), "--speedup", speedup, "--vehicles", vehicles]
+    with started(*arguments, "--port", port, "--http-port", http_port) as process:
+        lines: queue.Queue[str] = queue.Queue()
+        assert process.stdout is not None
+        stdout = process.stdout
+        reader = threading.Thread(target=lambda: [lines.put(line) for line in stdout])
+        reader.start()
+        try:
+            yield [lines.get(timeout=PATIENCE_S).strip() for _ in range(vehicles)]
+            assert process.poll() is None, "the simulator has died"
+        finally:
+            process.kill()
+            reader.join()
+
+
+class Relay(threading.Thread):
+    """Between a simulated vehicle and its client: passes every datagram on and keeps count.
+
+    The vehicle's own address, which a second client needs, is known here.
+    """
+
+    def __init__(self, vehicle_sends_to: int) -> None:
+        super().__init__()
+        self._outer = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._outer.bind((LOOPBACK, vehicle_sends_to))
+        self._inner = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._inner.bind((LOOPBACK, 0))
+        self.client_port, _ = free_ports(1)
+        self.vehicle: tuple[str, int] | None = None
+        self.commands: list[str] = []
+        """What the client has sent, but for its heartbeats."""
+        self._over = threading.Event()
+        for end in (self._outer, self._inner):
+            end.settimeout(0.02)
+
+    @property
+    def url(self) -> str:
+        """Where the client shall listen."""
+        return f"udpin://{LOOPBACK}:{self.client_port}"
+
+    def run(self) -> None:
+        codec = mav.MAVLink(None)
+        codec.robust_parsing = True
+        client = (LOOPBACK, self.client_port)
+        down = threading.Thread(target=self._carry_down, args=(client,))
+        down.start()
+        while not self._over.is_set():
+            with contextlib.suppress(TimeoutError, ConnectionError):
+                data, _ = self._inner.recvfrom(4096)
+                for message in codec.parse_buffer(data) or ():
+                    if message.get_type() != "HEARTBEAT":
+                        self.commands.append(str(message))
+                if self.vehicle is not None:
+                    self._outer.sendto(data, self.vehicle)
+        down.join()
+
+    def _carry_down(self, client: tuple[str, int]) -> None:
+        while not self._over.is_set():
+            with contextlib.suppress(TimeoutError, ConnectionError):
+                data, self.vehicle = self._outer.recvfrom(4096)
+                self._inner.sendto(data, client)
+
+    def __enter__(self) -> Relay:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self.join()
+        self._outer.close()
+        self._inner.close()
+
+
+def arguments_of(urls: Sequence[str]) -> list[str]:
+    """`--connect` once a vehicle."""
+    return [word for url in urls for word in ("--connect", url)]

@@ -1,0 +1,244 @@
+"""`uavmap fly --sim` as a user runs it, its results read by programs other than ours."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import pyproj
+import pytest
+import shapely
+from pymavlink import mavutil
+from shapely.geometry import LineString, Polygon, shape
+from shapely.ops import transform, unary_union
+
+from tests.e2e.rig import bodies, events, mission, uavmap
+
+RESULTS = {"map.geojson", "map.kml", "map.png", "journal.db", "flight.tlog", "summary.json"}
+KEYS = (
+    "mission strategy vehicles seed completed flight_time_s makespan_s distance_m sorties "
+    "battery_swaps vertices tree_depth cells_roi detections false_positives false_negatives "
+    "cells_missed iou_cells min_separation_m fence_breaches reserve_violations bound_makespan_s "
+    "bound_held"
+).split()
+OF_SEVERAL = {"min_separation_m"}
+
+
+def toml(name):
+    return tomllib.loads(Path(mission(name)).read_text("utf-8"))
+
+
+def features(folder, kind):
+    found = json.loads((folder / "map.geojson").read_text("utf-8"))["features"]
+    return [f for f in found if f["properties"]["kind"] == kind]
+
+
+def on_ground(geometry, start):
+    """A geometry in degrees (east, north) as metres on a plane that touches the earth at start."""
+    plane = pyproj.Proj(proj="aeqd", lat_0=start[0], lon_0=start[1], ellps="WGS84")
+    return transform(plane, geometry)
+
+
+def lon_lat(ring):
+    return [(lon, lat) for lat, lon in ring]
+
+
+def moved(ring, towards_deg, distance_m):
+    geod = pyproj.Geod(ellps="WGS84")
+    return [geod.fwd(lon, lat, towards_deg, distance_m)[:2] for lat, lon in ring]
+
+
+def iou(one, other):
+    return one.intersection(other).area / one.union(other).area
+
+
+class TestTiny:
+    def test_it_is_complete_and_right(self, tiny):
+        assert tiny.done.code == 0
+        assert tiny.summary["completed"] is True
+        assert tiny.summary["cells_missed"] == 0
+        assert tiny.summary["iou_cells"] > 0.75
+        assert tiny.summary["fence_breaches"] == tiny.summary["reserve_violations"] == 0
+        assert tiny.summary["vertices"] == tiny.summary["cells_roi"] > 15
+        assert tiny.summary["bound_held"] is True
+
+    def test_the_summary_says_all_that_was_promised(self, tiny):
+        written = json.loads((tiny.folder / "summary.json").read_text("utf-8"))
+        assert {**written, "out": str(tiny.folder)} == tiny.summary
+        assert [key for key in KEYS if key not in written] == []
+        assert [k for k in KEYS if written[k] is None and k not in OF_SEVERAL] == []
+        assert written["seed"] == 1
+        assert written["vehicles"] == 1
+
+    def test_all_results_are_there_and_nothing_else(self, tiny):
+        assert {path.name for path in tiny.folder.iterdir()} == RESULTS
+
+    def test_progress_goes_to_standard_error(self, tiny):
+        json.loads(tiny.done.out)  # nothing but the summary
+        assert "explor" in tiny.done.err
+
+    def test_the_outline_lies_over_the_true_region(self, tiny):
+        start = toml("tiny")["start"]["position"]
+        outline = unary_union([shape(f["geometry"]) for f in features(tiny.folder, "outline")])
+        truth = Polygon(lon_lat(toml("tiny")["sim"]["roi"][0]["polygon"]))
+        found = iou(on_ground(outline, start), on_ground(truth, start))
+        assert found == pytest.approx(tiny.summary["iou_cells"], abs=0.01)
+
+    def test_geojson_is_sound(self, tiny):
+        for feature in json.loads((tiny.folder / "map.geojson").read_text("utf-8"))["features"]:
+            geometry = shape(feature["geometry"])
+            assert geometry.is_valid
+            if geometry.geom_type == "Polygon":
+                assert shapely.is_ccw(geometry.exterior)  # RFC 7946, 3.1.6
+        cells = features(tiny.folder, "cell")
+        explored = [f for f in cells if f["properties"]["state"] == "explored"]
+        assert len(explored) == tiny.summary["cells_roi"]
+        assert all(f["properties"]["positive"] >= 3 for f in explored)
+        assert len(features(tiny.folder, "track")) == 1
+
+    def test_kml_and_picture_open(self, tiny):
+        root = ElementTree.parse(tiny.folder / "map.kml").getroot()
+        places = root.findall(".//{http://www.opengis.net/kml/2.2}Placemark")
+        assert len(places) > tiny.summary["cells_roi"]
+        picture = cv2.imread(str(tiny.folder / "map.png"))
+        assert picture is not None
+        assert picture.std() > 10.0
+
+    def test_the_log_tells_the_flight_in_mavlink(self, tiny):
+        log = mavutil.mavlink_connection(str(tiny.folder / "flight.tlog"))
+        seen, heights, modes, pictures = set(), [], set(), 0
+        while (message := log.recv_match()) is not None:
+            kind = message.get_type()
+            seen.add((kind, message.get_srcSystem()))
+            if kind == "GLOBAL_POSITION_INT":
+                heights.append(message.relative_alt / 1000.0)
+            elif kind == "HEARTBEAT" and message.get_srcComponent() == 1:
+                modes.add(message.custom_mode)
+            elif kind == "CAMERA_IMAGE_CAPTURED":
+                pictures += 1
+        log.close()
+        assert max(heights) == pytest.approx(12.0, abs=1.0)
+        assert abs(heights[-1]) < 0.5
+        assert modes >= {4, 9}  # guided, land
+        assert pictures >= len(events(tiny.folder, "frame_seen"))
+        # both directions are on record
+        assert {("COMMAND_LONG", 245), ("COMMAND_INT", 245), ("COMMAND_ACK", 1)} <= seen
+        assert not any(kind == "BAD_DATA" for kind, _ in seen)
+
+
+class TestDeterminism:
+    def test_the_same_seed_is_the_same_flight_to_the_byte(self, tiny, tmp_path):
+        folder = tmp_path / "in a folder with blanks" / "and another"
+        again = uavmap("fly", mission("tiny"), "--sim", "--json", "--out", folder, hash_seed="2")
+        assert again.summary == {**tiny.summary, "out": str(folder)}
+        assert bodies(folder) == bodies(tiny.folder)
+        for name in RESULTS - {"journal.db"}:
+            assert (folder / name).read_bytes() == (tiny.folder / name).read_bytes(), name
+
+    def test_another_seed_is_another_flight_to_the_same_place(self, tiny, tmp_path):
+        other = uavmap("fly", mission("tiny"), "--sim", "--json", "--seed", 2, "--out", tmp_path)
+        assert other.summary["seed"] == 2
+        assert other.summary["cells_missed"] == 0
+        assert bodies(tmp_path) != bodies(tiny.folder)
+
+
+class TestPair:
+    def test_both_fly_apart_and_change_batteries(self, pair):
+        assert pair.done.code == 0
+        assert pair.summary["completed"] is True
+        assert pair.summary["cells_missed"] == 0
+        assert pair.summary["min_separation_m"] >= toml("pair")["team"]["separation_m"]
+        assert pair.summary["reserve_violations"] == pair.summary["fence_breaches"] == 0
+        swaps = [event["vehicle"] for event in events(pair.folder, "battery_swapped")]
+        assert set(swaps) == {1, 2}
+        assert pair.summary["battery_swaps"] == len(swaps)
+        assert pair.summary["sorties"] == len(events(pair.folder, "airborne")) > 2
+
+    def test_the_other_goes_on_while_one_stands(self, pair):
+        order = events(pair.folder, "frame_seen", "landed", "battery_swapped")
+        first = next(i for i, event in enumerate(order) if event["kind"] == "landed")
+        number = order[first]["vehicle"]
+        fresh = next(
+            i
+            for i, event in enumerate(order)
+            if event["kind"] == "battery_swapped" and event["vehicle"] == number
+        )
+        assert any(event["kind"] == "frame_seen" for event in order[first:fresh])
+
+    def test_after_a_swap_the_vehicle_flies_straight_back_to_its_vertex(self, pair):
+        order = events(pair.folder, "airborne", "arrived", "battery_swapped", "frame_seen")
+        for number in (1, 2):
+            mine = [event["kind"] for event in order if event["vehicle"] == number]
+            at = mine.index("battery_swapped")
+            assert mine[at + 1] == "airborne"
+            assert mine[at + 2] == "arrived"  # one leg, without stops on the way
+
+    def test_both_tracks_are_drawn(self, pair):
+        tracks = features(pair.folder, "track")
+        assert {f["properties"]["vehicle"] for f in tracks} == {1, 2}
+
+    def test_they_share_one_map(self, pair):
+        looked = {number: set() for number in (1, 2)}
+        for event in events(pair.folder, "frame_seen"):
+            if len(event["votes"]) > 1:
+                looked[event["vehicle"]].add(tuple(event["vantage"]))
+        assert min(len(cells) for cells in looked.values()) > 5
+        # each cell is looked at once: what one has seen the other need not see again
+        assert len(looked[1] & looked[2]) <= 2
+
+
+class TestDrift:
+    def test_it_is_complete_and_right(self, drift):
+        assert drift.done.code == 0
+        assert drift.summary["completed"] is True
+        assert drift.summary["cells_missed"] == 0
+        assert drift.summary["fence_breaches"] == 0
+
+    def test_the_map_is_where_the_region_has_drifted_to(self, drift):
+        mission_file = toml("drift")
+        start, flow = mission_file["start"]["position"], mission_file["drift"]
+        (outline,) = features(drift.folder, "outline")
+        t_s = outline["properties"]["t_s"]
+        ring = mission_file["sim"]["roi"][0]["polygon"]
+        there = Polygon(moved(ring, flow["toward_deg"], flow["speed_m_s"] * t_s))
+        found = on_ground(shape(outline["geometry"]), start)
+        assert iou(found, on_ground(there, start)) == pytest.approx(
+            drift.summary["iou_cells"], abs=0.02
+        )
+        assert iou(found, on_ground(Polygon(lon_lat(ring)), start)) < 0.2  # not where it was
+
+    def test_legs_go_round_the_hole(self, drift):
+        mission_file = toml("drift")
+        hole = Polygon(lon_lat(mission_file["fence"]["holes"][0]))
+        fence = Polygon(lon_lat(mission_file["fence"]["polygon"]))
+        lat, lon = mission_file["start"]["position"]
+        middle = Polygon(lon_lat(mission_file["search"]["box"])).centroid
+        assert LineString([(lon, lat), middle]).intersects(hole)  # or this test shows nothing
+        points = [p[:2] for f in features(drift.folder, "track") for p in _points(f)]
+        assert len(points) > 100
+        track = LineString(points)
+        assert not track.intersects(hole)
+        assert track.within(fence)
+
+
+def _points(feature):
+    geometry = feature["geometry"]
+    lines = geometry["coordinates"]
+    return lines if geometry["type"] == "LineString" else [p for line in lines for p in line]
+
+
+def test_a_search_that_finds_nothing_is_a_result(tmp_path):
+    done = uavmap("fly", mission("astray"), "--sim", "--json", "--out", tmp_path)
+    assert done.code == 0
+    assert done.summary["completed"] is True
+    assert done.summary["cells_roi"] == done.summary["vertices"] == 0
+    assert done.summary["cells_missed"] > 0
+    assert done.summary["bound_held"] is None
+    assert {path.name for path in tmp_path.iterdir()} == RESULTS
+    assert features(tmp_path, "outline") == []
+    times = [event["t_s"] for event in events(tmp_path)]
+    assert all(before <= after for before, after in pairwise(times))
