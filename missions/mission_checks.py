@@ -18,13 +18,14 @@ from shapely.geometry import Point, Polygon
 from shapely.validation import explain_validity
 
 from missions.errors import MissionFileError
+from missions.explorers import EXPLORERS
 from missions.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.grid import Grid
 from missions.homes import homes
 from missions.mission_file import Mission, Vertex, parse_fields, positions
 from missions.units import GridPoint, LatLon
 
-STRATEGIES = ("rdfs", "rdfs-paper")
+STRATEGIES = tuple(EXPLORERS)
 DETECTORS = ("threshold", "paved")
 
 FARTHEST_M = 50_000.0

@@ -42,14 +42,15 @@ class Classifier:
     detector: Detector
 
     @classmethod
-    def of(cls, mission: Mission, grid: Grid) -> Classifier:
-        """The classifier that a mission file describes."""
+    def of(cls, mission: Mission, grid: Grid, height_m: float | None = None) -> Classifier:
+        """The classifier that a mission file describes, for a vehicle that flies at a height."""
         camera = Camera(
             math.radians(mission.camera.hfov_deg),
             mission.camera.width_px,
             mission.camera.height_px,
         )
-        return cls(mission, grid, camera, detector_of(mission))
+        lowest_m = mission.altitude_m(0)
+        return cls(mission, grid, camera, detector_of(mission, (height_m or lowest_m) / lowest_m))
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
         """The vantage of a frame, and what it says.
@@ -66,21 +67,26 @@ class Classifier:
         return here, tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
 
 
-def detector_of(mission: Mission) -> Detector:
-    """The detector that a mission file names, with its parameters."""
+def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
+    """The detector that a mission file names, with its parameters.
+
+    Dilations are counted in pixels at the lowest layer. From `height_ratio` times that height a
+    pixel shows so much more ground, and fewer dilations bridge the same gap.
+    """
     section = mission.detector
+    dilations = round(section.dilations / height_ratio)
     if section.name == "threshold":
         return make_detector(
             "threshold",
             intensity=section.intensity,
-            dilations=section.dilations,
+            dilations=dilations,
             polarity=section.polarity,
         )
     return make_detector(
         section.name,
         greenness=section.greenness,
         intensity=section.intensity,
-        dilations=section.dilations,
+        dilations=dilations,
     )
 
 

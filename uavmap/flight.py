@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
+import http.client
 import signal
 import time
-import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator, Callable
 from dataclasses import asdict, dataclass, replace
@@ -234,9 +234,12 @@ class _Flight:
             ]
             await self._serve(list(self._plan.urls), sessions, fetch_over_http)
 
+    def _classifier(self, number: int) -> Classifier:
+        mission = self._setting.mission
+        return Classifier.of(mission, self._setting.grid, mission.altitude_m(number - 1))
+
     # --- both ------------------------------------------------------------------------------
     async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
-        classifier = Classifier.of(self._setting.mission, self._setting.grid)
         automatic = self._plan.simulated or self._plan.auto_swap
         crew = Crew(self._progress.say, automatic=automatic)
         vehicles = {
@@ -244,7 +247,7 @@ class _Flight:
                 number,
                 name,
                 session,
-                Eyes(number, session, classifier, fetch, self._now_s),
+                Eyes(number, session, self._classifier(number), fetch, self._now_s),
                 self._setting.mission,
                 self._setting.grid,
                 self._now_s,
@@ -338,7 +341,7 @@ def _fetch(url: str) -> bytes:
         with urllib.request.urlopen(url, timeout=FETCH_TIMEOUT_S) as answer:
             data: bytes = answer.read(MAX_PICTURE_BYTES)
             return data
-    except (urllib.error.URLError, OSError) as error:
+    except (OSError, http.client.HTTPException, ValueError) as error:
         raise LinkError(f"{url} cannot be fetched: {error}") from None
 
 

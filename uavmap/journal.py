@@ -7,7 +7,9 @@ to go on from. A file that is truncated, foreign or of another version is refuse
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import sqlite3
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -25,15 +27,21 @@ _SCHEMA: Final = (
     "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",
     "CREATE TABLE events (seq INTEGER PRIMARY KEY, t_s REAL NOT NULL, vehicle INTEGER, "
     "kind TEXT NOT NULL, body TEXT NOT NULL)",
+    # what was acted on cannot be unsaid
+    "CREATE TRIGGER no_update BEFORE UPDATE ON events "
+    "BEGIN SELECT RAISE(ABORT, 'events are append-only'); END",
+    "CREATE TRIGGER no_delete BEFORE DELETE ON events "
+    "BEGIN SELECT RAISE(ABORT, 'events are append-only'); END",
 )
 
 
 class Journal:
     """An open journal. Use `create` or `open`; close it, or use it as a context manager."""
 
-    def __init__(self, path: Path, database: sqlite3.Connection) -> None:
+    def __init__(self, path: Path, database: sqlite3.Connection, lock: int) -> None:
         self.path = path
         self._database = database
+        self._lock = lock
         self._expected: deque[str] = deque()
 
     @classmethod
@@ -44,40 +52,39 @@ class Journal:
                 f"{path} exists already; go on with `uavmap resume {path.parent}`, "
                 "or choose another --out"
             )
-        database = _connect(path)
-        database.execute("PRAGMA synchronous = FULL")
-        with database:  # all or nothing: a journal that exists has its tables and its mission
-            database.execute("BEGIN")
-            database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-            database.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-            for table in _SCHEMA:
-                database.execute(table)
-            database.executemany(
-                "INSERT INTO meta VALUES (?, ?)",
-                [(key, json.dumps(value)) for key, value in meta.items()],
-            )
-        # only now: in WAL mode the header would stay out of the file until the first checkpoint,
-        # and a journal is known by its header
-        database.execute("PRAGMA journal_mode = WAL")
-        return cls(path, database)
+        lock = _lock(path)
+        database = None
+        try:
+            database = _connect(path)
+            _begin(database, meta)
+        except BaseException as error:
+            _release(database, lock)
+            if isinstance(error, sqlite3.Error):
+                raise JournalError(f"{path} cannot be written: {error}") from None
+            raise
+        return cls(path, database, lock)
 
     @classmethod
     def open(cls, path: Path) -> Journal:
         """An existing journal. Raises `JournalError` for anything that is not a whole one."""
         if not path.is_file():
             raise JournalError(f"{path}: there is no journal here")
-        _check_header(path)
-        database = _connect(path)
+        lock = _lock(path)
+        database = None
         try:
+            _check_header(path)
+            # read-only: to close another connection would write the log into a damaged file
+            database = _connect(path, query="?mode=ro")
             _check_content(path, database)
+            database.close()
+            database = _connect(path)
             database.execute("PRAGMA synchronous = FULL")
-        except sqlite3.DatabaseError as error:
-            database.close()
-            raise JournalError(f"{path} is damaged and left as it is: {error}") from None
-        except JournalError:
-            database.close()
+        except BaseException as error:
+            _release(database, lock)
+            if isinstance(error, sqlite3.Error):
+                raise JournalError(f"{path} is damaged and left as it is: {error}") from None
             raise
-        return cls(path, database)
+        return cls(path, database, lock)
 
     def __enter__(self) -> Journal:
         return self
@@ -87,7 +94,7 @@ class Journal:
 
     def close(self) -> None:
         """Close the file; everything in it was safe before."""
-        self._database.close()
+        _release(self._database, self._lock)
 
     # --- what is in it ---------------------------------------------------------------------
     @property
@@ -159,11 +166,51 @@ class Journal:
             )
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def _connect(path: Path, query: str = "") -> sqlite3.Connection:
     try:
-        return sqlite3.connect(path, isolation_level=None)
+        uri = path.absolute().as_uri() + query
+        return sqlite3.connect(uri, uri=True, isolation_level=None)
     except sqlite3.Error as error:
         raise JournalError(f"{path} cannot be opened: {error}") from None
+
+
+def _lock(path: Path) -> int:
+    """Hold the folder for one process: two would fly the same aircraft. The kernel lets go."""
+    try:
+        folder = os.open(path.parent, os.O_RDONLY)
+    except OSError as error:
+        raise JournalError(f"{path} cannot be opened: {error.strerror}") from None
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(folder)
+        why = "" if isinstance(error, BlockingIOError) else f" ({error.strerror})"
+        raise JournalError(f"{path} is in use by another uavmap; end that first{why}") from None
+    return folder
+
+
+def _release(database: sqlite3.Connection | None, lock: int) -> None:
+    if database is not None:
+        database.close()
+    os.close(lock)
+
+
+def _begin(database: sqlite3.Connection, meta: Mapping[str, Any]) -> None:
+    """All or nothing: a journal that exists has its tables and its mission."""
+    database.execute("PRAGMA synchronous = FULL")
+    with database:
+        database.execute("BEGIN")
+        database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        database.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+        for table in _SCHEMA:
+            database.execute(table)
+        database.executemany(
+            "INSERT INTO meta VALUES (?, ?)",
+            [(key, json.dumps(value)) for key, value in meta.items()],
+        )
+    # only now: in WAL mode the header would stay out of the file until the first checkpoint,
+    # and a journal is known by its header
+    database.execute("PRAGMA journal_mode = WAL")
 
 
 def _check_header(path: Path) -> None:
@@ -193,6 +240,7 @@ def _check_content(path: Path, database: sqlite3.Connection) -> None:
         )
     (verdict,) = database.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
+        verdict = " ".join(verdict.split())  # SQLite's report has several lines
         raise JournalError(f"{path} is damaged and left as it is: {verdict}")
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
     if not {"meta", "events"} <= tables:

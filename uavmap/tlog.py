@@ -15,7 +15,8 @@ class TlogWriter:
     """Appends frames to a .tlog file."""
 
     def __init__(self, path: Path, utc_s: Callable[[], float], *, append: bool = False) -> None:
-        self._file = path.open("ab" if append else "wb")
+        # unbuffered: a killed process leaves whole records, and a resume appends to them
+        self._file = path.open("ab" if append else "wb", buffering=0)
         self._utc_s = utc_s
 
     def __enter__(self) -> Self:

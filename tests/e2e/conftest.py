@@ -42,3 +42,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 @pytest.fixture(scope="session")
 def drift(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     return _flown(tmp_path_factory, "drift")
+
+
+@pytest.fixture(scope="session")
+def speck(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return _flown(tmp_path_factory, "speck")

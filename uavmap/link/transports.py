@@ -42,7 +42,7 @@ async def open_transport(endpoint: Endpoint, on_bytes: OnBytes) -> AsyncIterator
     }[endpoint.transport]
     try:
         transport, close = await opener(endpoint, on_bytes)
-    except (OSError, serial.SerialException) as error:
+    except (OSError, ValueError, OverflowError) as error:  # the last two for a baud rate
         raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
     try:
         yield transport
@@ -138,7 +138,8 @@ class _Serial:
         self._port = port
 
     def send(self, data: bytes) -> None:
-        with contextlib.suppress(serial.SerialTimeoutException):
+        # full, or unplugged: the session will miss the heartbeats
+        with contextlib.suppress(serial.SerialException):
             self._port.write(data)
 
 

@@ -44,7 +44,8 @@ class Endpoint:
     @property
     def url(self) -> str:
         """The URL in MAVSDK's style."""
-        return f"{self.transport}://{self.host}:{self.port}"
+        host = f"[{self.host}]" if ":" in self.host else self.host  # an IPv6 address
+        return f"{self.transport}://{host}:{self.port}"
 
 
 def parse_url(url: str) -> Endpoint:
@@ -57,7 +58,10 @@ def parse_url(url: str) -> Endpoint:
     """
     text = url.strip()
     if match := _SERIAL_PATH.fullmatch(text) or _SERIAL_URL.fullmatch(text):
-        return Endpoint("serial", match["device"], int(match["baud"] or DEFAULT_BAUD))
+        baud = int(match["baud"] or DEFAULT_BAUD)
+        if baud == 0:
+            raise LinkError(f"{url!r}: a baud rate of 0 hangs up; leave it out for {DEFAULT_BAUD}")
+        return Endpoint("serial", match["device"], baud)
     match = _NETWORK.fullmatch(text)
     transport = _SYNONYMS.get(match["scheme"]) if match else None
     if match is None or transport is None or transport == "serial":

@@ -27,6 +27,8 @@ MODE_NAMES: Final = {
     17: "BRAKE",
     21: "SMART_RTL",
 }
+_NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
+"""What gimbals, cameras and companions say in their heartbeats."""
 PREARM_BIT: Final = 0x10000000
 EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
@@ -39,6 +41,8 @@ class VehicleView:
 
     system_id: int = 0
     autopilot: int | None = None
+    autopilot_component: int = 0
+    """Bound with `system_id` by the first heartbeat of an autopilot."""
     camera_component: int = mav.MAV_COMP_ID_CAMERA
     heard_s: float = float("-inf")
     mode: int | None = None
@@ -63,10 +67,11 @@ class VehicleView:
         """Note a message; False when it is not from our vehicle."""
         name = message.get_type()
         system, component = message.get_srcSystem(), message.get_srcComponent()
-        autopilot = name == "HEARTBEAT" and message.autopilot != mav.MAV_AUTOPILOT_INVALID
-        if autopilot and self.system_id in (0, system):
-            self.system_id = system
-            self.heard_s = now_s
+        if name == "HEARTBEAT" and message.autopilot not in _NO_AUTOPILOT:
+            if self.system_id == 0:
+                self.system_id, self.autopilot_component = system, component
+            if (system, component) == (self.system_id, self.autopilot_component):
+                self.heard_s = now_s
         if system != self.system_id:
             return False
         handler = _HANDLERS.get(name)
@@ -119,7 +124,7 @@ class VehicleView:
 def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     if message.type == mav.MAV_TYPE_CAMERA:
         view.camera_component = component
-    if message.autopilot == mav.MAV_AUTOPILOT_INVALID:
+    if component != view.autopilot_component or message.autopilot in _NO_AUTOPILOT:
         return
     view.autopilot = message.autopilot
     view.mode = message.custom_mode

@@ -63,7 +63,7 @@ def test_an_unknown_strategy_lists_the_known_ones() -> None:
 
 
 def test_an_unknown_detector_lists_the_known_ones() -> None:
-    assert fault(detector__name="'x'") == "detector.name = 'x': unknown; known: threshold"
+    assert fault(detector__name="'x'") == "detector.name = 'x': unknown; known: paved, threshold"
 
 
 def test_names_can_be_handed_in() -> None:

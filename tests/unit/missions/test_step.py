@@ -311,10 +311,18 @@ def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None
     assert service.state.vehicles[1].phase is Phase.FAILED
 
 
-def test_given_back_on_the_ground_it_takes_off_first(service: Service) -> None:
+def test_given_back_on_the_ground_it_takes_off_once_the_crew_is_clear(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0))
-    assert service.post(Released(1, 60.0, HOME, 0.2)) == ((1, TakeOff(12.0)),)
+    assert service.post(Released(1, 60.0, HOME, 0.2)) == ((1, AwaitBattery()),)
+    assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
+
+
+def test_a_link_that_comes_back_on_the_ground_does_not_take_off_by_itself(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), LinkLost(1, 20.0))
+    back = Connected(1, 60.0, HOME, HOME, 0.0, False, True, 58.0)
+    assert service.post(back) == ((1, AwaitBattery()),)
 
 
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
@@ -433,8 +441,8 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     north = Cell(ROOT.east, ROOT.north + 1)
     above = replace(
         pair.state.vehicles[2],
-        phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=16.5, lanes=(),
-        position=pair.setting.grid.centre_of(north), vertex=north, remaining_wh=60.0,
+        phase=Phase.AIRBORNE, landed=False, order=Look(north, 15, 16.5), height_m=16.5,
+        lanes=(), position=pair.setting.grid.centre_of(north), vertex=ROOT, remaining_wh=60.0,
     )  # fmt: skip
     pair.state = pair.state.with_vehicle(above)
     pair.exploring()

@@ -52,7 +52,7 @@ def test_an_accepted_command_is_sent_once() -> None:
         await peer.session.command(ARM, 1)
 
     peer = conversation(body)
-    (_, message), = peer.heard
+    ((_, message),) = peer.heard
     assert (message.target_system, message.target_component) == (1, 1)
     assert (message.param1, message.param2, message.confirmation) == (1.0, 0.0, 0)
     assert (message.get_srcSystem(), message.get_srcComponent()) == (GROUND_SYSTEM_ID, 191)
@@ -200,7 +200,7 @@ def test_a_place_goes_as_command_int() -> None:
             mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, nan), -33.8567844, 151.2152967, 12.5
         )
 
-    (_, message), = conversation(body).heard
+    ((_, message),) = conversation(body).heard
     assert message.get_type() == "COMMAND_INT"
     assert (message.x, message.y, message.z) == (-338567844, 1512152967, 12.5)
     assert np.isnan(message.param4)
@@ -322,6 +322,6 @@ def test_the_heartbeat_does_not_stand_in_for_a_ground_station() -> None:
     async def body(peer: Peer) -> None:
         peer.session.heartbeat()
 
-    (_, message), = conversation(body).heard
+    ((_, message),) = conversation(body).heard
     assert message.type == mav.MAV_TYPE_ONBOARD_CONTROLLER
     assert message.autopilot == mav.MAV_AUTOPILOT_INVALID

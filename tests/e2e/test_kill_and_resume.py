@@ -1,0 +1,97 @@
+"""A simulated flight is killed again and again; what was committed stays, and the map is the same.
+
+The moments are drawn by seed, in events of the journal, and are met by watching it grow.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+
+import numpy as np
+
+from tests.e2e.rig import bodies, ended, mission, roi_cells, started, stop_after, uavmap
+
+
+def moments(seed: int, count: int, last: int) -> list[int]:
+    """Some event numbers of a flight, ascending."""
+    rng = np.random.default_rng(seed)
+    return sorted(int(n) for n in rng.choice(np.arange(2, last - 10), size=count, replace=False))
+
+
+def begin_and_stop(folder, count, number=signal.SIGKILL):
+    with started("fly", mission("speck"), "--sim", "--json", "--out", folder) as process:
+        return stop_after(process, folder, count, number)
+
+
+def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, tmp_path):
+    whole = bodies(speck.folder)
+    first, *others = moments(4, 3, len(whole))
+    folder = tmp_path / "out"
+    begin_and_stop(folder, first)
+    for moment in others:
+        before = bodies(folder)
+        assert before == whole[: len(before)]
+        with started("resume", folder, "--json") as process:
+            # the journal does not grow before the recorded part has been flown again
+            stop_after(process, folder, max(moment, len(before) + 1), signal.SIGKILL)
+    done = uavmap("resume", folder, "--json")
+    assert done.code == 0
+    assert bodies(folder) == whole
+    assert roi_cells(folder) == roi_cells(speck.folder)
+    assert done.summary == {**speck.summary, "out": str(folder)}
+    assert (folder / "flight.tlog").read_bytes() == (speck.folder / "flight.tlog").read_bytes()
+    assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
+
+
+def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
+    whole = bodies(speck.folder)
+    folder = tmp_path / "out"
+    begin_and_stop(folder, len(whole) // 2)
+    before = bodies(folder)
+    done = uavmap("resume", folder, "--from-home", "--json")
+    assert done.code == 0
+    assert done.summary["completed"] is True
+    assert done.summary["cells_missed"] == 0
+    assert done.summary["fence_breaches"] == done.summary["reserve_violations"] == 0
+    after = bodies(folder)
+    assert after[: len(before)] == before
+    assert json.loads(after[len(before)])["kind"] == "resumed"
+    # the world is the same, another gust blows: cells at the rim may come out otherwise
+    assert len(roi_cells(folder) ^ roi_cells(speck.folder)) <= 2
+
+
+def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
+    whole = bodies(speck.folder)
+    folder = tmp_path / "out"
+    stopped = begin_and_stop(folder, len(whole) // 2, signal.SIGINT)
+    assert stopped is not None
+    assert stopped.code == 130
+    assert stopped.out == ""
+    assert stopped.err.splitlines()[-1].startswith("uavmap: ")
+    with started("resume", folder, "--json") as process:
+        done = ended(process)
+    assert done.code == 0
+    assert bodies(folder) == whole
+
+
+def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(speck.folder, folder)
+    for name in ("map.png", "map.kml", "map.geojson", "summary.json"):
+        (folder / name).unlink()
+    done = uavmap("resume", folder, "--json")
+    assert done.code == 0
+    assert bodies(folder) == bodies(speck.folder)
+    for name in ("map.png", "map.kml", "map.geojson"):
+        assert (folder / name).read_bytes() == (speck.folder / name).read_bytes()
+    assert done.summary["cells_roi"] == speck.summary["cells_roi"]
+
+
+def test_a_second_flight_into_the_same_folder_is_refused(speck):
+    before = bodies(speck.folder)
+    done = uavmap("fly", mission("speck"), "--sim", "--out", speck.folder)
+    assert done.code == 2
+    assert "resume" in done.err
+    assert bodies(speck.folder) == before

@@ -1,0 +1,162 @@
+"""`uavmap sitl` in one process, `uavmap fly --connect` in another, real UDP and HTTP between them."""
+
+from __future__ import annotations
+
+import signal
+
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from tests.e2e.rig import (
+    LOOPBACK,
+    Relay,
+    arguments_of,
+    bodies,
+    ended,
+    events,
+    mission,
+    roi_cells,
+    simulator,
+    started,
+    stop_after,
+    uavmap,
+    wait_until,
+)
+
+SPEEDUP = 15.0
+LOITER, GUIDED = 5, 4
+
+
+def fly_arguments(name, urls, folder, *more):
+    connect = arguments_of(urls)
+    return ["fly", mission(name), *connect, "--speedup", SPEEDUP, "--json", "--out", folder, *more]
+
+
+def close_to(found, expected, most):
+    """Two maps of one place, by different noise."""
+    return len(found ^ expected) <= most
+
+
+def in_mid_flight(speck):
+    """A number of events at which a vehicle looks at the region."""
+    kinds = [event["kind"] for event in events(speck.folder)]
+    return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
+
+
+def test_a_killed_client_is_taken_up_in_the_air(speck, tmp_path):
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with started(*fly_arguments("speck", urls, folder)) as process:
+            stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
+        before = bodies(folder)
+        done = uavmap("resume", folder, "--json")
+    assert done.code == 0
+    assert done.summary["completed"] is True
+    assert done.summary["seed"] is None
+    assert done.summary["cells_missed"] is None  # nobody knows the truth of a real flight
+    assert bodies(folder)[: len(before)] == before
+    again = events(folder)[len(before) :]
+    assert again[0]["kind"] == "resumed"
+    (connected,) = (event for event in again[:2] if event["kind"] == "connected")
+    assert connected["airborne"] is True  # it has waited where it was
+    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
+    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
+
+
+def test_control_c_brings_it_home_and_resume_sends_it_out_again(speck, tmp_path):
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with started(*fly_arguments("speck", urls, folder)) as process:
+            stopped = stop_after(process, folder, in_mid_flight(speck), signal.SIGINT)
+        assert stopped is not None
+        assert stopped.code == 3
+        assert stopped.summary["completed"] is False
+        assert "home" in stopped.err
+        kinds = [event["kind"] for event in events(folder)]
+        assert "landed" in kinds[kinds.index("recalled") :]
+        before = bodies(folder)
+        done = uavmap("resume", folder, "--json", *arguments_of(urls))
+    assert done.code == 0
+    assert done.summary["completed"] is True
+    assert done.summary["sorties"] == 2
+    assert bodies(folder)[: len(before)] == before
+    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
+
+
+def test_two_vehicles_over_sockets(speck, tmp_path):
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=10.0, vehicles=2) as urls:
+        assert len(set(urls)) == 2
+        done = uavmap(*fly_arguments("speck", urls, folder, "--vehicles", 2, "--speedup", 10.0))
+    assert done.code == 0
+    assert done.summary["completed"] is True
+    assert done.summary["vehicles"] == 2
+    assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}
+    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
+
+
+def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
+    """A second client changes the mode: not a command more until the vehicle is in GUIDED again."""
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as (url,), Relay(int(url.rpartition(":")[2])) as relay:
+        wait_until(lambda: relay.vehicle is not None, "the vehicle's address")
+        pilot = mavutil.mavlink_connection(
+            f"udpout:{LOOPBACK}:{relay.vehicle[1]}", source_system=250, dialect="ardupilotmega"
+        )
+        try:
+            with started(*fly_arguments("speck", [relay.url], folder)) as process:
+                wait_until(lambda: len(bodies(folder)) >= in_mid_flight(speck), "the exploration")
+                _set_mode(pilot, LOITER)
+                wait_until(lambda: bool(events(folder, "overridden")), "the service to notice")
+                _beats(pilot, 2)  # what was under way when the mode changed has come to an end
+                said = len(relay.commands)
+                seen = len(events(folder, "frame_seen"))
+                _beats(pilot, 20)
+                assert relay.commands[said:] == []
+                assert len(events(folder, "frame_seen")) == seen
+                assert events(folder, "released") == []
+                _set_mode(pilot, GUIDED)
+                done = ended(process)
+        finally:
+            pilot.close()
+    assert done.code == 0
+    assert done.summary["completed"] is True
+    assert len(events(folder, "released")) == 1
+    assert [event["mode"] for event in events(folder, "overridden")] == ["LOITER"]
+    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
+
+
+def _set_mode(pilot, mode):
+    """Change the mode as a ground station does, until the heartbeat shows it."""
+    for _ in range(20):
+        pilot.mav.command_long_send(
+            1,
+            1,
+            mav.MAV_CMD_DO_SET_MODE,
+            0,
+            mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            mode,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
+        beat = _beat(pilot)
+        if beat is not None and beat.custom_mode == mode:
+            return
+    raise AssertionError(f"the vehicle does not change to mode {mode}")
+
+
+def _beat(pilot):
+    """The next heartbeat of the autopilot."""
+    while True:
+        beat = pilot.recv_match(type="HEARTBEAT", blocking=True, timeout=2.0)
+        if beat is None or beat.autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            return beat
+
+
+def _beats(pilot, count):
+    """Let so many simulated seconds pass."""
+    for _ in range(count):
+        assert _beat(pilot) is not None

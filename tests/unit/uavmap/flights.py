@@ -1,0 +1,190 @@
+"""One simulated vehicle under its driver, with a hand on the link and on the mode switch."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import Event, Overridden
+from missions.grid import Grid
+from missions.mission_file import Mission, SimRegion
+from missions.orders import Order, StandDown
+from missions.state import Setting
+from missions.units import GridPoint
+from tests.small_missions import CELL_M, START, mission, square
+from uavmap.clock import VirtualClock, run
+from uavmap.eyes import Classifier, Eyes
+from uavmap.link.session import GROUND_SYSTEM_ID, Session
+from uavmap.simulation import STEP_S, make_vehicles
+from uavmap.vehicle import MavlinkVehicle
+
+Message = Any
+PILOT_SYSTEM_ID = 255
+
+
+def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
+    """A dark square of 8 m to the north-east of the start, in a box of 24 m by 16 m."""
+    made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), **how)
+    grid = Grid.at(START, CELL_M)
+    corners = [grid.position(GridPoint(*xy)) for xy in square(6, 14, 8, 8)]
+    region = SimRegion(polygon=tuple((p.lat_deg, p.lon_deg) for p in corners))
+    sim = made.sim.model_copy(update={"roi": (region,), "swap_s": swap_s, "gps_sigma_m": 0.05})
+    return made.model_copy(update={"sim": sim})
+
+
+class Flight:
+    """A driver and the simulated vehicle at the other end.
+
+    `to_vehicle` and `to_driver` see every message and may swallow it (None) or change its frame.
+    """
+
+    def __init__(self, made: Mission, seed: int = 1) -> None:
+        self.setting = Setting.of(made)
+        self.vehicle = make_vehicles(made, seed)[0]
+        self.events: list[Event] = []
+        self.sent: list[tuple[float, Message]] = []
+        self.to_vehicle: Callable[[Message], bool] = lambda message: True
+        self.to_driver: Callable[[Message], bool] = lambda message: True
+        self.change: Callable[[bytes], bytes] = lambda picture: picture
+        self._ours, self._theirs = mav.MAVLink(None), mav.MAVLink(None)
+        self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
+        self.session = Session(self._send, lambda frame: None)
+        grid = self.setting.grid
+        classifier = Classifier.of(made, grid)
+        self.driver = MavlinkVehicle(
+            1,
+            "sim",
+            self.session,
+            Eyes(1, self.session, classifier, self._fetch, self.now_s),
+            made,
+            grid,
+            self.now_s,
+            self._crew,
+        )
+
+    @staticmethod
+    def now_s() -> float:
+        return asyncio.get_running_loop().time()
+
+    async def _crew(self, vehicle: int) -> None:
+        """The ground crew is quick."""
+
+    async def _fetch(self, url: str) -> bytes:
+        data = self.vehicle.image(url)
+        assert data is not None
+        return self.change(data)
+
+    def _send(self, frame: bytes) -> None:
+        (message,) = self._ours.parse_buffer(frame)
+        self.sent.append((self.now_s(), message))
+        if self.to_vehicle(message):
+            self._deliver(self.vehicle.receive(frame), later=True)
+
+    def _deliver(self, data: bytes, *, later: bool = False) -> None:
+        kept = b"".join(
+            bytes(m.get_msgbuf())
+            for m in self._theirs.parse_buffer(data) or []
+            if self.to_driver(m)
+        )
+        if not kept:
+            return
+        if later:
+            asyncio.get_running_loop().call_soon(self.session.feed, kept)
+        else:
+            self.session.feed(kept)
+
+    async def fly_world(self) -> None:
+        """Let the vehicle's time pass with the loop's."""
+        loop = asyncio.get_running_loop()
+        start_s, steps = loop.time(), 0
+        while True:
+            self._deliver(self.vehicle.step(STEP_S))
+            steps += 1
+            await asyncio.sleep(start_s + steps * STEP_S - loop.time())
+
+    # --- the pilot and the bystander ---------------------------------------------------------
+    def pilot(self, command: int, *params: float) -> None:
+        """A command from somebody else, with effect at once."""
+        filled = (*params, *([0.0] * (7 - len(params))))
+        message = mav.MAVLink_command_long_message(1, 1, command, 0, *filled)
+        self._deliver(self.vehicle.receive(message.pack(self._pilot)))
+
+    def pilot_mode(self, mode: int) -> None:
+        """The pilot turns the mode switch; the heartbeat that shows it is heard on return."""
+        self.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
+        assert self.session.view.mode == mode
+
+    def commands_after(self, index: int) -> list[Message]:
+        """What was sent from a point on, but for heartbeats and the camera's stop."""
+        return [
+            message
+            for _, message in self.sent[index:]
+            if message.get_type() != "HEARTBEAT"
+            and getattr(message, "command", None) != mav.MAV_CMD_IMAGE_STOP_CAPTURE
+        ]
+
+    # --- the service's part ------------------------------------------------------------------
+    def report(self, event: Event) -> None:
+        """As the reducer does: who is overridden stands down."""
+        self.events.append(event)
+        if isinstance(event, Overridden):
+            self.driver.give(StandDown())
+
+    def seen(self, kind: type[Event]) -> list[Any]:
+        return [event for event in self.events if isinstance(event, kind)]
+
+    async def sees(self, kind: type[Event], count: int = 1, within_s: float = 120.0) -> Any:
+        """The event of a kind, once so many have been reported."""
+        async with asyncio.timeout(within_s):
+            while len(self.seen(kind)) < count:  # noqa: ASYNC110
+                await asyncio.sleep(STEP_S)
+        return self.seen(kind)[count - 1]
+
+    async def until(self, condition: Callable[[], bool], within_s: float = 120.0) -> None:
+        async with asyncio.timeout(within_s):
+            while not condition():  # noqa: ASYNC110
+                await asyncio.sleep(STEP_S)
+
+    async def after(self, order: Order, kind: type[Event], within_s: float = 120.0) -> Any:
+        """Give an order and wait for the event that ends it."""
+        count = len(self.seen(kind))
+        self.driver.give(order)
+        return await self.sees(kind, count + 1, within_s)
+
+
+@contextlib.contextmanager
+def no_task_left() -> Iterator[None]:
+    before = asyncio.all_tasks()
+    yield
+    assert asyncio.all_tasks() == before
+
+
+@contextlib.asynccontextmanager
+async def under_way(flight: Flight) -> AsyncIterator[Flight]:
+    """The world turns, the driver is connected and runs; at the end nothing is left."""
+    with no_task_left():
+        async with asyncio.TaskGroup() as tasks:
+            world = tasks.create_task(flight.fly_world())
+            await flight.driver.connect()
+            driving = tasks.create_task(flight.driver.run(flight.report))
+            await asyncio.sleep(0)
+            yield flight
+            driving.cancel()
+            world.cancel()
+
+
+def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None) -> Flight:
+    """Run a test with a connected vehicle on the ground."""
+    flight = Flight(made if made is not None else small_mission())
+
+    async def main() -> None:
+        async with under_way(flight):
+            await body(flight)
+
+    run(main(), VirtualClock())
+    assert all(m.get_srcSystem() == GROUND_SYSTEM_ID for _, m in flight.sent)
+    return flight
