@@ -135,7 +135,7 @@ class Eyes:
             if self._frames is frames:
                 self._frames = None
             if frames.capturing:
-                self._stop()
+                self.stop()
 
     async def start(self, interval_s: float, count: int) -> None:
         """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped."""
@@ -150,7 +150,7 @@ class Eyes:
             component=self._session.view.camera_component,
         )
 
-    def _stop(self) -> None:
+    def stop(self) -> None:
         """MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent while being called off."""
         view = self._session.view
         self._session.send(
@@ -210,6 +210,9 @@ class Frames:
         self._announced: asyncio.Queue[Message] = asyncio.Queue()
         self._next_index: int | None = None
         self._seen: set[int] = set()
+        self._pending = 0
+        self._none_pending = asyncio.Event()
+        self._none_pending.set()
         self.capturing = False
 
     def announced(self, message: Message) -> None:
@@ -222,13 +225,29 @@ class Frames:
                 self._eyes.ask_again(missing)
         self._next_index = max(index + 1, self._next_index or 0)
         self._seen.add(index)
+        self._pending += 1
+        self._none_pending.clear()
         self._announced.put_nowait(message)
+
+    async def finish(self) -> None:
+        """Take no more, and wait (not for long) until those announced are judged and reported."""
+        self._eyes.stop()
+        self.capturing = False
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(PICTURE_WAIT_S):
+                await self._none_pending.wait()
+
+    def _done(self) -> None:
+        self._pending -= 1
+        if self._pending == 0:
+            self._none_pending.set()
 
     async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameSeen | FrameLost]:
         """Every picture's verdicts, in the order of their coming."""
         if self._most is None:
             while True:
                 yield await self._eyes.judge(await self._announced.get(), vantage)
+                self._done()
         taken = 0
         while taken < self._most:
             count = min(self._eyes.burst_size, self._most - taken)

@@ -69,6 +69,13 @@ PASS_RADIUS_M: Final = 2.0
 FULL: Final = 0.9
 """From this part of its capacity on a battery counts as fresh."""
 
+_OFF_GROUND: Final = (
+    mav.MAV_LANDED_STATE_TAKEOFF,
+    mav.MAV_LANDED_STATE_IN_AIR,
+    mav.MAV_LANDED_STATE_LANDING,
+)
+"""A take-off that is called off goes from the first of these to the last."""
+
 _STREAMS: Final = {
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
@@ -110,6 +117,7 @@ class MavlinkVehicle:
         self._was_airborne = False
         self._tracked_s = float("-inf")
         self._connected = False
+        self._paced = False
 
     # --- the life of a vehicle -------------------------------------------------------------
     async def connect(self) -> None:
@@ -200,6 +208,7 @@ class MavlinkVehicle:
         if mode == self._mode or not self._connected:
             return
         self._mode = mode
+        self._paced = False
         if self._overridden:
             if mode == GUIDED and self._view.armed:
                 self._overridden = False
@@ -215,7 +224,7 @@ class MavlinkVehicle:
         if self._view.on_ground and self._was_airborne:
             self._was_airborne = False
             self._report(Landed(self.number, self._t_s(), self._remaining()))
-        elif self._view.landed_state == mav.MAV_LANDED_STATE_IN_AIR and self._view.armed:
+        elif self._view.landed_state in _OFF_GROUND and self._view.armed:
             self._was_airborne = True
 
     def _track(self) -> None:
@@ -232,6 +241,7 @@ class MavlinkVehicle:
         view = self._view
         airborne = view.armed and view.landed_state != mav.MAV_LANDED_STATE_ON_GROUND
         self._connected = True
+        self._paced = False
         self._mode = view.mode
         self._was_airborne = airborne
         ours = view.mode == GUIDED
@@ -313,15 +323,13 @@ class MavlinkVehicle:
             lambda: self._view.height_m >= reached, 60.0 + 3.0 * order.height_m
         ):
             raise LinkError(f"did not climb to {order.height_m:g} m{self._view.recent_texts()}")
-        await self._session.command(
-            mav.MAV_CMD_DO_CHANGE_SPEED, 1, self._mission.flight.speed_m_s, -1
-        )
         self._report(Airborne(self.number, self._t_s()))
 
     async def _fly_to(self, order: FlyTo) -> None:
-        last = len(order.route) - 1
+        last = len(order.route) - 1 if order.cell is None else len(order.route)
         for index, point in enumerate(order.route):
-            stop = order.stop and order.cell is None and index == last
+            # a corner of the fence is not cut: the vehicle comes to rest there
+            stop = order.stop or index != last
             await self._reach(lambda p=point: p, order.height_m, stop=stop)  # type: ignore[misc]
         if order.cell is not None:
             await self._reach(self._follow(order.cell), order.height_m, stop=order.stop)
@@ -350,6 +358,11 @@ class MavlinkVehicle:
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
         """MAV_CMD_DO_REPOSITION: acknowledged, and refused unless the vehicle follows us."""
+        if not self._paced:  # a mode change has put the vehicle's own speed back
+            await self._session.command(
+                mav.MAV_CMD_DO_CHANGE_SPEED, 1, self._mission.flight.speed_m_s, -1
+            )
+            self._paced = True
         position = self._grid.position(point)
         await self._session.command_at(
             mav.MAV_CMD_DO_REPOSITION,
@@ -365,6 +378,7 @@ class MavlinkVehicle:
         async with self._eyes.every(order.every_m / speed) as frames, asyncio.TaskGroup() as tasks:
             watching = tasks.create_task(self._watch_frames(frames, None))
             await self._reach(lambda: order.end, order.height_m, stop=False)
+            await frames.finish()
             watching.cancel()
         self._report(Arrived(self.number, self._t_s(), self._position()))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 
 from pymavlink import mavutil
@@ -24,7 +25,7 @@ from tests.e2e.rig import (
 )
 
 SPEEDUP = 15.0
-LOITER, GUIDED = 5, 4
+GUIDED, LOITER, BRAKE = 4, 5, 17
 
 
 def fly_arguments(name, urls, folder, *more):
@@ -108,10 +109,10 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
                 wait_until(lambda: len(bodies(folder)) >= in_mid_flight(speck), "the exploration")
                 _set_mode(pilot, LOITER)
                 wait_until(lambda: bool(events(folder, "overridden")), "the service to notice")
-                _beats(pilot, 2)  # what was under way when the mode changed has come to an end
-                said = len(relay.commands)
-                seen = len(events(folder, "frame_seen"))
-                _beats(pilot, 20)
+                # without a radio control LOITER sinks to the ground: the pilot stops that
+                _set_mode(pilot, BRAKE)
+                said, seen = len(relay.commands), len(events(folder, "frame_seen"))
+                _beats(pilot, 15)
                 assert relay.commands[said:] == []
                 assert len(events(folder, "frame_seen")) == seen
                 assert events(folder, "released") == []
@@ -123,6 +124,9 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
     assert done.summary["completed"] is True
     assert len(events(folder, "released")) == 1
     assert [event["mode"] for event in events(folder, "overridden")] == ["LOITER"]
+    after = bodies(folder).index(json.dumps(events(folder, "released")[0], separators=(",", ":")))
+    looks = [e for e in events(folder)[after:] if e["kind"] == "frame_seen"]
+    assert len(looks) > 5  # it has taken up its work
     assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
 
 
