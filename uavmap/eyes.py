@@ -31,6 +31,9 @@ Fetch = Callable[[str], Awaitable[bytes]]
 PICTURE_WAIT_S: Final = 3.0
 """How long a picture may be late before it is asked for again, and then given up."""
 
+MOST_MISSING: Final = 20
+"""How many announcements are asked for again at once: a camera's count may jump."""
+
 
 @dataclass(frozen=True, slots=True)
 class Classifier:
@@ -221,7 +224,7 @@ class Frames:
         if index in self._seen:
             return
         if self._next_index is not None:
-            for missing in range(self._next_index, index):
+            for missing in range(max(self._next_index, index - MOST_MISSING), index):
                 self._eyes.ask_again(missing)
         self._next_index = max(index + 1, self._next_index or 0)
         self._seen.add(index)

@@ -113,6 +113,7 @@ class MavlinkVehicle:
         self._task: asyncio.Task[None] | None = None
         self._commanded = GUIDED
         self._mode: int | None = None
+        self._armed = False
         self._overridden = False
         self._was_airborne = False
         self._tracked_s = float("-inf")
@@ -136,10 +137,15 @@ class MavlinkVehicle:
         for message_id, rate_hz in _STREAMS.items():
             await session.message_interval(message_id, rate_hz)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        while view.home is None or view.position is None or self._remaining_wh() is None:
+        begin_s = asyncio.get_running_loop().time()
+        while missing := self._missing(begin_s):
             session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
-            if not await session.until(self._knows_itself, 5.0) and not self._hears():
-                raise LinkError(f"{self.name}: the link was lost while waiting for a position")
+            if await session.until(lambda: not self._missing(begin_s), 5.0):
+                return
+            if not self._hears():
+                raise LinkError(f"{self.name}: the link was lost while waiting for {missing}")
+            if asyncio.get_running_loop().time() - begin_s > READY_S:
+                raise LinkError(f"{self.name}: the vehicle does not tell {missing}")
 
     async def run(self, report: Report) -> None:
         """Report and carry out orders until cancelled. `connect` comes first."""
@@ -168,11 +174,7 @@ class MavlinkVehicle:
     async def _watch_link(self) -> None:
         while True:
             await asyncio.sleep(HEARTBEAT_S)
-            if self._hears() and not self._connected:
-                with contextlib.suppress(LinkError):
-                    await self.connect()
-                    self._report_connected()
-            elif not self._hears() and self._connected:
+            if self._connected and self._silent_s() >= LINK_LOST_S:
                 self._connected = False
                 self._report(LinkLost(self.number, self._t_s()))
             elif not self._connected and self._silent_s() > LINK_GIVEN_UP_S:
@@ -180,17 +182,33 @@ class MavlinkVehicle:
                     OrderFailed(self.number, self._t_s(), "link", "the vehicle stayed silent")
                 )
                 return
+            elif not self._connected and self._hears():
+                with contextlib.suppress(LinkError):
+                    await self.connect()
+                    self._report_connected()
 
     def _silent_s(self) -> float:
-        return asyncio.get_running_loop().time() - self._view.heard_s
+        """Since when a heartbeat or the position is missing.
+
+        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
+        """
+        last_s = min(self._view.heard_s, self._view.position_s)
+        return asyncio.get_running_loop().time() - last_s
 
     def _hears(self) -> bool:
-        return self._silent_s() < LINK_LOST_S
+        return asyncio.get_running_loop().time() - self._view.heard_s < LINK_LOST_S
 
-    def _knows_itself(self) -> bool:
+    def _missing(self, since_s: float) -> str:
+        """What the vehicle has yet to tell; a position from before does not count."""
         view = self._view
-        return (
-            view.home is not None and view.position is not None and self._remaining_wh() is not None
+        return " and ".join(
+            what
+            for what, known in (
+                ("its position", view.position_s >= since_s),
+                ("its home", view.home is not None),
+                ("its battery's charge", self._remaining_wh() is not None),
+            )
+            if not known
         )
 
     def _on_message(self, message: Message) -> None:
@@ -204,13 +222,13 @@ class MavlinkVehicle:
 
     def _watch_mode(self) -> None:
         """The pilot has the last word: a mode that we did not ask for ends our say."""
-        mode = self._view.mode
-        if mode == self._mode or not self._connected:
+        mode, armed = self._view.mode, self._view.armed
+        if not self._connected or (mode, armed) == (self._mode, self._armed):
             return
-        self._mode = mode
-        self._paced = False
+        turned, self._mode, self._armed = mode != self._mode, mode, armed
+        self._paced = self._paced and not turned
         if self._overridden:
-            if mode == GUIDED and self._view.armed:
+            if turned and mode == GUIDED and self._view.armed:
                 self._overridden = False
                 self._commanded = GUIDED
                 self._report(Released(self.number, self._t_s(), self._position(), self._height_m()))
@@ -242,7 +260,7 @@ class MavlinkVehicle:
         airborne = view.armed and view.landed_state != mav.MAV_LANDED_STATE_ON_GROUND
         self._connected = True
         self._paced = False
-        self._mode = view.mode
+        self._mode, self._armed = view.mode, view.armed
         self._was_airborne = airborne
         ours = view.mode == GUIDED
         self._overridden = airborne and not ours

@@ -48,6 +48,7 @@ class VehicleView:
     mode: int | None = None
     armed: bool = False
     position: LatLon | None = None
+    position_s: float = float("-inf")
     height_m: float = 0.0
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     boot_offset_s: float | None = None
@@ -132,7 +133,10 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if message.lat == message.lon == 0:  # an ArduPilot says so before its first fix
+        return
     view.position = LatLon(message.lat / 1e7, message.lon / 1e7)
+    view.position_s = now_s
     view.height_m = message.relative_alt / 1000.0
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     offset_s = now_s - message.time_boot_ms / 1000.0
