@@ -7,7 +7,9 @@ wait stay on the ground, and `uavmap resume` is the word to go on.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import sys
+import termios
 from collections.abc import Callable
 from typing import TextIO
 
@@ -20,14 +22,16 @@ class Crew:
     ) -> None:
         self._say = say
         self._automatic = automatic
-        self._stream = stream or sys.stdin
+        self._stream: TextIO | None = stream or sys.stdin
         self._asking = asyncio.Lock()
         self.waiting: set[int] = set()
 
     @property
     def absent(self) -> bool:
         """Whether nobody will ever answer."""
-        return not self._automatic and not self._stream.isatty()
+        if self._automatic:
+            return False
+        return self._stream is None or not self._stream.isatty()
 
     async def swap(self, vehicle: int) -> None:
         """Returns when the battery of a vehicle is swapped and it may take off again."""
@@ -43,17 +47,24 @@ class Crew:
                     f"vehicle {vehicle} has landed: swap its battery, stand clear, press Enter; "
                     "it takes off by itself"
                 )
-                await self._line()
+                if not await self._entered():
+                    await asyncio.Event().wait()
         finally:
             self.waiting.discard(vehicle)
 
-    async def _line(self) -> None:
-        """Wait for a line from the operator."""
-        loop = asyncio.get_running_loop()
-        entered = asyncio.Event()
-        loop.add_reader(self._stream.fileno(), entered.set)
+    async def _entered(self) -> bool:
+        """Wait for Enter; False when the terminal is gone, which is nobody's word."""
+        if self._stream is None:
+            return False
+        loop, file = asyncio.get_running_loop(), self._stream.fileno()
+        readable = asyncio.Event()
+        with contextlib.suppress(termios.error):
+            termios.tcflush(file, termios.TCIFLUSH)  # what was typed before is no answer
+        loop.add_reader(file, readable.set)
         try:
-            await entered.wait()
-            self._stream.readline()
+            await readable.wait()
+            return self._stream.readline().endswith("\n")
+        except OSError:
+            return False
         finally:
-            loop.remove_reader(self._stream.fileno())
+            loop.remove_reader(file)

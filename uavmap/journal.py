@@ -134,12 +134,15 @@ class Journal:
             self._verify(body)
             return
         vehicle = getattr(event, "vehicle", None)
-        with self._database:
-            self._database.execute("BEGIN")
-            self._database.execute(
-                "INSERT INTO events (t_s, vehicle, kind, body) VALUES (?, ?, ?, ?)",
-                (event.t_s, vehicle, event.kind, body),
-            )
+        try:
+            with self._database:
+                self._database.execute("BEGIN")
+                self._database.execute(
+                    "INSERT INTO events (t_s, vehicle, kind, body) VALUES (?, ?, ?, ?)",
+                    (event.t_s, vehicle, event.kind, body),
+                )
+        except sqlite3.Error as error:  # a full disk, mostly
+            raise JournalError(f"{self.path} cannot be written: {error}") from None
 
     def expect_again(self) -> int:
         """Let the events that are in the file be appended again, and check each.

@@ -51,9 +51,22 @@ class Service:
         self._vehicles = vehicles
         self._observe = observe
         self._over = asyncio.Event()
+        self._failure: Exception | None = None
 
     def post(self, event: Event) -> None:
-        """Something happened: commit it, take it in, hand out the orders that follow."""
+        """Something happened: commit it, take it in, hand out the orders that follow.
+
+        What goes wrong here ends the flight: most calls come from the event loop itself, which
+        would note the error and fly on with an event lost.
+        """
+        try:
+            self._post(event)
+        except Exception as failure:
+            self._failure = self._failure or failure
+            self._over.set()
+            raise
+
+    def _post(self, event: Event) -> None:
         self._journal.append(event)
         self.state, orders = step(self.setting, self.state, event)
         for number, order in orders:
@@ -78,4 +91,6 @@ class Service:
             await self._over.wait()
             for task in running:
                 task.cancel()
+        if self._failure is not None:
+            raise self._failure
         return self.state

@@ -1,0 +1,143 @@
+"""The service between a journal and vehicles that a test plays."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from missions.errors import JournalError
+from missions.events import Connected, Event, LinkLost, Overridden, Recalled, Tracked
+from missions.orders import Order, StandDown, TakeOff
+from missions.state import Setting, State
+from missions.units import GridPoint
+from tests.unit.uavmap.flights import small_mission
+from uavmap.clock import VirtualClock, run
+from uavmap.journal import Journal
+from uavmap.service import Service
+
+HOME = GridPoint(0.0, 0.0)
+CONNECTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 25.0)
+
+
+class Played:
+    """A vehicle that reports what it is told to, from the event loop as a socket would."""
+
+    def __init__(self, *events: tuple[float, Event]) -> None:
+        self.orders: list[Order] = []
+        self._events = events
+
+    async def run(self, report: Callable[[Event], None]) -> None:
+        loop = asyncio.get_running_loop()
+        for after_s, event in self._events:
+            loop.call_later(after_s, report, event)
+        await asyncio.Event().wait()
+
+    def give(self, order: Order) -> None:
+        self.orders.append(order)
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    with Journal.create(tmp_path / "journal.db", {}) as journal:
+        yield journal
+
+
+def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:
+    setting = Setting.of(small_mission())
+    seen: list[Event] = []
+    service = Service(
+        setting, journal, {1: vehicle}, State.initial(setting), lambda e, _: seen.append(e)
+    )
+
+    async def main() -> State:
+        asyncio.get_running_loop().call_later(10.0, act, service)
+        state = await service.fly()
+        assert len(asyncio.all_tasks()) == 1
+        return state
+
+    state = run(main(), VirtualClock())
+    assert seen == list(journal.events())
+    return state
+
+
+def test_events_are_committed_in_order_and_orders_handed_out(journal: Journal) -> None:
+    vehicle = Played((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (3.0, CONNECTED))
+    state = serve(journal, vehicle, Service.recall)
+    assert [type(o) for o in vehicle.orders] == [TakeOff, StandDown, TakeOff, StandDown]
+    assert [type(e) for e in journal.events()] == [Connected, LinkLost, Connected, Recalled]
+    assert state.over
+
+
+def test_a_flight_is_over_when_nobody_has_anything_to_do(journal: Journal) -> None:
+    vehicle = Played((1.0, CONNECTED), (2.0, Overridden(1, 2.0, "LOITER")))
+    state = serve(journal, vehicle, lambda service: pytest.fail("it should be over by now"))
+    assert state.over
+
+
+def test_an_order_comes_after_the_commit(journal: Journal) -> None:
+    committed: list[str] = []
+
+    class Watched(Played):
+        def give(self, order: Order) -> None:
+            super().give(order)
+            committed.append(list(journal.events())[-1].kind)
+
+    vehicle = Watched((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (3.0, CONNECTED))
+    serve(journal, vehicle, Service.recall)
+    assert committed == ["connected", "link_lost", "connected", "recalled"]
+
+
+def test_a_recall_is_posted_once(journal: Journal) -> None:
+    def twice(service: Service) -> None:
+        service.recall()
+        service.recall()
+
+    vehicle = Played((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (12.0, CONNECTED))
+    serve(journal, vehicle, twice)
+    assert sum(isinstance(e, Recalled) for e in journal.events()) == 1
+
+
+def test_stop_ends_the_flight_as_it_is(journal: Journal) -> None:
+    state = serve(journal, Played((1.0, CONNECTED)), Service.stop)
+    assert not state.over
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_journal_that_cannot_be_written_ends_the_flight(
+    journal: Journal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also when the event came from a callback of the loop, which only logs what is raised."""
+    logged: list[object] = []
+
+    class Full:
+        def execute(self, *_: object) -> None:
+            raise sqlite3.OperationalError("database or disk is full")
+
+        def __enter__(self) -> None: ...
+        def __exit__(self, *_: object) -> None: ...
+
+    vehicle = Played(
+        (1.0, CONNECTED),
+        *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0)),
+    )
+    setting = Setting.of(small_mission())
+    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(lambda _, context: logged.append(context["exception"]))
+        loop.call_later(10.0, monkeypatch.setattr, journal, "_database", Full())
+        try:
+            await service.fly()
+        finally:
+            assert loop.time() == pytest.approx(20.0)
+
+    with pytest.raises(JournalError, match="cannot be written: database or disk is full"):
+        run(main(), VirtualClock())
+    monkeypatch.undo()
+    assert [type(e) for e in journal.events()] == [Connected]
+    assert len(logged) == 1

@@ -1,0 +1,161 @@
+"""map.geojson: cells, outline and tracks as RFC 7946 reads them.
+
+Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior
+rings counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
+coordinate, of tracks only, is the height above home in metres.
+
+Longitudes run on past 180 degrees where a map crosses the antimeridian, so that no polygon spans
+the globe.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from shapely.geometry import MultiPolygon, Polygon
+
+from missions.units import GridPoint, LatLon
+from uavmap.outline import outline
+from uavmap.results.atomic import write_text
+from uavmap.results.model import MapData, Track
+
+DECIMALS = 7
+
+Coordinates = list[float]
+Feature = dict[str, Any]
+
+
+def write(data: MapData, path: Path) -> None:
+    """Write the map to `path`."""
+    write_text(path, encode(data))
+
+
+def encode(data: MapData) -> str:
+    """The map as a FeatureCollection, a feature a line.
+
+    Features by their property `kind`:
+
+    * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames).
+    * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`. Its geometry is
+      null for a map without a region.
+    * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
+    """
+    features = [*_cells(data), _outline(data), *_tracks(data)]
+    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
+    head = json.dumps(
+        {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
+        | ({"bbox": box} if (box := _bbox(features)) else {})
+    )
+    return f'{head[:-1]}, "features": [\n{lines}\n]}}\n'
+
+
+def _cells(data: MapData) -> Iterator[Feature]:
+    for row in data.cells:
+        ring = _ring(data, data.grid.corners_of(row.cell))
+        yield {
+            "type": "Feature",
+            "id": f"cell {row.cell.east} {row.cell.north}",
+            "geometry": {"type": "Polygon", "coordinates": [ring]},
+            "properties": {
+                "kind": "cell",
+                "column": row.cell.east,
+                "row": row.cell.north,
+                "state": row.state,
+                "positive": row.positive,
+                "votes": row.votes,
+            },
+        }
+
+
+def _outline(data: MapData) -> Feature:
+    shape = outline(data.roi_cells, data.grid)
+    return {
+        "type": "Feature",
+        "id": "outline",
+        "geometry": _polygons(data, shape),
+        "properties": {
+            "kind": "outline",
+            "mission": data.mission,
+            "t_s": round(data.t_s, 3),
+            "cells": len(data.roi_cells),
+            "area_m2": round(shape.area, 3),
+        },
+    }
+
+
+def _polygons(data: MapData, shape: Polygon | MultiPolygon) -> dict[str, Any] | None:
+    if shape.is_empty:
+        return None
+    rings = [
+        [_ring(data, _points(ring.coords)) for ring in (part.exterior, *part.interiors)]
+        for part in (shape.geoms if isinstance(shape, MultiPolygon) else [shape])
+    ]
+    if len(rings) == 1:
+        return {"type": "Polygon", "coordinates": rings[0]}
+    return {"type": "MultiPolygon", "coordinates": rings}
+
+
+def _points(coordinates: Iterable[tuple[float, ...]]) -> list[GridPoint]:
+    return [GridPoint(east, north) for east, north, *_ in coordinates]
+
+
+def _tracks(data: MapData) -> Iterator[Feature]:
+    for track in data.tracks:
+        if len(track.points) < 2:  # a LineString has two positions at least
+            continue
+        yield {
+            "type": "Feature",
+            "id": f"track {track.vehicle}",
+            "geometry": {"type": "LineString", "coordinates": _line(data, track)},
+            "properties": {
+                "kind": "track",
+                "vehicle": track.vehicle,
+                "start_s": round(track.points[0][0], 3),
+                "end_s": round(track.points[-1][0], 3),
+                "altitude": "metres above home",
+            },
+        }
+
+
+def _line(data: MapData, track: Track) -> list[Coordinates]:
+    return [
+        [*_lon_lat(place, data.start), round(height_m, 2)] for _, place, height_m in track.points
+    ]
+
+
+def _ring(data: MapData, points: Iterable[GridPoint]) -> list[Coordinates]:
+    """A closed ring of points of the moving frame, in their order."""
+    grid, t_s = data.grid, data.t_s
+    ring = [_lon_lat(grid.position(grid.to_fixed(point, t_s)), data.start) for point in points]
+    return ring if ring[0] == ring[-1] else [*ring, ring[0]]
+
+
+def _lon_lat(place: LatLon, start: LatLon) -> Coordinates:
+    """Longitude, latitude; the longitude in the turn of the start's."""
+    turns = round((start.lon_deg - place.lon_deg) / 360.0)
+    return [round(place.lon_deg + 360.0 * turns, DECIMALS), round(place.lat_deg, DECIMALS)]
+
+
+def _bbox(features: Iterable[Feature]) -> Coordinates:
+    """West, south, east, north of all features; empty without any geometry."""
+    places = [place for f in features if f["geometry"] for place in _flat(f["geometry"])]
+    if not places:
+        return []
+    lons, lats = [place[0] for place in places], [place[1] for place in places]
+    heights = [place[2] for place in places if len(place) > 2]
+    low, high = [min(lons), min(lats)], [max(lons), max(lats)]
+    # as many numbers a corner as there are dimensions (section 5)
+    return [*low, min(heights), *high, max(heights)] if heights else [*low, *high]
+
+
+def _flat(geometry: dict[str, Any]) -> Iterator[Coordinates]:
+    stack: list[Any] = [geometry["coordinates"]]
+    while stack:
+        item = stack.pop()
+        if isinstance(item[0], float):
+            yield item
+        else:
+            stack.extend(item)

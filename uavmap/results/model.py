@@ -1,0 +1,62 @@
+"""What a finished or running mission has to show: the input of every writer in this package."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from shapely.geometry.base import BaseGeometry
+
+from missions.grid import Grid
+from missions.units import Cell, LatLon
+
+State = Literal["non-roi", "unexplored", "under exploration", "explored"]
+
+
+@dataclass(frozen=True, slots=True)
+class CellRow:
+    """One cell of the map: its state and the frames that voted for it."""
+
+    cell: Cell
+    state: State
+    positive: int
+    votes: int
+
+    @property
+    def is_roi(self) -> bool:
+        """Whether the cell is part of the region, visited or not."""
+        return self.state != "non-roi"
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Where a vehicle went: (mission seconds, position over ground, metres above home)."""
+
+    vehicle: int
+    points: tuple[tuple[float, LatLon, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapData:
+    """A map at the mission time `t_s`, and what belongs into its picture.
+
+    `truth` is the real region in ground metres of the grid's moving frame; None where nobody
+    knows it, which is everywhere but in simulation. `box`, `fence` and `fence_holes` are rings,
+    open or closed, fixed to the ground.
+    """
+
+    mission: str
+    grid: Grid
+    t_s: float
+    cells: tuple[CellRow, ...]
+    tracks: tuple[Track, ...]
+    start: LatLon
+    box: tuple[LatLon, ...]
+    fence: tuple[LatLon, ...]
+    fence_holes: tuple[tuple[LatLon, ...], ...] = ()
+    truth: BaseGeometry | None = None
+
+    @property
+    def roi_cells(self) -> tuple[Cell, ...]:
+        """The cells of the region, in the order of `cells`."""
+        return tuple(row.cell for row in self.cells if row.is_roi)

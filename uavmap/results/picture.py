@@ -1,0 +1,188 @@
+"""map.png: the map as a picture, grid north up.
+
+Drawn at three times the size and shrunk, which smooths every edge. Nothing depends on fonts of the
+machine: the letters are Pillow's own.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import shapely
+from PIL import Image, ImageDraw, ImageFont
+from shapely.geometry import LineString
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
+
+from missions.units import GridPoint
+from uavmap.outline import outline
+from uavmap.results.atomic import write_bytes
+from uavmap.results.legend import Entry, draw_legend, legend_height_px
+from uavmap.results.model import MapData
+from uavmap.results.palette import OUTLINE, STATES, TRUTH, Colour, track_colour
+from uavmap.results.view import View, ground, ring_on_map, track_on_map, view_of
+
+OVERSAMPLING = 3
+MARGIN_PX = 24
+TITLE_PX = 70
+LEGEND_PX = 230
+
+PAPER: Colour = (255, 255, 255)
+LAND: Colour = (247, 247, 243)
+INK: Colour = (35, 39, 43)
+FAINT: Colour = (120, 126, 132)
+BOX: Colour = (120, 90, 40)
+FENCE: Colour = (190, 40, 60)
+
+Pixels = list[tuple[float, float]]
+
+
+def write(data: MapData, path: Path) -> None:
+    """Write the picture to `path`, as PNG."""
+    buffer = io.BytesIO()
+    draw(data).save(buffer, "PNG", optimize=True)
+    write_bytes(path, buffer.getvalue())
+
+
+def map_corner_px() -> tuple[int, int]:
+    """Column and row in the picture of the map's upper left corner."""
+    return MARGIN_PX, TITLE_PX
+
+
+def draw(data: MapData) -> Image.Image:
+    """The whole picture: title, map, legend."""
+    view, k = view_of(data), OVERSAMPLING
+    left, top = map_corner_px()
+    entries = list(_entries(data))
+    size = (
+        left + view.width_px + MARGIN_PX + LEGEND_PX,
+        top + max(view.height_px, legend_height_px(len(entries))) + MARGIN_PX,
+    )
+    picture = Image.new("RGB", (size[0] * k, size[1] * k), PAPER)
+    picture.paste(_map(data, view, k), (left * k, top * k))
+    pen = ImageDraw.Draw(picture)
+    pen.rectangle(
+        (left * k, top * k, (left + view.width_px) * k, (top + view.height_px) * k),
+        outline=FAINT,
+        width=k,
+    )
+    pen.text((left * k, 16 * k), data.mission, fill=INK, font=font(26 * k))
+    pen.text((left * k, 46 * k), _subtitle(data), fill=FAINT, font=font(14 * k))
+    corner = ((left + view.width_px + MARGIN_PX) * k, top * k)
+    draw_legend(pen, corner, entries, view.px_per_m * k, k)
+    return picture.resize(size, Image.Resampling.LANCZOS)
+
+
+def _subtitle(data: MapData) -> str:
+    cells, minutes = len(data.roi_cells), divmod(round(data.t_s), 60)
+    time = f"{minutes[0]}:{minutes[1]:02d} min"
+    area_m2 = cells * data.grid.cell_m**2
+    drift = data.grid.drift_speed_m_s
+    return f"{cells} cells of {data.grid.cell_m:g} m, {area_m2:,.0f} sq m  ·  after {time}" + (
+        f"  ·  drifting {drift:g} m/s; tracks as seen from the region" if drift else ""
+    )
+
+
+@lru_cache(maxsize=8)
+def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Pillow's built-in letters."""
+    return ImageFont.load_default(size_px)
+
+
+# --- the map ---------------------------------------------------------------------------------
+def _map(data: MapData, view: View, k: int) -> Image.Image:
+    canvas = _Canvas(view, k)
+    for row in data.cells:
+        corners = [ground(data, corner) for corner in data.grid.corners_of(row.cell)]
+        canvas.cell(corners[0], corners[2], STATES[row.state])
+    for ring in _rings(outline(data.roi_cells, data.grid)):
+        canvas.line([ground(data, point) for point in ring], OUTLINE, 2.5)
+    for track in data.tracks:
+        canvas.line(track_on_map(data, track), track_colour(track.vehicle), 1.3, alpha=190)
+    if data.truth is not None:
+        for ring in _rings(data.truth):
+            canvas.line([ground(data, point) for point in ring], TRUTH, 2.0)
+    canvas.dashes(ring_on_map(data, data.box), BOX, dash_px=9)
+    for hole in (data.fence, *data.fence_holes):
+        canvas.dashes(ring_on_map(data, hole), FENCE, dash_px=4)
+    canvas.flag(data.grid.fixed(data.start))
+    return canvas.image
+
+
+class _Canvas:
+    """The map's own image, drawn on in ground metres; what lies outside is cut off."""
+
+    def __init__(self, view: View, k: int) -> None:
+        self.image = Image.new("RGB", (view.width_px * k, view.height_px * k), LAND)
+        self._pen = ImageDraw.Draw(self.image)
+        self._view, self._k = view, k
+        self._ground = view.ground
+
+    def _pixels(self, points: Sequence[GridPoint]) -> Pixels:
+        return [(x * self._k, y * self._k) for x, y in map(self._view.pixel, points)]
+
+    def cell(self, south_west: GridPoint, north_east: GridPoint, colour: Colour) -> None:
+        """A square with a fine seam around it."""
+        (left, bottom), (right, top) = self._pixels([south_west, north_east])
+        seam = tuple(round(0.9 * channel + 0.1 * 255) for channel in colour)
+        self._pen.rectangle((left, top, right, bottom), fill=colour, outline=seam, width=self._k)
+
+    def line(
+        self, points: Sequence[GridPoint], colour: Colour, width_px: float, alpha: int = 255
+    ) -> None:
+        """A line with round corners; where it crosses itself it gets no darker."""
+        if len(points) < 2:
+            return
+        mask = Image.new("L", self.image.size, 0)
+        pen, width = ImageDraw.Draw(mask), round(width_px * self._k)
+        pen.line(self._pixels(points), fill=alpha, width=width, joint="curve")
+        self.image.paste(colour, (0, 0), mask)
+
+    def dashes(self, ring: Sequence[GridPoint], colour: Colour, dash_px: float) -> None:
+        """A closed dashed line, drawn where it is in view."""
+        shown = LineString([*ring, ring[0]]).intersection(self._ground)
+        period_m = 2 * dash_px / self._view.px_per_m
+        for part in shapely.get_parts(shapely.line_merge(shown)):
+            for i in range(math.ceil(part.length / period_m)):
+                dash = substring(part, i * period_m, (i + 0.5) * period_m)
+                points = [GridPoint(x, y) for x, y, *_ in dash.coords]
+                if len(points) > 1:
+                    self._pen.line(self._pixels(points), fill=colour, width=round(1.6 * self._k))
+
+    def flag(self, point: GridPoint) -> None:
+        """The start: a ringed dot."""
+        ((x, y),) = self._pixels([point])
+        for radius_px, colour in ((7.0, PAPER), (5.5, INK), (2.0, PAPER)):
+            r = radius_px * self._k
+            self._pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
+
+
+def _rings(shape: BaseGeometry) -> Iterator[list[GridPoint]]:
+    """Every ring of a polygon or of many, closed."""
+    for part in shapely.get_parts(shape):
+        if part.geom_type == "Polygon" and not part.is_empty:
+            for ring in (part.exterior, *part.interiors):
+                points = [GridPoint(x, y) for x, y, *_ in ring.coords]
+                yield [*points, points[1]]  # past the seam, so that its corner is round as well
+
+
+# --- the legend ------------------------------------------------------------------------------
+def _entries(data: MapData) -> Iterator[Entry]:
+    for state, colour in STATES.items():
+        count = sum(1 for row in data.cells if row.state == state)
+        if count:
+            name = "not region" if state == "non-roi" else state
+            yield Entry("square", colour, f"{name} ({count})")
+    yield Entry("line", OUTLINE, "outline of the map", 2.5)
+    if data.truth is not None:
+        yield Entry("line", TRUTH, "true region", 2.0)
+    for track in data.tracks:
+        label = "track" if len(data.tracks) == 1 else f"track of vehicle {track.vehicle}"
+        yield Entry("line", track_colour(track.vehicle), label, 1.6)
+    yield Entry("dashes", BOX, "search box", 9)
+    yield Entry("dashes", FENCE, "geofence", 4)
+    yield Entry("dot", INK, "start")
