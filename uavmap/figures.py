@@ -96,7 +96,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
             counts[number].land(event.t_s)
             last_s = event.t_s
         elif isinstance(event, Connected):
-            _reconnect(counts[number], event)
+            last_s = max(last_s, _reconnect(counts[number], event))
         elif isinstance(event, BatterySwapped):
             counts[number].swaps += 1
     everybody = counts.values()
@@ -112,11 +112,15 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     )
 
 
-def _reconnect(count: _Sortie, event: Connected) -> None:
-    """After an interruption: the way that nobody saw is not counted."""
+def _reconnect(count: _Sortie, event: Connected) -> float:
+    """After an interruption: what nobody saw is not counted. Returns when a flight so ended."""
     count.position = None
-    if not event.airborne:
-        count.land(event.t_s)
+    if event.airborne or count.lift_off_s is None:
+        return 0.0
+    last_seen_s = count.points[-1][0]
+    count.land(last_seen_s)
+    count.last_on_ground_s = event.t_s
+    return last_seen_s
 
 
 def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: float) -> None:

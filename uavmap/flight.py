@@ -112,7 +112,6 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
     setting = Setting.of(plan.mission())
     for url in plan.urls:
         parse_url(url)
-    folder.mkdir(parents=True, exist_ok=True)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
         return flight.run()

@@ -46,12 +46,16 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, meta: Mapping[str, Any]) -> Journal:
-        """A new journal. Raises `JournalError` when there is one already."""
+        """A new journal, and its folder. Raises `JournalError` when there is one already."""
         if path.exists():
             raise JournalError(
                 f"{path} exists already; go on with `uavmap resume {path.parent}`, "
                 "or choose another --out"
             )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise JournalError(f"{path.parent} cannot be made: {error.strerror}") from None
         lock = _lock(path)
         database = None
         try:

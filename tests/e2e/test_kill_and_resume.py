@@ -12,6 +12,7 @@ import signal
 import numpy as np
 
 from tests.e2e.rig import bodies, ended, mission, roi_cells, started, stop_after, uavmap
+from uavmap.cli import main
 
 
 def moments(seed: int, count: int, last: int) -> list[int]:
@@ -89,9 +90,8 @@ def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
     assert done.summary["cells_roi"] == speck.summary["cells_roi"]
 
 
-def test_a_second_flight_into_the_same_folder_is_refused(speck):
+def test_a_second_flight_into_the_same_folder_is_refused(speck, capsys):
     before = bodies(speck.folder)
-    done = uavmap("fly", mission("speck"), "--sim", "--out", speck.folder)
-    assert done.code == 2
-    assert "resume" in done.err
+    assert main(["fly", mission("speck"), "--sim", "--out", str(speck.folder)]) == 2
+    assert "resume" in capsys.readouterr().err
     assert bodies(speck.folder) == before

@@ -38,7 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code: int = options.run(options)
     except* UavmapError as group:
         for error in _leaves(group):
-            print(f"uavmap: {error}", file=sys.stderr)
+            for line in str(error).splitlines():  # a mission file may have several faults
+                print(f"uavmap: {line}", file=sys.stderr)
         code = USER_ERROR
     except* KeyboardInterrupt:
         print("uavmap: interrupted", file=sys.stderr)

@@ -50,6 +50,22 @@ def positive_int(text: str) -> int:
     return value
 
 
+def seed_number(text: str) -> int:
+    """A seed: numpy takes no negative ones."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is not 0 or more")
+    return value
+
+
+def port_number(text: str) -> int:
+    """A port, with room for those of more vehicles behind it."""
+    value = int(text)
+    if not 0 < value <= 65000:
+        raise argparse.ArgumentTypeError(f"{text} is not between 1 and 65000")
+    return value
+
+
 def positive_float(text: str) -> float:
     """An argument that is a factor."""
     value = float(text)

@@ -8,7 +8,7 @@ from typing import Any
 
 from missions.errors import LinkError
 from missions.explorers import EXPLORERS
-from uavmap.cli.common import positive_float, positive_int, report, results_folder
+from uavmap.cli.common import positive_float, positive_int, report, results_folder, seed_number
 from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan, fly
 from uavmap.mission_source import load_source, shipped_missions
 from uavmap.progress import Terminal
@@ -56,7 +56,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(EXPLORERS)}")
     parser.add_argument(
-        "--seed", metavar="S", type=int, default=1, help="of the simulation (default 1)"
+        "--seed", metavar="S", type=seed_number, default=1, help="of the simulation (default 1)"
     )
     parser.add_argument(
         "--speedup",

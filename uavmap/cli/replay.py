@@ -48,7 +48,6 @@ def run(options: argparse.Namespace) -> int:
     images = Path(options.images)
     list_photos(images)  # say what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
-    folder.mkdir(parents=True, exist_ok=True)
     plan = FlightPlan(
         source.source,
         source.text,

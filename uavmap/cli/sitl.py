@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from missions.errors import LinkError
-from uavmap.cli.common import positive_float, positive_int
+from uavmap.cli.common import port_number, positive_float, positive_int, seed_number
 from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
 from uavmap.simulation import serve_vehicles
@@ -35,19 +35,21 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--mission", metavar="MISSION", default="runway", help="whose world to fly")
     parser.add_argument("--vehicles", metavar="N", type=positive_int, help="how many vehicles")
-    parser.add_argument("--seed", metavar="S", type=int, default=1, help="of the simulation")
+    parser.add_argument(
+        "--seed", metavar="S", type=seed_number, default=1, help="of the simulation"
+    )
     parser.add_argument(
         "--speedup", metavar="X", type=positive_float, default=1.0, help="times real time"
     )
     parser.add_argument(
         "--port",
         metavar="P",
-        type=positive_int,
+        type=port_number,
         default=14550,
         help="where the first client listens",
     )
     parser.add_argument(
-        "--http-port", metavar="P", type=positive_int, default=8150, help="of the picture server"
+        "--http-port", metavar="P", type=port_number, default=8150, help="of the picture server"
     )
     parser.set_defaults(run=run)
 

@@ -1,0 +1,141 @@
+"""Figures of a hand-made flight, against numbers that were added up by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from missions.events import (
+    Airborne,
+    BatterySwapped,
+    Connected,
+    Event,
+    FrameSeen,
+    Landed,
+    Resumed,
+    Tracked,
+    Vote,
+)
+from missions.state import Setting
+from missions.units import Cell, GridPoint
+from tests.small_missions import mission, square
+from uavmap.figures import Figures, figures, summary
+
+HOME = GridPoint(0.0, 0.0)
+
+
+def setting(vehicles: int = 1) -> Setting:
+    return Setting.of(
+        mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=vehicles)
+    )
+
+
+def connected(vehicle: int, t_s: float, *, airborne: bool = False, north_m: float = 0.0) -> Event:
+    place = GridPoint(0.0, north_m)
+    return Connected(vehicle, t_s, HOME, place, 12.0 * airborne, airborne, True, 25.0)
+
+
+def track(vehicle: int, t_s: float, east_m: float, north_m: float, up_m: float) -> Event:
+    return Tracked(vehicle, t_s, GridPoint(east_m, north_m), up_m, 20.0)
+
+
+def of(events: list[Event], vehicles: int = 1) -> Figures:
+    return figures(setting(vehicles), events)[1]
+
+
+SORTIE = [
+    connected(1, 0.0),
+    track(1, 1.0, 0, 0, 0.0),
+    track(1, 10.0, 0, 0, 0.0),  # lifts off after this
+    track(1, 12.0, 0, 0, 5.0),
+    Airborne(1, 14.0),
+    track(1, 15.0, 3, 4, 12.0),  # 5 m
+    track(1, 20.0, 3, 16, 12.0),  # 12 m
+    track(1, 30.0, 0, 20, 12.0),  # 5 m
+    track(1, 40.0, 0, 0, 6.0),  # 20 m
+    Landed(1, 50.0, 10.0),
+]
+
+
+def test_one_sortie() -> None:
+    found = of(SORTIE)
+    assert found.distance_m == 42.0
+    assert found.flight_time_s == 40.0
+    assert found.makespan_s == 40.0
+    assert (found.sorties, found.battery_swaps) == (1, 0)
+    assert len(found.tracks[1]) == 5
+    assert found.bound_makespan_s is None
+    assert found.bound_held is None
+
+
+def test_a_swap_between_two_sorties_counts_into_the_makespan_only() -> None:
+    again = [
+        BatterySwapped(1, 110.0, 25.0),
+        track(1, 120.0, 0, 0, 0.0),
+        track(1, 122.0, 0, 0, 4.0),
+        track(1, 130.0, 0, 10, 12.0),  # 10 m
+        Landed(1, 150.0, 20.0),
+    ]
+    found = of([*SORTIE, *again])
+    assert found.distance_m == 52.0
+    assert found.flight_time_s == 40.0 + 30.0
+    assert found.makespan_s == 140.0
+    assert (found.sorties, found.battery_swaps) == (2, 1)
+
+
+def test_vehicles_add_up_and_the_makespan_spans_them_all() -> None:
+    second = [
+        connected(2, 0.5),
+        track(2, 30.0, 6, 0, 0.0),
+        track(2, 32.0, 6, 0, 6.0),
+        track(2, 60.0, 6, 30, 18.0),  # 30 m
+        Landed(2, 80.0, 10.0),
+    ]
+    found = of(sorted([*SORTIE, *second], key=lambda e: e.t_s), vehicles=2)
+    assert found.distance_m == 72.0
+    assert found.flight_time_s == 40.0 + 50.0
+    assert found.makespan_s == 70.0
+    assert (found.sorties, found.battery_swaps) == (2, 0)
+
+
+def test_a_way_that_nobody_saw_is_not_counted() -> None:
+    """Killed in flight, taken up in the air somewhere else."""
+    resumed = [
+        Resumed(100.0),
+        connected(1, 101.0, airborne=True, north_m=60.0),
+        track(1, 102.0, 0, 60, 12.0),
+        track(1, 110.0, 0, 50, 12.0),  # 10 m
+        Landed(1, 120.0, 10.0),
+    ]
+    found = of([*SORTIE[:-1], *resumed])
+    assert found.distance_m == 42.0 + 10.0
+    assert found.sorties == 1
+    assert found.flight_time_s == 110.0
+
+
+def test_a_night_on_the_ground_is_no_flight() -> None:
+    """Killed in flight; a failsafe landed the vehicle, and next day the mission goes on."""
+    found = of([*SORTIE[:-1], Resumed(80_000.0), connected(1, 80_001.0)])
+    assert found.flight_time_s == 30.0  # until it was last seen
+    assert found.makespan_s == 30.0
+
+
+def test_a_search_that_finds_the_region_has_a_bound() -> None:
+    cell = Cell(0, 4)
+    votes = tuple(Vote(c, c == cell, 0.9 * (c == cell)) for c in cell.cross())
+    events: list[Event] = list(SORTIE[:6])
+    events += [FrameSeen(1, 16.0 + n, cell, votes) for n in range(3)]
+    state, found = figures(setting(), [*events, *SORTIE[6:]])
+    assert state.belief.roi in (frozenset(), frozenset({cell}))
+    values = summary(setting(), state, found, 7)
+    assert values["seed"] == 7
+    assert values["distance_m"] == found.distance_m
+    assert values["iou_cells"] is None
+    assert values["cells_roi"] == len(state.belief.roi)
+
+
+@pytest.mark.parametrize("vehicles", [1, 3])
+def test_nothing_has_happened(vehicles: int) -> None:
+    state, found = figures(setting(vehicles), [])
+    assert (found.distance_m, found.flight_time_s, found.makespan_s) == (0.0, 0.0, 0.0)
+    assert (found.sorties, found.battery_swaps, found.exploration_s) == (0, 0, 0.0)
+    assert summary(setting(vehicles), state, found, None)["completed"] is False
