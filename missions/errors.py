@@ -3,6 +3,7 @@
     UavmapError                 anything a user can cause or mend; one line, exit code 2
     ├── MissionFileError        a mission file: names the file, the key, the value, the remedy
     ├── GeodesyError            a place where UTM is not defined
+    ├── WorldError              a file that does not tell a simulated ground
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── JournalError            a journal that is truncated, foreign, or of another version
     └── LinkError               a connection URL, or a vehicle that does not answer
@@ -24,6 +25,10 @@ class MissionFileError(UavmapError):
 
 class GeodesyError(UavmapError):
     """A position outside the area where UTM is defined (80 S to 84 N)."""
+
+
+class WorldError(UavmapError):
+    """A file from which no simulated ground can be made, or one that lies elsewhere."""
 
 
 class ImageError(UavmapError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 CELLS = 6
 _CELL_FULL_V, _CELL_EMPTY_V = 4.15, 3.45
 _RESISTANCE_OHM = 0.02
+_LOWEST_V = 5.0
 _NOMINAL_V = CELLS * (_CELL_FULL_V + _CELL_EMPTY_V) / 2.0
 
 
@@ -17,7 +18,16 @@ class Battery:
     50
     """
 
-    __slots__ = ("capacity_wh", "consumed_mah", "energy_wh", "power_w")
+    __slots__ = (
+        "_dead_cells",
+        "_unnoticed_wh",
+        "capacity_wh",
+        "consumed_mah",
+        "energy_wh",
+        "power_w",
+        "sag_v",
+        "set_v",
+    )
 
     def __init__(self, capacity_wh: float) -> None:
         if not capacity_wh > 0.0:
@@ -26,6 +36,10 @@ class Battery:
         self.energy_wh = capacity_wh
         self.power_w = 0.0
         self.consumed_mah = 0.0
+        self.sag_v = 0.0  # a fault: the voltage is lower by so much
+        self.set_v = 0.0  # a fault: what the voltage at rest is, whatever the charge; 0 for none
+        self._dead_cells = 0
+        self._unnoticed_wh = 0.0  # gone with a cell, but the autopilot only counts what flows
 
     def draw(self, power_w: float, dt_s: float) -> None:
         """Take `power_w` for `dt_s`; an empty battery stays empty."""
@@ -41,6 +55,16 @@ class Battery:
         self.energy_wh = self.capacity_wh
         self.consumed_mah = 0.0
         self.power_w = 0.0
+        self._dead_cells = 0
+        self._unnoticed_wh = 0.0
+
+    def fail_cell(self) -> None:
+        """A cell becomes a wire: its voltage and its share of the energy are gone."""
+        living = CELLS - self._dead_cells
+        lost_wh = self.energy_wh / living
+        self.energy_wh -= lost_wh
+        self._unnoticed_wh += lost_wh
+        self._dead_cells = min(CELLS - 1, self._dead_cells + 1)
 
     @property
     def empty(self) -> bool:
@@ -55,18 +79,20 @@ class Battery:
     @property
     def remaining_percent(self) -> int:
         """0 to 100, cut as an autopilot does."""
-        return int(100.0 * self.energy_wh / self.capacity_wh + 1e-9)
+        return int(100.0 * (self.energy_wh + self._unnoticed_wh) / self.capacity_wh + 1e-9)
 
     @property
     def consumed_wh(self) -> float:
         """Energy taken from this pack."""
-        return self.capacity_wh - self.energy_wh
+        return self.capacity_wh - self.energy_wh - self._unnoticed_wh
 
     @property
     def voltage_v(self) -> float:
         """Open-circuit voltage by charge, less what the load drops."""
-        charge = self.energy_wh / self.capacity_wh
-        rest = CELLS * (_CELL_EMPTY_V + (_CELL_FULL_V - _CELL_EMPTY_V) * charge)
+        cells = CELLS - self._dead_cells
+        charge = self.energy_wh / (self.capacity_wh * (cells / CELLS))
+        rest = cells * (_CELL_EMPTY_V + (_CELL_FULL_V - _CELL_EMPTY_V) * charge)
+        rest = max(_LOWEST_V, (self.set_v or rest) - self.sag_v)
         return rest - _RESISTANCE_OHM * self.power_w / rest
 
     @property

@@ -19,10 +19,9 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
 from missions.units import Quaternion
+from sitl.orthophoto import Matrix, Orthophoto, Picture
 from sitl.texture import METRES_PER_PIXEL, TILE_M, TILE_PX, Gray
 from sitl.world import World
-
-Matrix = npt.NDArray[np.float64]
 
 _JPEG_QUALITY = 90
 _LENS_OVER_GROUND_M = 0.1  # of a landed vehicle
@@ -108,37 +107,77 @@ def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
 def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
     """The JPEG that the camera takes; the same arguments give the same bytes."""
     homography = ground_to_pixel(camera, shot)
-    gray = _paint(world, camera, shot, homography)
+    view = _paint(world, camera, shot, homography)
     gain = world.illumination_at(shot.t_s)
-    gray = np.asarray(cv2.convertScaleAbs(gray, alpha=gain), dtype=np.uint8)
+    view = np.asarray(cv2.convertScaleAbs(view, alpha=gain), dtype=np.uint8)
     if world.spec.sensor_noise > 0.0:
         noise = _noise(camera, world.spec.sensor_noise, world.spec.seed, shot.noise_seed)
-        gray = np.asarray(cv2.add(gray, noise, dtype=cv2.CV_8U), dtype=np.uint8)
-    palette = _palette(world.spec.roi_intensity, world.spec.ground_intensity)
-    colour = cv2.applyColorMap(gray, palette)
+        if view.ndim == 3:
+            noise = np.asarray(cv2.merge((noise, noise, noise)), dtype=np.int16)
+        view = np.asarray(cv2.add(view, noise, dtype=cv2.CV_8U), dtype=np.uint8)
+    colour = view if view.ndim == 3 else _coloured(world, view)
     done, data = cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     if not done:
         raise RuntimeError("OpenCV could not encode a rendered frame")
     return bytes(data)
 
 
-def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> Gray:
-    """Ground and ROI without light or noise."""
+def _coloured(world: World, gray: Gray) -> Picture:
+    palette = _palette(world.spec.roi_intensity, world.spec.ground_intensity)
+    return np.asarray(cv2.applyColorMap(gray, palette), dtype=np.uint8)
+
+
+def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> Picture:
+    """Ground and ROI without light or noise: gray, or in colour over an orthophoto."""
     size = (camera.width_px, camera.height_px)
     to_ground = np.asarray(np.linalg.inv(homography), dtype=np.float64)
-    gray = _warp(world.ground_texture, to_ground, shot.east_m, shot.north_m, size)
+    ground = _warp(world.ground_texture, to_ground, shot.east_m, shot.north_m, size)
+    if world.spec.orthophoto is not None:
+        ground = _photographed(world, world.spec.orthophoto, camera, shot, to_ground, ground)
     # the ROI's own frame: the camera moves backwards instead of the polygon forwards
     drift_east, drift_north = world.drift_at(shot.t_s)
     east, north = shot.east_m - drift_east, shot.north_m - drift_north
     outlines = _outlines(world, camera, homography, to_ground, east, north)
     if not outlines:
-        return gray
+        return ground
     mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
     cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
     roi = _warp(world.roi_texture, to_ground, east, north, size)
+    return _blend(roi if ground.ndim == 2 else _coloured(world, roi), ground, mask)
+
+
+def _blend(upper: Picture, lower: Picture, mask: Gray) -> Picture:
+    """`upper` where the mask is 255, `lower` where it is 0."""
     share = mask.astype(np.float32) * np.float32(1.0 / 255.0)
-    blended = cv2.blendLinear(roi, gray, share, np.float32(1.0) - share)
+    blended = cv2.blendLinear(upper, lower, share, np.float32(1.0) - share)
     return np.asarray(blended, dtype=np.uint8)
+
+
+def _photographed(
+    world: World,
+    photo: Orthophoto,
+    camera: CameraSpec,
+    shot: Shot,
+    to_ground: Matrix,
+    meadow: Gray,
+) -> Picture:
+    """The orthophoto from above, in colour, and the meadow where it does not reach."""
+    corners = _corners(camera)
+    ground = to_ground @ corners
+    east, north = ground[:2] / ground[2]
+    places = [
+        world.plane.to_wgs84(float(e) + shot.east_m, float(n) + shot.north_m)
+        for e, n in zip(east, north, strict=True)
+    ]
+    size = (camera.width_px, camera.height_px)
+    picture, known = photo.seen(places, corners[:2].T, size)
+    return picture if known.min() == 255 else _blend(picture, _coloured(world, meadow), known)
+
+
+def _corners(camera: CameraSpec) -> Matrix:
+    """The outer corners of the picture, (3, 4), homogeneous pixels."""
+    right, low = camera.width_px - 0.5, camera.height_px - 0.5
+    return np.array([[-0.5, right, right, -0.5], [-0.5, -0.5, low, low], [1.0] * 4])
 
 
 def _warp(
@@ -174,9 +213,7 @@ def _outlines(
     north_m: float,
 ) -> list[npt.NDArray[np.int32]]:
     """Rings of the ROI around the picture, in fixed-point pixels; filled even-odd, holes too."""
-    right, low = camera.width_px - 0.5, camera.height_px - 0.5
-    corners = np.array([[-0.5, right, right, -0.5], [-0.5, -0.5, low, low], [1.0] * 4])
-    ground = to_ground @ corners
+    ground = to_ground @ _corners(camera)
     east, north = ground[:2] / ground[2]
     margin = 0.1 * (np.ptp(east) + np.ptp(north)) + 0.1
     box = (

@@ -8,59 +8,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geodesy import LocalPlane
-from missions.units import LatLon
 from sitl.autopilot import Autopilot
-from sitl.modes import Mode
+from sitl.flight_commands import FlightCommands
 from sitl.payload import Payload
+from sitl.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request, statustext
 from sitl.streams import Streams
 from sitl.telemetry import Telemetry
-from sitl.wire import Message
 
-_FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
-_AMSL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
-_HOME_FRAMES = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
-_TERRAIN_FRAMES = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
+__all__ = ["Commands", "Reply", "Request", "statustext"]
+
 _CAMERA_MESSAGES = (
     mav.MAVLINK_MSG_ID_CAMERA_INFORMATION,
     mav.MAVLINK_MSG_ID_CAMERA_SETTINGS,
     mav.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
     mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED,
 )
-_SPEED_KINDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
-_HIGHEST_M = 10_000.0
-
-ACCEPTED: int = mav.MAV_RESULT_ACCEPTED
-DENIED: int = mav.MAV_RESULT_DENIED
-FAILED: int = mav.MAV_RESULT_FAILED
-UNSUPPORTED: int = mav.MAV_RESULT_UNSUPPORTED
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """A COMMAND_LONG or COMMAND_INT; `place` is the INT's frame, latitude and longitude (1e7)."""
-
-    command: int
-    p: tuple[float, float, float, float, float, float, float]
-    place: tuple[int, int, int] | None
-
-    def integer(self, index: int) -> int | None:
-        """Parameter `index` (from 1) as an integer, None when it is no finite number."""
-        value = self.p[index - 1]
-        return int(value) if math.isfinite(value) and abs(value) < 2**31 else None
-
-
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """Result of a command, and what is sent behind the ACK by whom."""
-
-    result: int
-    messages: tuple[Message, ...] = ()
-    from_camera: bool = False
 
 
 class Commands:
@@ -79,17 +45,12 @@ class Commands:
         self._telemetry = telemetry
         self._streams = streams
         self._payload = payload
-        self._plane = plane
-        self._amsl_m = amsl_m
+        self.flight = FlightCommands(autopilot, plane, amsl_m)
+        autopilot.route.camera = self._route_camera
+        # asked first: the result of a command that a fault answers, None for all others
+        self.intercept: Callable[[Request], int | None] | None = None
         self._table: dict[int, Callable[[Request], Reply]] = {
-            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
-            mav.MAV_CMD_DO_SET_MODE: self._set_mode,
-            mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
-            mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Mode.LAND),
-            mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._mode(Mode.RTL),
-            mav.MAV_CMD_DO_REPOSITION: self._reposition,
-            mav.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
-            mav.MAV_CMD_CONDITION_YAW: self._yaw,
+            **self.flight.table,
             mav.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mav.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mav.MAV_CMD_REQUEST_MESSAGE: self._request_message,
@@ -100,6 +61,7 @@ class Commands:
         }
         self._camera_table: dict[int, Callable[[Request], Reply]] = {
             mav.MAV_CMD_IMAGE_START_CAPTURE: self._start_capture,
+            mav.MAV_CMD_DO_DIGICAM_CONTROL: self._digicam,
             mav.MAV_CMD_IMAGE_STOP_CAPTURE: lambda _: Reply(self._payload.stop()),
             mav.MAV_CMD_REQUEST_CAMERA_INFORMATION: lambda _: self._camera_message(
                 mav.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0
@@ -109,105 +71,12 @@ class Commands:
 
     def carry_out(self, request: Request, for_camera: bool) -> Reply:
         """Do it. The autopilot passes the camera's commands on, the camera knows only its own."""
+        if self.intercept is not None and (result := self.intercept(request)) is not None:
+            return Reply(result)
         function = self._camera_table.get(request.command)
         if not for_camera:
             function = self._table.get(request.command, function)
         return function(request) if function is not None else Reply(UNSUPPORTED)
-
-    # --- flight ---------------------------------------------------------------------------------
-
-    def _arm_disarm(self, request: Request) -> Reply:
-        if request.p[0] == 1.0:
-            refusal = self._ap.arm(force=request.p[1] == _FORCE_ARM)
-        elif request.p[0] == 0.0:
-            refusal = self._ap.disarm(force=request.p[1] == _FORCE_DISARM)
-        else:
-            return Reply(UNSUPPORTED)
-        return self._answer(refusal)
-
-    def _set_mode(self, request: Request) -> Reply:
-        base, number = request.integer(1), request.integer(2)
-        if base is None or number is None or not base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-            return Reply(DENIED)
-        return self.set_mode(number)
-
-    def set_mode(self, number: int) -> Reply:
-        """A custom mode by its number, as DO_SET_MODE and SET_MODE ask for it."""
-        try:
-            mode = Mode(number)
-        except ValueError:
-            return self._answer(f"Mode change failed: no such mode {number}")
-        return self._mode(mode)
-
-    def _mode(self, mode: Mode) -> Reply:
-        return self._answer(self._ap.set_mode(mode))
-
-    def _take_off(self, request: Request) -> Reply:
-        height_m = request.p[6]
-        if not height_m <= _HIGHEST_M:
-            return Reply(FAILED)
-        return Reply(ACCEPTED if self._ap.take_off(height_m) is None else FAILED)
-
-    def _reposition(self, request: Request) -> Reply:
-        if request.place is None:
-            return Reply(int(mav.MAV_RESULT_COMMAND_INT_ONLY))
-        change_mode = request.integer(2) or 0
-        if self._ap.mode != Mode.GUIDED:
-            if not change_mode & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
-                return Reply(DENIED)
-            if (refusal := self._ap.set_mode(Mode.GUIDED)) is not None:
-                return self._answer(refusal)
-        target = self.target(*request.place, request.p[6])
-        if target is None:
-            return Reply(DENIED)
-        return Reply(ACCEPTED if self._ap.go_to(*target) else FAILED)
-
-    def target(
-        self, frame: int, lat_e7: int, lon_e7: int, altitude_m: float
-    ) -> tuple[float, float, float] | None:
-        """A global position in the world's plane (east, north, up); None when it is nowhere.
-
-        Heights above terrain are taken from the home altitude's sea level without terrain data:
-        as on the real one, the vehicle then comes down.
-        """
-        if not (math.isfinite(altitude_m) and abs(altitude_m) <= _HIGHEST_M):
-            return None
-        if not (abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000):
-            return None
-        if frame in _AMSL_FRAMES:
-            up = altitude_m - self._amsl_m
-        elif frame in _HOME_FRAMES:
-            up = altitude_m + self._ap.home[2]
-        elif frame in _TERRAIN_FRAMES:
-            up = altitude_m - self._amsl_m
-        else:
-            return None
-        east, north = self._plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
-        return east, north, up
-
-    def _change_speed(self, request: Request) -> Reply:
-        kind = _SPEED_KINDS.get(request.integer(1) or 0)
-        speed = request.p[1]
-        if kind is None or not math.isfinite(speed):
-            return Reply(DENIED)
-        if speed > 0.0:  # -1: no change
-            self._ap.set_speed(kind, speed)
-        return Reply(ACCEPTED)
-
-    def _yaw(self, request: Request) -> Reply:
-        angle, _speed, direction, relative = request.p[:4]
-        if not all(map(math.isfinite, (angle, direction, relative))):
-            return Reply(DENIED)
-        goal = math.radians(angle)
-        if relative:
-            goal = self._ap.yaw_goal + math.copysign(1.0, direction) * goal
-        return Reply(ACCEPTED if self._ap.turn_to(goal) else FAILED)
-
-    def _answer(self, refusal: str | None) -> Reply:
-        """ACK, then (for a refusal) the text that explains it."""
-        if refusal is None:
-            return Reply(ACCEPTED)
-        return Reply(FAILED, (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),))
 
     # --- messages -------------------------------------------------------------------------------
 
@@ -250,13 +119,30 @@ class Commands:
         _, interval_s, count, sequence = request.p[:4]
         return Reply(self._payload.start(interval_s, count, sequence, self._ap.t_s))
 
+    def _digicam(self, request: Request) -> Reply:
+        """DO_DIGICAM_CONTROL: a picture when parameter 5 is 1; there is nothing to zoom or focus.
+
+        In a COMMAND_INT that parameter is the field of the latitude, as it is.
+        """
+        shoot = request.p[4] if request.place is None else request.place[1]
+        if shoot != 1:
+            return Reply(ACCEPTED)
+        return Reply(self._payload.start(0.0, 1.0, 0.0, self._ap.t_s))
+
+    def _route_camera(self, series: tuple[float, int] | None) -> None:
+        """What a mission asks of the camera: interval and count, or None to stop.
+
+        A camera that is still busy loses the picture, and says so.
+        """
+        if series is None:
+            self._payload.stop()
+            return
+        result = self._payload.start(series[0], series[1], 0.0, self._ap.t_s)
+        if result != ACCEPTED:
+            self._ap.say(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
+
     def _camera_message(self, message_id: int, index: int) -> Reply:
         message = self._payload.build(message_id, index)
         if message is None:
             return Reply(FAILED)
         return Reply(ACCEPTED, (message,), from_camera=True)
-
-
-def statustext(severity: int, text: str) -> Message:
-    """STATUSTEXT of at most 50 bytes."""
-    return mav.MAVLink_statustext_message(severity, text.encode("ascii", "replace")[:50])

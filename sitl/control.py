@@ -143,7 +143,7 @@ class Controller:
             + _VELOCITY_GAIN_1_S * (self._ref_north - now.v_north)
             - self._wind_north,
             max(-_MAX_VERTICAL_M_S2, min(_MAX_VERTICAL_M_S2, up)),
-            self._yaw_rate(body.yaw, limits),
+            self._yaw_rate(body.heading, limits),
         )
 
     def _yaw_rate(self, yaw_rad: float, limits: Limits) -> float:

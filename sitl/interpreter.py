@@ -7,16 +7,19 @@ except unknown commands, which are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.autopilot import Autopilot
 from sitl.commands import Commands, Request
+from sitl.items import Item
+from sitl.modes import Mode
 from sitl.params import INDEX, TABLE
 from sitl.streams import Streams
-from sitl.telemetry import STREAM_GROUPS
-from sitl.wire import Framer, Message, Packer
+from sitl.telemetry import STREAM_GROUPS, Telemetry
+from sitl.transfer import Transfer
+from sitl.wire import Message, Packer
 
 AUTOPILOT, CAMERA = mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_COMP_ID_CAMERA
 
@@ -24,6 +27,8 @@ _NO_POSITION = 0x7  # type_mask: ignore x, y, z
 _NO_VELOCITY = 0x38
 _NO_YAW = 0x400
 _FTP_NAK, _FTP_FAIL = 129, 1
+_READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
+_UNASKED = 65535  # index of a parameter that nobody has asked for
 
 
 class Interpreter:
@@ -35,13 +40,22 @@ class Interpreter:
         autopilot: Autopilot,
         commands: Commands,
         streams: Streams,
+        telemetry: Telemetry,
     ) -> None:
         self.system_id = system_id
         self.heard = False
         self._ap = autopilot
         self._commands = commands
         self._streams = streams
-        self._framer = Framer()
+        self._telemetry = telemetry
+        self._reads = 0
+        self._transfer = Transfer(
+            autopilot.plans,
+            home=self._home_item,
+            running=lambda: autopilot.mode == Mode.AUTO and autopilot.armed,
+            changed=commands.flight.plans_changed,
+            say=autopilot.say,
+        )
         self.autopilot_wire = Packer(system_id, AUTOPILOT)
         self.camera_wire = Packer(system_id, CAMERA)
         self._handlers: dict[str, Callable[[Message], bytes]] = {
@@ -56,17 +70,37 @@ class Interpreter:
             "PING": self._ping,
             "TIMESYNC": self._timesync,
             "FILE_TRANSFER_PROTOCOL": self._ftp,
+            "HEARTBEAT": self._heartbeat,
+            "MISSION_SET_CURRENT": self._set_current,
+            **dict.fromkeys(self._transfer.handled, self._mission),
         }
 
-    def receive(self, data: bytes) -> bytes:
-        """Handle received bytes; the immediate replies."""
+    def handle(self, messages: Iterable[Message]) -> bytes:
+        """Handle received messages; the immediate replies."""
         replies = bytearray()
-        for message in self._framer.feed(data):
+        for message in messages:
             self.heard = True
             handler = self._handlers.get(message.get_type())
             if handler is not None:
                 replies += handler(message)
         return bytes(replies)
+
+    def step(self) -> bytes:
+        """What the passing of time brings: missing mission items asked for again, news."""
+        self._reads = 0
+        ap = self._ap
+        sent = [self.autopilot_wire.pack(m) for m in self._transfer.step(ap.t_s)]
+        if not (ap.route.reached or ap.parameters.untold):
+            return b"".join(sent)
+        if self.heard:
+            sent += [
+                self.autopilot_wire.pack(mav.MAVLink_mission_item_reached_message(seq))
+                for seq in ap.route.reached
+            ]
+            sent += [self._param_value(name, _UNASKED) for name in ap.parameters.untold]
+        ap.route.reached.clear()
+        ap.parameters.untold.clear()
+        return b"".join(sent)
 
     def _ours(self, message: Message) -> bool:
         return message.target_system in (0, self.system_id)
@@ -96,7 +130,7 @@ class Interpreter:
     def _set_mode(self, m: Message) -> bytes:
         if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             return b""
-        reply = self._commands.set_mode(m.custom_mode)
+        reply = self._commands.flight.set_mode(m.custom_mode)
         return b"".join(self.autopilot_wire.pack(message) for message in reply.messages)
 
     def _position_target(self, m: Message) -> bytes:
@@ -104,12 +138,38 @@ class Interpreter:
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
             return b""
         if not m.type_mask & _NO_POSITION:
-            target = self._commands.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
+            target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
             yaw = None if m.type_mask & _NO_YAW or not math.isfinite(m.yaw) else m.yaw
             if target is not None:
                 self._ap.go_to(*target, yaw)
         elif not m.type_mask & _NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self._ap.go_with(m.vy, m.vx, -m.vz)
+        return b""
+
+    # --- missions -------------------------------------------------------------------------------
+
+    def _mission(self, m: Message) -> bytes:
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
+            return b""
+        answers = self._transfer.receive(m, self._ap.t_s)
+        return b"".join(self.autopilot_wire.pack(answer) for answer in answers)
+
+    def _set_current(self, m: Message) -> bytes:
+        """MISSION_SET_CURRENT: answered with MISSION_CURRENT; an unknown item meets silence."""
+        if not self._ours(m) or not self._ap.route.jump_to(m.seq, self._ap):
+            return b""
+        return self.autopilot_wire.pack(self._telemetry.mission_current())
+
+    def _home_item(self) -> Item:
+        lat, lon, amsl_mm = self._telemetry.place(*self._ap.home)
+        return Item(
+            mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_FRAME_GLOBAL, x=lat, y=lon, z=amsl_mm / 1000.0
+        )
+
+    def _heartbeat(self, m: Message) -> bytes:
+        station = int(self._ap.parameters["SYSID_MYGCS"])
+        if m.type == mav.MAV_TYPE_GCS and m.get_srcSystem() == station:
+            self._ap.failsafes.hear_station(self._ap.t_s)
         return b""
 
     # --- streams --------------------------------------------------------------------------------
@@ -136,6 +196,9 @@ class Interpreter:
     def _param_read(self, m: Message) -> bytes:
         if not self._ours(m):
             return b""
+        self._reads += 1
+        if self._reads > _READS_A_STEP:
+            return b""
         if m.param_index >= 0:
             known = m.param_index < len(TABLE)
             return self._param_value(TABLE[m.param_index].name) if known else b""
@@ -147,12 +210,12 @@ class Interpreter:
             return b""
         return self._param_value(m.param_id)
 
-    def _param_value(self, name: str) -> bytes:
+    def _param_value(self, name: str, told_index: int | None = None) -> bytes:
         index = INDEX[name]
         return self.autopilot_wire.pack(
             mav.MAVLink_param_value_message(
                 name.encode("ascii"), self._ap.parameters[name], TABLE[index].type,
-                len(TABLE), index,
+                len(TABLE), index if told_index is None else told_index,
             )
         )  # fmt: skip
 

@@ -41,7 +41,7 @@ class Phase(Enum):
 def return_height(parameters: Parameters, away_m: float, height_m: float) -> float:
     """Height above home at which RTL flies back from `away_m`, now at `height_m`.
 
-    RTL_ALT, less inside a cone over home, and never lower than it is.
+    RTL_ALT, less inside a cone over home, and at least RTL_CLIMB_MIN higher than it is.
 
     >>> return_height(Parameters(), away_m=100.0, height_m=12.0)
     15.0
@@ -52,7 +52,7 @@ def return_height(parameters: Parameters, away_m: float, height_m: float) -> flo
     slope = parameters["RTL_CONE_SLOPE"]
     if slope > 0.0:
         wanted = min(wanted, max(_LOWEST_RETURN_M, away_m * slope))
-    return max(height_m, wanted)
+    return max(height_m + max(0.0, parameters["RTL_CLIMB_MIN"] / 100.0), wanted)
 
 
 def landing_speed(parameters: Parameters, limits: Limits, height_m: float) -> float:
@@ -66,4 +66,5 @@ def landing_speed(parameters: Parameters, limits: Limits, height_m: float) -> fl
     if above_m <= 0.0:
         return slow
     speed = sqrt_controller(above_m, limits.p_z, limits.accel_z_m_s2)
-    return max(slow, min(limits.descent_m_s, speed))
+    fast = parameters["LAND_SPEED_HIGH"] / 100.0
+    return max(slow, min(fast if fast > 0.0 else limits.descent_m_s, speed))

@@ -1,7 +1,8 @@
 """The camera as a MAVLink component: takes pictures when told, announces them, keeps the last.
 
 Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, a lost
-announcement asked for again by its index.
+announcement asked for again by its index. Beside it an ArduPilot tells of each picture in
+CAMERA_FEEDBACK. The pictures carry geotags.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import LatLon, Quaternion
 from sitl.camera import CameraSpec, Shot, render
+from sitl.exif import EPOCH_UTC_S, Geotag, tagged
 from sitl.telemetry import Telemetry
 from sitl.wire import Message
 from sitl.world import World
@@ -32,6 +35,8 @@ class Exposure:
     shot: Shot
     believed: tuple[float, float, float]  # east, north, up in the world's plane, metres
     believed_height_m: float  # above home
+    body_rad: tuple[float, float, float]  # roll, pitch, yaw of the aircraft, by its compass
+    attitude: Quaternion  # of the camera, by the compass
 
 
 class Payload:
@@ -48,7 +53,7 @@ class Payload:
         self.spec = spec
         self._world = world
         self._telemetry = telemetry
-        self._url_prefix = url_prefix
+        self.url_prefix = url_prefix
         self._expose = expose
         self._count = 0
         self._exposures: OrderedDict[str, Exposure] = OrderedDict()
@@ -59,6 +64,8 @@ class Payload:
         self._next_s: float | None = None  # None: the series begins with the next step
         self._last_s = -math.inf
         self._last_sequence = 0
+        self.feedback: Message | None = None
+        """CAMERA_FEEDBACK of the last picture, which the autopilot sends."""
 
     # --- commands -------------------------------------------------------------------------------
 
@@ -107,19 +114,30 @@ class Payload:
         index = self._count
         self._count += 1
         exposure = self._expose(index)
-        url = f"{self._url_prefix}{index}.jpg"
+        url = f"{self.url_prefix}{index}.jpg"
         lat, lon, amsl_mm = self._telemetry.place(*exposure.believed)
         message = mav.MAVLink_camera_image_captured_message(
             self._telemetry.boot_ms, 0, 0, lat, lon, amsl_mm,
-            round(exposure.believed_height_m * 1000.0), list(exposure.shot.attitude), index, 1,
+            round(exposure.believed_height_m * 1000.0), list(exposure.attitude), index, 1,
             url.encode("ascii"),
         )  # fmt: skip
+        self.feedback = self._feedback(index, exposure, (lat, lon, amsl_mm))
         self._exposures[url] = exposure
         self._announcements[index] = message
         if len(self._exposures) > _KEPT:
             self._exposures.popitem(last=False)
             self._announcements.popitem(last=False)
         return message
+
+    def _feedback(self, index: int, exposure: Exposure, place: tuple[int, int, int]) -> Message:
+        lat, lon, amsl_mm = place
+        roll, pitch, yaw = (math.degrees(angle) for angle in exposure.body_rad)
+        count = index + 1
+        return mav.MAVLink_camera_feedback_message(
+            EPOCH_UTC_S * 1_000_000 + round(exposure.shot.t_s * 1e6), 0, 0, count & 0xFFFF,
+            lat, lon, amsl_mm / 1000.0, exposure.believed_height_m, roll, pitch, yaw % 360.0,
+            0.0, mav.CAMERA_FEEDBACK_PHOTO, count & 0xFFFF,
+        )  # fmt: skip
 
     # --- what can be asked for ------------------------------------------------------------------
 
@@ -134,10 +152,20 @@ class Payload:
             return None
         data = self._jpegs.get(url)
         if data is None:
-            data = self._jpegs[url] = render(self._world, self.spec, exposure.shot)
+            picture = render(self._world, self.spec, exposure.shot)
+            data = self._jpegs[url] = tagged(picture, self._geotag(exposure))
             if len(self._jpegs) > _KEPT_JPEGS:
                 self._jpegs.popitem(last=False)
         return data
+
+    def _geotag(self, exposure: Exposure) -> Geotag:
+        """What the autopilot believes, as the announcement says it."""
+        lat_e7, lon_e7, amsl_mm = self._telemetry.place(*exposure.believed)
+        return Geotag(
+            LatLon(lat_e7 / 1e7, lon_e7 / 1e7), amsl_mm / 1000.0, exposure.believed_height_m,
+            exposure.attitude, exposure.body_rad, exposure.shot.t_s,
+            math.radians(self.spec.hfov_deg),
+        )  # fmt: skip
 
     def build(self, message_id: int, index: int) -> Message | None:
         """A message that can be requested from the camera; None when there is no such."""

@@ -19,6 +19,10 @@ _YAW_TAU_S = 0.15
 _DRAG_LINEAR_1_S = 0.10
 _DRAG_QUADRATIC_1_M = 0.025
 _SURVIVABLE_IMPACT_M_S = 2.0
+# A motor that gives less than this share cannot be made up for: the body tumbles
+_CONTROLLABLE_SHARE = 0.5
+_FULL_THRUST_M_S2 = 2.0 * GRAVITY_M_S2
+_TUMBLE_SINK_M_S2, _TUMBLE_RATE_RAD_S = 0.6 * GRAVITY_M_S2, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +51,13 @@ class Body:
 
     __slots__ = (
         "air_speed_m_s",
+        "compass_rad",
         "crashed",
         "drag_east",
         "drag_north",
         "east",
         "max_tilt_m_s2",
+        "motor_share",
         "motors_on",
         "north",
         "on_ground",
@@ -78,6 +84,13 @@ class Body:
         self.motors_on = False
         self.on_ground = True
         self.crashed = False
+        self.motor_share = 1.0  # of its thrust that the weakest motor gives
+        self.compass_rad = 0.0  # what the compass reads too much
+
+    @property
+    def heading(self) -> float:
+        """The bearing that the compass says, 0 to 2 pi."""
+        return (self.yaw + self.compass_rad) % math.tau
 
     @property
     def roll_pitch(self) -> tuple[float, float]:
@@ -92,6 +105,10 @@ class Body:
         """Advance by `dt_s` (at most `MAX_STEP_S`) in `wind` m/s (east, north)."""
         if not self.motors_on:
             command = IDLE
+        elif self.compass_rad != 0.0:
+            command = self._misled(command)
+        if self.motors_on and self.motor_share < 1.0:
+            command = self._weakened(command)
         self._turn(command, dt_s)
         if self.on_ground and self.thrust_up <= 0.0:
             # standing: the ground carries and holds it
@@ -114,6 +131,35 @@ class Body:
             self._touch()
         else:
             self.on_ground = False
+
+    def _misled(self, command: Command) -> Command:
+        """The thrust goes where the nose really points: the wrong heading turned back."""
+        sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
+        east, north = command.east_m_s2, command.north_m_s2
+        return Command(
+            east * cos - north * sin,
+            north * cos + east * sin,
+            command.up_m_s2,
+            command.yaw_rate_rad_s,
+        )
+
+    def _weakened(self, command: Command) -> Command:
+        """One motor of four is weak: its opposite has to be too, or the body tumbles."""
+        if self.motor_share < _CONTROLLABLE_SHARE:
+            tilt = self.max_tilt_m_s2
+            return Command(
+                tilt * math.sin(self.yaw),
+                tilt * math.cos(self.yaw),
+                -_TUMBLE_SINK_M_S2,
+                _TUMBLE_RATE_RAD_S,
+            )
+        most = _FULL_THRUST_M_S2 * (1.0 + self.motor_share) / 2.0 - GRAVITY_M_S2
+        return Command(
+            command.east_m_s2,
+            command.north_m_s2,
+            min(command.up_m_s2, most),
+            command.yaw_rate_rad_s,
+        )
 
     def _turn(self, command: Command, dt_s: float) -> None:
         """Tilt, thrust and yaw follow their commands with first-order lags."""

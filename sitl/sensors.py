@@ -8,6 +8,8 @@ import numpy as np
 
 _SMOOTHING_S = 3.0  # a navigation filter lets no jump through
 _BLOCK = 1024
+# Without satellites only accelerations are known: their bias becomes a speed, the speed a way
+_WANDER_M_S, _WANDER_M_S2 = 0.2, 0.02
 
 
 class PositionError:
@@ -15,17 +17,25 @@ class PositionError:
 
     A Gauss-Markov process of standard deviation `sigma_m` and correlation time `tau_s`, smoothed
     so that its rate is finite: the estimate moves, it does not jitter. The vertical error (a
-    barometer's) has a third of the deviation.
+    barometer's) has a third of the deviation. `disturb` makes it worse: `lost` says that there is
+    no satellite navigation.
     """
 
     __slots__ = (
         "_at",
+        "_drift",
+        "_drifted",
+        "_glitch",
+        "_lost_s",
         "_noise",
         "_raw",
         "_rng",
         "_sigma",
         "_tau_s",
+        "_wander",
+        "disturbed",
         "east",
+        "lost",
         "north",
         "up",
         "v_east",
@@ -44,10 +54,33 @@ class PositionError:
         self._at = 0
         self.east = self.north = self.up = 0.0
         self.v_east = self.v_north = self.v_up = 0.0
+        self.lost = False
+        self.disturbed = False  # now or ever
+        self._glitch = self._drift = (0.0, 0.0)
+        self._drifted = [0.0, 0.0]
+        self._wander = [0.0, 0.0]
+        self._lost_s = 0.0
+
+    def disturb(
+        self, *, lost: bool, glitch_m: tuple[float, float], drift_m_s: tuple[float, float]
+    ) -> None:
+        """Satellite navigation is gone, wrong by `glitch_m`, moves off with `drift_m_s`."""
+        self.disturbed |= lost or glitch_m != (0.0, 0.0) or drift_m_s != (0.0, 0.0)
+        if lost and not self.lost:
+            self._lost_s = 0.0
+            bearing = math.tau * self._rng.random()
+            self._wander = [math.sin(bearing), math.cos(bearing)]
+        self.lost = lost
+        self._glitch, self._drift = glitch_m, drift_m_s
+        if drift_m_s == (0.0, 0.0):
+            self._drifted = [0.0, 0.0]
 
     def step(self, dt_s: float) -> None:
         """Advance by `dt_s`."""
-        if self._sigma[0] == 0.0:
+        if self.lost:
+            self._wander_off(dt_s)
+            return
+        if self._sigma[0] == 0.0 and not self.disturbed:
             return
         if self._at + 3 > len(self._noise):
             # drawn in blocks: one call of numpy a step would cost more than the physics
@@ -60,10 +93,25 @@ class PositionError:
                 keep * self._raw[axis] + kick * self._sigma[axis] * self._noise[self._at + axis]
             )
         self._at += 3
-        self.v_east = (self._raw[0] - self.east) / _SMOOTHING_S
-        self.v_north = (self._raw[1] - self.north) / _SMOOTHING_S
+        raw_east, raw_north = self._raw[0], self._raw[1]
+        if self.disturbed:
+            self._drifted[0] += self._drift[0] * dt_s
+            self._drifted[1] += self._drift[1] * dt_s
+            raw_east += self._glitch[0] + self._drifted[0]
+            raw_north += self._glitch[1] + self._drifted[1]
+        self.v_east = (raw_east - self.east) / _SMOOTHING_S
+        self.v_north = (raw_north - self.north) / _SMOOTHING_S
         self.v_up = (self._raw[2] - self.up) / _SMOOTHING_S
         follow = -math.expm1(-dt_s / _SMOOTHING_S) * _SMOOTHING_S
         self.east += follow * self.v_east
         self.north += follow * self.v_north
         self.up += follow * self.v_up
+
+    def _wander_off(self, dt_s: float) -> None:
+        """Dead reckoning: ever faster away, height still known from the air's pressure."""
+        self._lost_s += dt_s
+        speed = _WANDER_M_S + _WANDER_M_S2 * self._lost_s
+        self.v_east, self.v_north = speed * self._wander[0], speed * self._wander[1]
+        self.v_up = 0.0
+        self.east += self.v_east * dt_s
+        self.north += self.v_north * dt_s

@@ -35,6 +35,8 @@ _CAPABILITIES = (
     | mav.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mav.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     | mav.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
 )
 _VERSION_4_6_0 = (4 << 24) | (6 << 16) | (255)  # FIRMWARE_VERSION_TYPE_OFFICIAL
 
@@ -54,6 +56,7 @@ STREAM_GROUPS = {
         mav.MAVLINK_MSG_ID_SYS_STATUS,
         mav.MAVLINK_MSG_ID_MISSION_CURRENT,
         mav.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mav.MAVLINK_MSG_ID_FENCE_STATUS,
         mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     ),
     mav.MAV_DATA_STREAM_POSITION: (
@@ -72,7 +75,8 @@ STREAM_GROUPS = {
 
 
 def _clamp(value: float, low: int, high: int) -> int:
-    return int(max(low, min(high, round(value))))
+    rounded = round(value)
+    return low if rounded < low else high if rounded > high else rounded
 
 
 def _int16(value: float) -> int:
@@ -107,6 +111,8 @@ class Telemetry:
         self._amsl_m = amsl_m
         self._wind = wind
         self._boot_home = autopilot.home
+        self._placed = (math.nan, math.nan)
+        self._place_e7 = (0, 0)
         self._builders: dict[int, Callable[[], Message | None]] = {
             mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
             mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
@@ -125,6 +131,7 @@ class Telemetry:
             mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self.ekf_status_report,
             mav.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
             mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
+            mav.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
         }
 
     def knows(self, message_id: int) -> bool:
@@ -142,12 +149,11 @@ class Telemetry:
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
-        position = self._plane.to_wgs84(east_m, north_m)
-        return (
-            _int32(position.lat_deg * 1e7),
-            _int32(position.lon_deg * 1e7),
-            _int32((self._amsl_m + up_m) * 1000.0),
-        )
+        if (east_m, north_m) != self._placed:  # several messages of one moment ask for it
+            position = self._plane.to_wgs84(east_m, north_m)
+            self._placed = (east_m, north_m)
+            self._place_e7 = (_int32(position.lat_deg * 1e7), _int32(position.lon_deg * 1e7))
+        return (*self._place_e7, _int32((self._amsl_m + up_m) * 1000.0))
 
     def heartbeat(self) -> Message:
         """HEARTBEAT."""
@@ -161,6 +167,8 @@ class Telemetry:
         status = mav.MAV_STATE_STANDBY
         if ap.body.crashed:
             status = mav.MAV_STATE_EMERGENCY
+        elif ap.failsafes.active:
+            status = mav.MAV_STATE_CRITICAL
         elif ap.airborne or ap.t_s < _CLAIMS_ACTIVE_S:
             status = mav.MAV_STATE_ACTIVE
         return mav.MAVLink_heartbeat_message(
@@ -172,8 +180,10 @@ class Telemetry:
         ap = self._ap
         present = _SENSORS | _GPS | _GEOFENCE | _PREARM
         enabled = present if ap.armed else present & ~_MOTORS
-        health = _SENSORS | _GEOFENCE
-        if ap.home_known:
+        health = _SENSORS
+        if not ap.fence.broken:
+            health |= _GEOFENCE
+        if ap.home_known and not ap.position_lost:
             health |= _GPS
         if ap.prearm_ok:
             health |= _PREARM
@@ -191,7 +201,7 @@ class Telemetry:
             0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
             [_uint16(battery.voltage_v * 1000.0), *_NO_CELLS], _int16(battery.current_a * 100.0),
             _int32(battery.consumed_mah), _int32(battery.consumed_wh * 36.0),
-            battery.remaining_percent, 0, mav.MAV_BATTERY_CHARGE_STATE_OK,
+            battery.remaining_percent, 0, self._ap.failsafes.charge_state,
         )  # fmt: skip
 
     def system_time(self) -> Message:
@@ -201,7 +211,7 @@ class Telemetry:
     def gps_raw_int(self) -> Message:
         """GPS_RAW_INT; no fix until home is known."""
         ap = self._ap
-        if not ap.home_known:
+        if not ap.home_known or ap.position_lost:
             return mav.MAVLink_gps_raw_int_message(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0)
         now = ap.estimate
         lat, lon, amsl = self.place(now.east, now.north, now.up)
@@ -216,7 +226,7 @@ class Telemetry:
         """ATTITUDE."""
         body = self._ap.body
         roll, pitch = body.roll_pitch
-        yaw = math.remainder(body.yaw, math.tau)
+        yaw = math.remainder(body.heading, math.tau)
         return mav.MAVLink_attitude_message(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 
     def local_position_ned(self) -> Message | None:
@@ -232,7 +242,7 @@ class Telemetry:
     def global_position_int(self) -> Message:
         """GLOBAL_POSITION_INT; zeros until there is a fix."""
         ap = self._ap
-        heading = _uint16(math.degrees(ap.body.yaw) * 100.0) % 36000
+        heading = _uint16(math.degrees(ap.body.heading) * 100.0) % 36000
         if not ap.home_known:
             return mav.MAVLink_global_position_int_message(
                 self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading
@@ -246,8 +256,23 @@ class Telemetry:
         )  # fmt: skip
 
     def mission_current(self) -> Message:
-        """MISSION_CURRENT: there is no mission."""
-        return mav.MAVLink_mission_current_message(0, 0, mav.MISSION_STATE_NO_MISSION)
+        """MISSION_CURRENT; the total leaves out home."""
+        route = self._ap.route
+        state = route.progress.value if route.total else mav.MISSION_STATE_NO_MISSION
+        return mav.MAVLink_mission_current_message(
+            route.current, route.total, state, int(self._ap.mode == Mode.AUTO)
+        )
+
+    def fence_status(self) -> Message | None:
+        """FENCE_STATUS, while the fence is on."""
+        ap = self._ap
+        if not ap.fence.enabled(ap.parameters):
+            return None
+        fence = ap.fence
+        return mav.MAVLink_fence_status_message(
+            int(fence.broken != 0), _uint16(fence.count), fence.breach_type,
+            round(fence.at_s * 1000.0) & 0xFFFFFFFF,
+        )  # fmt: skip
 
     def gps_global_origin(self) -> Message | None:
         """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
@@ -260,7 +285,7 @@ class Telemetry:
         body, now = self._ap.body, self._ap.estimate
         return mav.MAVLink_vfr_hud_message(
             body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
-            _int16(math.degrees(body.yaw)) % 360, 50 if self._ap.airborne else 0,
+            _int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
             self._amsl_m + now.up, now.v_up,
         )  # fmt: skip
 

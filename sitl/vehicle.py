@@ -10,96 +10,39 @@ are stepped together. Equal seeds, bytes and steps give equal bytes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon
 from sitl.autopilot import Autopilot
 from sitl.battery import Battery
-from sitl.camera import CameraSpec, Shot
-from sitl.commands import Commands, statustext
+from sitl.camera import Shot
+from sitl.commands import Commands, Request, statustext
+from sitl.faults import Faults
+from sitl.injection import SIM_PARAMETERS, inject
 from sitl.interpreter import Interpreter
-from sitl.modes import Mode
+from sitl.links import Link
 from sitl.payload import Exposure, Payload
 from sitl.physics import MAX_STEP_S, Body
 from sitl.sensors import PositionError
+from sitl.signing import Signing
+from sitl.spec import VehicleSpec, VehicleTruth
+from sitl.spoil import Spoiler
 from sitl.streams import Streams
 from sitl.telemetry import Telemetry
+from sitl.wire import Message
 from sitl.world import World
+
+__all__ = ["SimVehicle", "VehicleSpec", "VehicleTruth"]
 
 _HEARTBEAT_S = 1.0
 _TIMESYNC_S = 10.0
 _SOON_S = 1e-6
+_MAX_LINKS = 256
 # Power over hovering's: per m/s of climb, per m/s of descent, per (m/s)^2 of airspeed
 _CLIMB_POWER, _DESCENT_POWER, _AIRSPEED_POWER = 0.08, 0.02, 0.0015
 _IDLE_POWER = 0.08  # motors turning on the ground
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleSpec:
-    """One vehicle.
-
-    `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
-    crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
-    position error. `image_url_prefix`: what the pictures' addresses begin with; the system id and
-    the picture's index follow.
-    """
-
-    system_id: int
-    home: LatLon
-    home_yaw_deg: float = 0.0
-    battery_wh: float = 60.0
-    hover_power_w: float = 300.0
-    swap_after_s: float = 60.0
-    camera: CameraSpec = field(default_factory=CameraSpec)
-    gps_sigma_m: float = 0.3
-    gps_tau_s: float = 60.0
-    ready_after_s: float = 5.0
-    max_speed_m_s: float = 15.0
-    max_accel_m_s2: float = 3.0
-    max_tilt_deg: float = 30.0
-    image_url_prefix: str = "sim://"
-
-    def __post_init__(self) -> None:
-        problems = []
-        if not 1 <= self.system_id <= 254:
-            problems.append("system_id is 1 to 254")
-        if not (self.gps_sigma_m >= 0.0 and self.gps_tau_s > 0.0):
-            problems.append("gps_sigma_m is not negative, gps_tau_s positive")
-        if not (self.max_speed_m_s > 0.0 and self.max_accel_m_s2 > 0.0):
-            problems.append("max_speed_m_s and max_accel_m_s2 are positive")
-        if not 5.0 <= self.max_tilt_deg <= 30.0:
-            problems.append("max_tilt_deg is 5 to 30")
-        if not (self.hover_power_w > 0.0 and self.battery_wh > 0.0):
-            problems.append("battery_wh and hover_power_w are positive")
-        if len(self.image_url_prefix) > 180:
-            problems.append("image_url_prefix is at most 180 characters")
-        if problems:
-            raise ValueError(f"vehicle {self.system_id}: " + "; ".join(problems))
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleTruth:
-    """What is really the case; no client sees it.
-
-    `velocity_m_s` is (east, north, up), `yaw_rad` true bearing, `height_m` over the ground.
-    """
-
-    t_s: float
-    position: LatLon
-    height_m: float
-    velocity_m_s: tuple[float, float, float]
-    roll_rad: float
-    pitch_rad: float
-    yaw_rad: float
-    armed: bool
-    landed: bool
-    crashed: bool
-    energy_wh: float
-    mode: Mode
-    swaps: int
 
 
 class SimVehicle:
@@ -109,14 +52,18 @@ class SimVehicle:
         self.spec = spec
         self.world = world
         east, north = world.plane.to_plane(spec.home)
-        rng = np.random.default_rng([world.spec.seed, spec.system_id])
+        self._seed = (world.spec.seed, spec.system_id)
+        rng = np.random.default_rng(list(self._seed))
+        self.fail = Faults()
+        """What goes wrong with this vehicle, and when."""
         self._body = Body(
             east, north, math.radians(spec.home_yaw_deg), math.radians(spec.max_tilt_deg)
         )
         self._battery = Battery(spec.battery_wh)
+        self._error = PositionError(rng, spec.gps_sigma_m, spec.gps_tau_s)
         self._ap = Autopilot(
             self._body,
-            PositionError(rng, spec.gps_sigma_m, spec.gps_tau_s),
+            self._error,
             self._battery,
             ready_after_s=spec.ready_after_s,
             max_speed_m_s=spec.max_speed_m_s,
@@ -130,11 +77,19 @@ class SimVehicle:
         commands = Commands(
             self._ap, self._telemetry, self._streams, self._payload, world.plane, amsl_m
         )
-        self._interpreter = Interpreter(spec.system_id, self._ap, commands, self._streams)
+        commands.intercept = self._intercept
+        self._ap.parameters.watch = self._parameter_set
+        self._interpreter = Interpreter(
+            spec.system_id, self._ap, commands, self._streams, self._telemetry
+        )
         self._next_heartbeat_s = 0.0
         self._next_timesync_s = 0.0
         self._resting_s = 0.0
         self._swaps = 0
+        self._spoiler = Spoiler()
+        self._signing = Signing()
+        self._links: list[Link] = []
+        self._main = self.connect()
 
     @property
     def t_s(self) -> float:
@@ -143,22 +98,57 @@ class SimVehicle:
 
     def receive(self, data: bytes) -> bytes:
         """Bytes from a client, in any pieces; the immediate replies."""
-        replies = self._interpreter.receive(data)
-        return replies + self._announce()
+        self._main.receive(data)
+        return self._main.take()
 
     def step(self, dt_s: float) -> bytes:
         """Let `dt_s` pass, in steps of at most 0.05 s; everything sent meanwhile."""
         if not (math.isfinite(dt_s) and dt_s >= 0.0):
             raise ValueError(f"time goes forward: {dt_s}")
         count = max(1, math.ceil(dt_s / MAX_STEP_S - 1e-9)) if dt_s > 0.0 else 0
-        sent = bytearray()
         for _ in range(count):
-            sent += self._small_step(dt_s / count)
-        return bytes(sent)
+            self._tell(self._small_step(dt_s / count))
+            for link in self._links:
+                link.step()
+        return self._main.take()
+
+    def connect(self, *, trusted: bool = False) -> Link:
+        """A further client's link beside that of `receive` and `step`.
+
+        All links are told the same, replies to another's requests too. What a link has to say is
+        to be taken after each step and after each `Link.receive` of whichever link. On a
+        `trusted` one (USB) unsigned frames are heard. Raises `ValueError` above 256 links.
+        """
+        used = {link.link_id for link in self._links}
+        link_id = next((n for n in range(_MAX_LINKS) if n not in used), None)
+        if link_id is None:
+            raise ValueError(f"a vehicle has at most {_MAX_LINKS} links")
+        link = Link(link_id, self._seed, self.fail, self._signing, self._hear, trusted=trusted)
+        self._links.append(link)
+        return link
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """All links, that of `receive` and `step` first."""
+        return tuple(self._links)
+
+    def disconnect(self, link: Link) -> None:
+        """Forget a client's link; what signatures it has seen is kept."""
+        self._links.remove(link)
+
+    def set_speedup(self, times: float) -> None:
+        """Note in SIM_SPEEDUP how fast this vehicle's time is made to pass."""
+        self._ap.parameters.preset("SIM_SPEEDUP", times)
 
     def image(self, url: str) -> bytes | None:
         """The JPEG announced under a `file_url`; None when unknown or too old."""
-        return self._payload.image(url)
+        data = self._payload.image(url)
+        return None if data is None else self._spoiler.spoil(url, data)
+
+    def announce_pictures_at(self, prefix: str) -> None:
+        """Change what the addresses of further pictures begin with."""
+        self.spec = replace(self.spec, image_url_prefix=prefix)
+        self._payload.url_prefix = f"{prefix}{self.spec.system_id}/"
 
     @property
     def truth(self) -> VehicleTruth:
@@ -181,11 +171,47 @@ class SimVehicle:
             swaps=self._swaps,
         )
 
+    def _hear(self, messages: list[Message]) -> None:
+        replies = bytearray()
+        for message in messages:
+            if message.get_msgId() == mav.MAVLINK_MSG_ID_SETUP_SIGNING:
+                self._set_up_signing(message)
+        replies += self._interpreter.handle(messages)
+        self._tell(bytes(replies) + self._announce())
+
+    def _tell(self, frames: bytes) -> None:
+        if frames:
+            for link in self._links:
+                link.send(frames)
+
+    def _intercept(self, request: Request) -> int | None:
+        """Commands that a fault answers, and the one that makes faults."""
+        result = self.fail.rejection(request.command)
+        if result is not None or request.command != mav.MAV_CMD_INJECT_FAILURE:
+            return result
+        enabled = self._ap.parameters["SYS_FAILURE_EN"] == 1.0
+        return inject(self.fail, request.integer(1), request.integer(2), enabled)
+
+    def _parameter_set(self, name: str, value: float) -> None:
+        if name in SIM_PARAMETERS:
+            SIM_PARAMETERS[name](self.fail, value)
+
+    def _set_up_signing(self, m: Message) -> None:
+        if m.target_system not in (0, self.spec.system_id):
+            return
+        if self._ap.armed:
+            text = "ERROR: Can't setup signing while armed"
+            self._ap.texts.append((mav.MAV_SEVERITY_CRITICAL, text))
+            return
+        self._signing.set_up(bytes(m.secret_key), m.initial_timestamp)
+
     def _small_step(self, dt_s: float) -> bytes:
+        self.fail.step(self._ap.t_s + dt_s, self._error, self._battery, self._body)
+        self._ap.radio_lost = self.fail.rc_lost
         self._ap.step(self._wind(), dt_s)
         self._spend(dt_s)
         now_s = self._ap.t_s + _SOON_S
-        sent = bytearray(self._announce())
+        sent = bytearray(self._interpreter.step() + self._announce())
         wire = self._interpreter.autopilot_wire
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s += _HEARTBEAT_S
@@ -198,9 +224,14 @@ class SimVehicle:
             message = self._telemetry.build(message_id)
             if message is not None:
                 sent += wire.pack(message)
+        if self.fail.camera_stalled:
+            return bytes(sent)
         picture = self._payload.step(self._ap.t_s)
         if picture is not None:
             sent += self._interpreter.camera_wire.pack(picture)
+            sent += wire.pack(self._payload.feedback)
+            if self.fail.picture:
+                self._spoiler.note(picture.file_url, self.fail.picture)
         return bytes(sent)
 
     def _announce(self) -> bytes:
@@ -244,7 +275,10 @@ class SimVehicle:
             self._resting_s = 0.0
 
     def _wind(self) -> tuple[float, float]:
-        return self.world.wind_at(self._ap.t_s)
+        east, north = self.world.wind_at(self._ap.t_s)
+        if self.fail.gust_m_s == (0.0, 0.0):
+            return east, north  # as it is: a sum would lose the sign of a zero
+        return east + self.fail.gust_m_s[0], north + self.fail.gust_m_s[1]
 
     def _expose(self, index: int) -> Exposure:
         """Note what the camera sees now: truth for the picture, belief for its announcement."""
@@ -258,4 +292,10 @@ class SimVehicle:
             self._ap.t_s,
             self.spec.system_id * 1_000_003 + index,
         )
-        return Exposure(shot, (now.east, now.north, now.up), now.up - self._ap.home[2])
+        return Exposure(
+            shot,
+            (now.east, now.north, now.up),
+            now.up - self._ap.home[2],
+            (roll, pitch, body.heading),
+            self.spec.camera.attitude(roll, pitch, body.heading),
+        )

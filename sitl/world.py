@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.geodesy import LocalPlane
 from missions.units import LatLon
+from sitl.orthophoto import Orthophoto
 from sitl.texture import Gray, ground_tile, roi_tile
 
 # numbers that keep the streams of random numbers of one seed apart
@@ -41,6 +42,7 @@ class WorldSpec:
     `texture` is the standard deviation of the ground's and the ROI's own pattern, `sensor_noise`
     that of a frame's noise, `illumination` the largest relative change of the light, which is
     slow. `gust_m_s` is the standard deviation of each component of the wind around its mean.
+    `orthophoto` is what the camera sees instead of a meadow, where it reaches; it does not drift.
     """
 
     origin: LatLon
@@ -57,6 +59,7 @@ class WorldSpec:
     sensor_noise: float = 4.0
     illumination: float = 0.08
     seed: int = 0
+    orthophoto: Orthophoto | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +90,7 @@ class _Swell:
 
     def at(self, t_s: float) -> float:
         """Value at a time; zero mean, unit variance."""
-        return sum(a * math.sin(w * t_s + f) for a, w, f in self.waves)
+        return sum([a * math.sin(w * t_s + f) for a, w, f in self.waves])
 
 
 class World:

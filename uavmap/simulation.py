@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -19,11 +20,13 @@ from shapely.ops import unary_union
 from missions.errors import LinkError
 from missions.grid import Grid
 from missions.homes import homes
-from missions.mission_file import Mission, positions
+from missions.mission_file import Mission, SimFault, positions
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
 from sitl.camera import CameraSpec
+from sitl.faults import Faults
 from sitl.server import serve
+from sitl.setup import Setup
 from sitl.telemetry import IDENTITY
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world import Patch, World, WorldSpec
@@ -89,7 +92,7 @@ def make_vehicles(
         yaw_deg=mission.camera.yaw_deg,
         min_interval_s=min(mission.camera.interval_s, 0.2),
     )
-    return [
+    vehicles = [
         SimVehicle(
             VehicleSpec(
                 system_id=number,
@@ -106,6 +109,28 @@ def make_vehicles(
         )
         for number, home in enumerate(homes(mission), start=1)
     ]
+    for fault in sim.faults:
+        if fault.vehicle <= len(vehicles):
+            _schedule(vehicles[fault.vehicle - 1].fail, fault, start_s)
+    return vehicles
+
+
+def _schedule(faults: Faults, fault: SimFault, start_s: float) -> None:
+    """A fault of the scenario, for vehicles whose time begins at mission time `start_s`.
+
+    What is over by then is left out; of what is still on, the rest.
+    """
+    begin_s = fault.at_s - start_s
+    end_s = math.inf if fault.for_s is None else begin_s + fault.for_s
+    happens_once = fault.kind in ("battery_cell", "motor", "companion_reboot")
+    if end_s <= 0.0 or (begin_s < 0.0 and happens_once):
+        return
+    values: dict[str, Any] = {**fault.values, "after_s": max(0.0, begin_s)}
+    if fault.for_s is not None:
+        values["for_s"] = end_s - max(0.0, begin_s)
+    elif fault.kind == "wind_gust":
+        values["for_s"] = None
+    getattr(faults, fault.kind)(**values)
 
 
 @dataclass(slots=True)
@@ -198,13 +223,45 @@ async def serve_vehicles(
     seed: int,
     *,
     speedup: float,
-    base_port: int,
+    tcp: bool,
+    base_port: int | None,
     http_port: int,
     on_ready: Callable[[list[str]], None],
 ) -> None:
     """The simulated aircraft of a mission on loopback sockets, until cancelled."""
-    prefix = f"http://127.0.0.1:{http_port}/"
-    vehicles = make_vehicles(mission, seed, image_url_prefix=prefix)
+    vehicles = make_vehicles(mission, seed, image_url_prefix=_pictures_at(http_port))
     await serve(
-        vehicles, speedup=speedup, base_port=base_port, http_port=http_port, on_ready=on_ready
+        vehicles,
+        speedup=speedup,
+        transport="tcp" if tcp else "udp",
+        base_port=base_port,
+        http_port=http_port,
+        on_ready=on_ready,
     )
+
+
+def setup_without_mission(**fields: Any) -> Setup:
+    """A simulation without a mission, by the fields of `sitl.setup.Setup`; `UavmapError`."""
+    return Setup(**fields)
+
+
+async def serve_setup(
+    setup: Setup,
+    *,
+    base_port: int | None,
+    http_port: int,
+    on_ready: Callable[[list[str]], None],
+) -> None:
+    """The vehicles of a setup on loopback sockets, until cancelled."""
+    await serve(
+        setup.build(_pictures_at(http_port)),
+        speedup=setup.speedup,
+        transport="tcp" if setup.tcp else "udp",
+        base_port=base_port,
+        http_port=http_port,
+        on_ready=on_ready,
+    )
+
+
+def _pictures_at(http_port: int) -> str:
+    return f"http://127.0.0.1:{http_port}/"

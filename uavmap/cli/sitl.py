@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import math
 import signal
 import sys
+from collections.abc import Callable, Coroutine
 from typing import Any
 
-from missions.errors import LinkError
+from missions.errors import LinkError, UavmapError
 from uavmap.cli.common import port_number, positive_float, positive_int, seed_number
 from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
-from uavmap.simulation import serve_vehicles
+from uavmap.simulation import serve_setup, serve_vehicles, setup_without_mission
 
 _EXAMPLES = """\
 examples:
@@ -20,8 +22,13 @@ examples:
   uavmap sitl --mission spill --vehicles 3 --speedup 5
   uavmap fly runway --connect udpin://127.0.0.1:14550     in another terminal
 
+  uavmap sitl --home 47.3977,8.5456,488,0 --vehicles 5    no mission: an empty meadow
+  uavmap sitl --home 47.3977,8.5456 --wind 6,270 --tcp    as ArduPilot's own simulator
+  uavmap sitl --home 47.3977,8.5456 --world oil.geojson --world field.tif
+
 A line a vehicle is printed: the URL that a client connects with. Ctrl-C ends it.
 """
+_WITHOUT_MISSION = ("home", "world", "world_crs", "wind")
 
 
 def add_parser(commands: Any) -> None:
@@ -29,34 +36,77 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "sitl",
         help="simulated vehicles on sockets, for any MAVLink client",
-        description="Simulated vehicles and cameras over a mission's world, on loopback sockets.",
+        description="Simulated vehicles and cameras on loopback sockets, over a mission's world "
+        "or without a mission.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--mission", metavar="MISSION", default="runway", help="whose world to fly")
-    parser.add_argument("--vehicles", metavar="N", type=positive_int, help="how many vehicles")
-    parser.add_argument(
-        "--seed", metavar="S", type=seed_number, default=1, help="of the simulation"
+    add = parser.add_argument
+    add("--mission", metavar="MISSION", help="whose world to fly (default: runway, or --home)")
+    add("--home", metavar="LAT,LON,AMSL,YAW", help="where to start, without a mission")
+    add(
+        "--autopilot",
+        metavar="FLAVOUR",
+        default="ardupilot",
+        help="ardupilot (default); px4 is not there yet",
     )
-    parser.add_argument(
-        "--speedup", metavar="X", type=positive_float, default=1.0, help="times real time"
+    add("--vehicles", metavar="N", type=positive_int, help="how many vehicles")
+    add("--seed", metavar="S", type=seed_number, default=1, help="of the simulation")
+    add("--speedup", metavar="X", type=positive_float, default=1.0, help="times real time")
+    add("--wind", metavar="SPEED,FROM", help="m/s, and the bearing that it comes from")
+    add(
+        "--world",
+        metavar="FILE",
+        action="append",
+        help="GeoJSON regions, or a GeoTIFF, or a PNG or JPEG with a world file, as the ground; "
+        "may be given again",
     )
-    parser.add_argument(
+    add("--world-crs", metavar="EPSG", type=positive_int, help="of a world file (default: 4326)")
+    add("--tcp", action="store_true", help="listen on TCP, instead of sending UDP to the client")
+    add(
         "--port",
         metavar="P",
         type=port_number,
-        default=14550,
-        help="where the first client listens",
+        help="of the first vehicle (default: 14550, with --tcp 5760)",
     )
-    parser.add_argument(
-        "--http-port", metavar="P", type=port_number, default=8150, help="of the picture server"
-    )
+    add("--http-port", metavar="P", type=port_number, default=8150, help="of the picture server")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
-    source = load_source(options.mission)
+    without = [name for name in _WITHOUT_MISSION if getattr(options, name) is not None]
+    if without and options.mission is not None:
+        raise UavmapError(f"--{without[0].replace('_', '-')} is for a simulation without --mission")
+    if without and options.home is None:
+        raise UavmapError(f"--{without[0].replace('_', '-')} needs --home LAT,LON,AMSL,YAW")
+    serving = _by_home(options) if options.home is not None else _by_mission(options)
+
+    async def serve() -> None:
+        task = asyncio.current_task()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, task.cancel if task else loop.stop)
+        await serving(_print_urls)
+
+    try:
+        asyncio.run(serve())
+    except asyncio.CancelledError:
+        print("uavmap: simulation ended", file=sys.stderr)
+    except OSError as error:
+        raise LinkError(
+            f"a port of the simulator is taken ({error}); choose others with --port, --http-port"
+        ) from None
+    return 0
+
+
+_Serving = Callable[[Callable[[list[str]], None]], Coroutine[Any, Any, None]]
+
+
+def _by_mission(options: argparse.Namespace) -> _Serving:
+    """The vehicles and the world of a mission."""
+    setup_without_mission(autopilot=options.autopilot)  # says what it thinks of the flavour
+    source = load_source(options.mission or "runway")
     plan = FlightPlan(
         source.source,
         source.text,
@@ -68,31 +118,49 @@ def run(options: argparse.Namespace) -> int:
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
     mission = plan.mission()
+    return lambda on_ready: serve_vehicles(
+        mission,
+        options.seed,
+        speedup=options.speedup,
+        tcp=options.tcp,
+        base_port=options.port,
+        http_port=options.http_port,
+        on_ready=on_ready,
+    )
 
-    def ready(urls: list[str]) -> None:
-        for url in urls:
-            print(url, flush=True)
 
-    async def serve() -> None:
-        task = asyncio.current_task()
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, task.cancel if task else loop.stop)
-        await serve_vehicles(
-            mission,
-            options.seed,
-            speedup=options.speedup,
-            base_port=options.port,
-            http_port=options.http_port,
-            on_ready=ready,
-        )
+def _by_home(options: argparse.Namespace) -> _Serving:
+    """Vehicles over an empty meadow, or over what some files say."""
+    speed_m_s, from_deg = _wind(options.wind)
+    setup = setup_without_mission(
+        autopilot=options.autopilot,
+        vehicles=options.vehicles or 1,
+        home=options.home,
+        speedup=options.speedup,
+        seed=options.seed,
+        tcp=options.tcp,
+        wind_speed_m_s=speed_m_s,
+        wind_from_deg=from_deg,
+        world=tuple(options.world or ()),
+        world_epsg=options.world_crs,
+    )
+    return lambda on_ready: serve_setup(
+        setup, base_port=options.port, http_port=options.http_port, on_ready=on_ready
+    )
 
+
+def _wind(text: str | None) -> tuple[float, float]:
+    if text is None:
+        return 0.0, 0.0
     try:
-        asyncio.run(serve())
-    except asyncio.CancelledError:
-        print("uavmap: simulation ended", file=sys.stderr)
-    except OSError as error:
-        raise LinkError(
-            f"a port of the simulator is taken ({error}); choose others with --port, --http-port"
-        ) from None
-    return 0
+        speed_m_s, from_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        speed_m_s = from_deg = math.nan
+    if not (math.isfinite(speed_m_s) and math.isfinite(from_deg)):
+        raise UavmapError(f"--wind {text} is not SPEED,FROM in m/s and degrees, such as 6,270")
+    return speed_m_s, from_deg
+
+
+def _print_urls(urls: list[str]) -> None:
+    for url in urls:
+        print(url, flush=True)

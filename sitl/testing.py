@@ -1,0 +1,265 @@
+"""Simulated vehicles for the tests of MAVLink software: what the pytest fixtures hand out.
+
+On virtual time nothing runs by itself: `run` and `until` let time pass, as fast as it computes,
+and `send` and `receive` exchange messages without a socket. Or the vehicles are put on real
+loopback sockets (`url`) and fly in a background thread, faster than the clock on the wall.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.background import Background
+from sitl.setup import Setup
+from sitl.vehicle import SimVehicle, VehicleTruth
+from sitl.wire import Framer, Message, Packer
+
+if TYPE_CHECKING:
+    from sitl.faults import Faults
+
+STEP_S = 0.05
+_LOOK_S = 0.005  # on a socket: how often to look, wall time
+_STUCK_S = 20.0  # wall time in which the simulation has to get on
+_TEXTS = 5
+
+T = TypeVar("T")
+
+
+class Vehicle:
+    """One simulated vehicle, as a test sees it: a client's end of the link, and the truth."""
+
+    def __init__(self, fleet: Fleet, vehicle: SimVehicle) -> None:
+        self.fleet = fleet
+        """The fleet that it belongs to; time passes for all of it."""
+        self._vehicle = vehicle
+        self._unread = bytearray()
+        self._messages: deque[Message] = deque()
+        self._framer = Framer()
+        self._wire = Packer(255, mav.MAV_COMP_ID_MISSIONPLANNER)
+        self._texts: deque[str] = deque(maxlen=_TEXTS)
+
+    @property
+    def system_id(self) -> int:
+        """Its MAVLink system id; the autopilot is component 1, the camera 100."""
+        return self._vehicle.spec.system_id
+
+    @property
+    def truth(self) -> VehicleTruth:
+        """What is really the case: `position`, `height_m`, `velocity_m_s`, `mode`, `armed`, ..."""
+        return self.fleet.asked(lambda: self._vehicle.truth)
+
+    @property
+    def fail(self) -> Faults:
+        """What can go wrong: `sitl.fail.gps(after_s=30)`; see `sitl.faults`."""
+        return self._vehicle.fail
+
+    @property
+    def t_s(self) -> float:
+        """Seconds since boot, on the vehicle's own time."""
+        return self._vehicle.t_s
+
+    def image(self, url: str) -> bytes | None:
+        """The JPEG that CAMERA_IMAGE_CAPTURED announced under `file_url`, None if there is none."""
+        return self.fleet.asked(lambda: self._vehicle.image(url))
+
+    # --- virtual time ---------------------------------------------------------------------------
+
+    def send(self, message: Message | bytes) -> None:
+        """Send a MAVLink message, or the bytes of frames; answers are there at once.
+
+        A message gets the address of a ground station (255, 190); bytes are sent as they are.
+        """
+        self.fleet.need_virtual_time("send")
+        data = message if isinstance(message, bytes) else self._wire.pack(message)
+        self._unread += self._vehicle.receive(data)
+
+    def receive(self) -> list[Message]:
+        """What the vehicle has sent since it was last asked, oldest first."""
+        self._decode()
+        messages = list(self._messages)
+        self._messages.clear()
+        return messages
+
+    def receive_bytes(self) -> bytes:
+        """The same as frames, for a client that decodes them itself."""
+        self.fleet.need_virtual_time("receive")
+        data = bytes(self._unread)
+        self._unread.clear()
+        return data
+
+    def expect(self, kind: str, timeout_s: float = 10.0, **fields: Any) -> Message:
+        """The next message of a kind with such fields; what came before it is dropped.
+
+        Lets time pass until it is there. Raises `TimeoutError` when it does not come.
+        """
+
+        def find() -> Message | None:
+            self._decode()
+            while self._messages:
+                message = self._messages.popleft()
+                if message.get_type() == kind and all(
+                    getattr(message, name) == value for name, value in fields.items()
+                ):
+                    return message
+            return None
+
+        return self.fleet.wait(find, timeout_s, f"{kind} {fields or ''}".strip(), self)
+
+    def command(self, command: int, *p: float, timeout_s: float = 10.0) -> int:
+        """Send COMMAND_LONG with up to seven parameters; the MAV_RESULT that is no IN_PROGRESS."""
+        filled = (*p, *([0.0] * (7 - len(p))))
+        self.send(mav.MAVLink_command_long_message(self.system_id, 1, command, 0, *filled))
+        while True:
+            result = int(self.expect("COMMAND_ACK", timeout_s, command=command).result)
+            if result != mav.MAV_RESULT_IN_PROGRESS:
+                return result
+
+    def run(self, seconds: float) -> None:
+        """Let vehicle time pass, for the whole fleet."""
+        self.fleet.run(seconds)
+
+    def until(self, predicate: Callable[[], T], timeout_s: float = 120.0) -> T:
+        """Let vehicle time pass until `predicate()` is true; returns its value.
+
+        Raises `TimeoutError` with what the vehicle is doing when `timeout_s` of vehicle time have
+        passed.
+        """
+        return self.fleet.wait(predicate, timeout_s, "the predicate", self)
+
+    # --- sockets --------------------------------------------------------------------------------
+
+    @property
+    def url(self) -> str:
+        """Where a client connects; the first use puts the whole fleet on sockets."""
+        return self.fleet.urls[self.fleet.vehicles.index(self)]
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def take(self, data: bytes) -> None:
+        """Keep what the vehicle has sent."""
+        self._unread += data
+
+    def describe(self) -> str:
+        """A line on what it is doing, for an error."""
+        truth = self.truth
+        doing = (
+            f"vehicle {self.system_id} at {truth.t_s:.1f} s: {truth.mode.name}, "
+            f"{'armed' if truth.armed else 'disarmed'}, {truth.height_m:.1f} m high"
+        )
+        if self.fleet.serving:  # what it says goes to its clients
+            return doing
+        self._decode()
+        return f"{doing}; it said: {'; '.join(self._texts) or 'nothing'}"
+
+    def _decode(self) -> None:
+        for message in self._framer.feed(self.receive_bytes()):
+            self._messages.append(message)
+            if message.get_type() == "STATUSTEXT":
+                self._texts.append(message.text)
+
+
+class Fleet(Sequence[Vehicle]):
+    """Vehicles in one world and on one clock; `fleet[0]` is the first."""
+
+    def __init__(self, setup: Setup | None = None) -> None:
+        self.setup = Setup() if setup is None else setup
+        simulated = self.setup.build()
+        self.vehicles = tuple(Vehicle(self, vehicle) for vehicle in simulated)
+        self._simulated = simulated
+        self._background: Background | None = None
+
+    def __len__(self) -> int:
+        return len(self.vehicles)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.vehicles[index]
+
+    def __iter__(self) -> Iterator[Vehicle]:
+        return iter(self.vehicles)
+
+    @property
+    def serving(self) -> bool:
+        """On sockets, where time passes by itself."""
+        return self._background is not None
+
+    @property
+    def t_s(self) -> float:
+        """Seconds since boot."""
+        return self._simulated[0].t_s
+
+    @property
+    def urls(self) -> list[str]:
+        """Where clients connect, in the order of the vehicles; puts them on sockets.
+
+        From then on they fly in a background thread at `setup.speedup`, until the test ends.
+        """
+        if self._background is None:
+            self._background = Background(
+                self._simulated, speedup=self.setup.speedup, tcp=self.setup.tcp
+            )
+        return list(self._background.urls)
+
+    def run(self, seconds: float) -> None:
+        """Let vehicle time pass."""
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"time goes forward: {seconds}")
+        if self._background is not None:
+            end_s = self.t_s + seconds
+            self.wait(lambda: self.t_s >= end_s, math.inf, f"{seconds} s", self.vehicles[0])
+            return
+        whole, rest_s = divmod(seconds + 1e-9, STEP_S)
+        for _ in range(int(whole)):
+            self._step(STEP_S)
+        if rest_s > 1e-6:
+            self._step(rest_s)
+
+    def until(self, predicate: Callable[[], T], timeout_s: float = 120.0) -> T:
+        """Let vehicle time pass until `predicate()` is true; see `Vehicle.until`."""
+        return self.wait(predicate, timeout_s, "the predicate", self.vehicles[0])
+
+    def close(self) -> None:
+        """End the background thread and close its sockets."""
+        if self._background is not None:
+            self._background.close()
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def wait(self, look: Callable[[], T | None], timeout_s: float, what: str, asker: Vehicle) -> T:
+        """Let time pass until `look` returns something true."""
+        due_s = self.t_s + timeout_s
+        moved_s, moved_at_s = self.t_s, time.monotonic()
+        while not (found := look()):
+            if self.t_s >= due_s - 1e-6:
+                raise TimeoutError(
+                    f"{what} did not come within {timeout_s:g} s of vehicle time; "
+                    f"{asker.describe()}"
+                )
+            if self._background is None:
+                self._step(STEP_S)
+                continue
+            self._background.check()
+            time.sleep(_LOOK_S)
+            if self.t_s > moved_s:
+                moved_s, moved_at_s = self.t_s, time.monotonic()
+            elif time.monotonic() - moved_at_s > _STUCK_S:
+                raise TimeoutError(f"the simulation has stood still for {_STUCK_S:g} s")
+        return found
+
+    def asked(self, question: Callable[[], T]) -> T:
+        """The answer to a question, between two steps."""
+        return question() if self._background is None else self._background.ask(question)
+
+    def need_virtual_time(self, what: str) -> None:
+        """Raise `RuntimeError` on sockets."""
+        if self._background is not None:
+            raise RuntimeError(f"{what}: this vehicle is on a socket, connect a client to its url")
+
+    def _step(self, dt_s: float) -> None:
+        for handle, vehicle in zip(self.vehicles, self._simulated, strict=True):
+            handle.take(vehicle.step(dt_s))

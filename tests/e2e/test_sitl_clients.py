@@ -1,0 +1,196 @@
+"""Unmodified clients on real sockets, each in a process of its own: MAVSDK, pymavlink, MAVProxy.
+
+MAVProxy is no dependency of the project. It runs when `mavproxy.py` is on the path or named in
+UAVMAP_MAVPROXY, as after
+
+    python3 -m venv mavproxy && mavproxy/bin/pip install MAVProxy==1.8.75
+    UAVMAP_MAVPROXY=$PWD/mavproxy/bin/mavproxy.py pytest tests/e2e/test_sitl_clients.py
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from sitl.setup import Setup
+from sitl.testing import Fleet
+from tests.e2e.rig import PATIENCE_S, environment
+
+HERE = Path(__file__).parent
+SPEEDUP = 8.0
+MAVPROXY = os.environ.get("UAVMAP_MAVPROXY") or shutil.which("mavproxy.py")
+
+needs_mavproxy = pytest.mark.skipif(
+    MAVPROXY is None, reason="no mavproxy.py on the path, nor in UAVMAP_MAVPROXY"
+)
+
+
+@contextlib.contextmanager
+def vehicle(*, tcp=False, **setup):
+    """A vehicle on a socket that has found its position."""
+    fleet = Fleet(Setup(speedup=SPEEDUP, tcp=tcp, **setup))
+    fleet.run(6.0)
+    try:
+        yield fleet[0]
+    finally:
+        fleet.close()
+
+
+def pymavlink_address(url):
+    return url.replace("tcpout://", "tcp:").replace("udpin://", "udpin:")
+
+
+def run_client(script, address):
+    """Run a client to its end; what it printed."""
+    done = subprocess.run(
+        [sys.executable, HERE / script, address],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=2 * PATIENCE_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_mavsdk_flies_by_hand(tcp):
+    with vehicle(tcp=tcp) as sitl:
+        seen = run_client("mavsdk_client.py", sitl.url)
+        assert sitl.truth.landed
+    assert seen["away_m"] == pytest.approx(15.0, abs=2.5)
+    assert seen["back_m"] == pytest.approx(0.0, abs=1.5)
+
+
+def test_mavsdk_flies_a_mission():
+    with vehicle() as sitl:
+        seen = run_client("mavsdk_mission_client.py", sitl.url)
+        assert sitl.truth.landed
+        assert not sitl.truth.armed
+    assert seen["parameters"] > 50
+    assert seen["rtl_alt"] == 1200
+    assert seen["download"] == [16, 22, 16, 20]
+    assert seen["same"] is True
+    assert seen["fence"] == 4
+    assert seen["back_m"] < 1.5
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_pymavlink(tcp):
+    with vehicle(tcp=tcp) as sitl:
+        seen = run_client("pymavlink_client.py", pymavlink_address(sitl.url))
+        assert sitl.truth.landed
+        assert not sitl.truth.armed
+    assert seen["autopilot"] == 3
+    assert seen["parameters"] > 50
+    assert seen["rtl_alt"] == 1200
+    assert (seen["upload"], seen["arm"], seen["take_off"], seen["auto"]) == (0, 0, 0, 0)
+    assert seen["download"] == [16, 22, 16, 20]
+    assert seen["same"] is True
+    assert seen["reached"] == 2
+    assert seen["back_m"] < 1.5
+
+
+class MavProxy:
+    """MAVProxy at its prompt."""
+
+    def __init__(self, url, folder):
+        self._process = subprocess.Popen(
+            [MAVPROXY, f"--master={pymavlink_address(url)}", f"--aircraft={folder / 'aircraft'}"],
+            cwd=folder,
+            env={**os.environ, "HOME": str(folder)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._lines = queue.Queue()
+        self.said = []
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self):
+        for line in self._process.stdout:
+            self._lines.put(line.rstrip())
+
+    def say(self, text):
+        self._process.stdin.write(text + "\n")
+        self._process.stdin.flush()
+
+    def hear(self, text):
+        """Wait until it has printed a text."""
+        end_s = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                line = self._lines.get(timeout=max(0.0, end_s - time.monotonic()))
+            except queue.Empty:
+                pytest.fail(f"MAVProxy did not say {text!r} but:\n" + "\n".join(self.said))
+            self.said.append(line)
+            if text in line:
+                return line
+
+    def close(self):
+        self._process.stdin.close()
+        self._process.terminate()
+        try:
+            self._process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join()
+        self._process.stdout.close()
+
+
+MISSION = """QGC WPL 110
+0\t0\t0\t16\t0\t0\t0\t0\t47.397742\t8.545594\t488\t1
+1\t0\t3\t22\t0\t0\t0\t0\t47.397742\t8.545594\t8\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.397900\t8.545594\t8\t1
+3\t0\t3\t20\t0\t0\t0\t0\t0\t0\t0\t1
+"""
+
+
+@needs_mavproxy
+@pytest.mark.parametrize("tcp", [False, True])
+def test_mavproxy(tcp, tmp_path):
+    (tmp_path / "mission.txt").write_text(MISSION)
+    with vehicle(tcp=tcp) as sitl, contextlib.closing(MavProxy(sitl.url, tmp_path)) as proxy:
+        proxy.hear("Detected vehicle 1:1")
+        proxy.hear("parameters to")  # all of them, saved
+        proxy.say("mode guided")
+        proxy.hear("Mode GUIDED")
+        proxy.say("arm throttle")
+        proxy.hear("ARMED")
+        proxy.say("takeoff 8")
+        proxy.hear("NAV_TAKEOFF: ACCEPTED")
+        sitl.until(lambda: sitl.truth.height_m > 7.0)
+        proxy.say("param set RTL_ALT 1200")
+        for _ in range(50):  # it shows the old value until the new one is confirmed
+            proxy.say("param show RTL_ALT")
+            if "1200" in proxy.hear("RTL_ALT "):
+                break
+        else:
+            pytest.fail("the parameter was not set")
+        proxy.say("guided 47.397742 8.5457 10")
+        proxy.hear("DO_REPOSITION: ACCEPTED")
+        sitl.until(lambda: abs(sitl.truth.position.lon_deg - 8.5457) < 3e-5)
+        proxy.say(f"wp load {tmp_path / 'mission.txt'}")
+        proxy.hear("MISSION_ACK: TYPE_MISSION: ACCEPTED")
+        proxy.say("wp list")
+        proxy.hear("Requesting 4 waypoints")
+        proxy.hear("Saved 4 waypoints")
+        proxy.say("mode rtl")
+        proxy.hear("Mode RTL")
+        proxy.hear("DISARMED")
+        assert sitl.truth.landed
+        assert not any("breach" in line.lower() for line in proxy.said)

@@ -1,0 +1,313 @@
+"""Several clients on UDP, one on TCP; those that vanish or stop reading harm no other."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from sitl.ports import Connection, TcpPort, datagrams
+from sitl.server import serve
+from sitl.signing import Signing
+from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.wire import Packer, cut
+from sitl.world import World, WorldSpec
+
+HOME = LatLon(48.0, 11.0)
+GLOBAL_POSITION_INT = mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+
+
+def free_port(kind, count=1):
+    """The first of `count` ports, ten apart, that are all free."""
+    while True:
+        with contextlib.ExitStack() as probes:
+            sockets = [
+                probes.enter_context(socket.socket(socket.AF_INET, kind)) for _ in range(count)
+            ]
+            sockets[0].bind(("127.0.0.1", 0))
+            first = sockets[0].getsockname()[1]
+            try:
+                for i, probe in enumerate(sockets[1:], start=1):
+                    probe.bind(("127.0.0.1", first + 10 * i))
+            except (OSError, OverflowError):
+                continue
+            return first
+
+
+@contextlib.asynccontextmanager
+async def served(transport, count=1, speedup=20.0):
+    """Vehicles on sockets and their first port."""
+    world = World(WorldSpec(HOME, 500.0, ()))
+    vehicles = [SimVehicle(VehicleSpec(i + 1, HOME), world) for i in range(count)]
+    kind = socket.SOCK_DGRAM if transport == "udp" else socket.SOCK_STREAM
+    port = free_port(kind, count)
+    ready = asyncio.get_running_loop().create_future()
+    task = asyncio.create_task(
+        serve(
+            vehicles, speedup=speedup, transport=transport, base_port=port, http_port=None,
+            on_ready=ready.set_result,
+        )
+    )  # fmt: skip
+    try:
+        await asyncio.wait_for(asyncio.wait([ready, task], return_when="FIRST_COMPLETED"), 10.0)
+        yield vehicles, port, ready.result()
+        assert not task.done()  # nothing that a client did has ended it
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+class Udp(asyncio.DatagramProtocol):
+    """A client on UDP, listening or speaking first."""
+
+    def __init__(self):
+        self.messages = asyncio.Queue()
+        self.link = mav.MAVLink(None, srcSystem=255, srcComponent=190)
+        self.link.robust_parsing = True
+        self.peer = None
+
+    @classmethod
+    async def open(cls, port=0):
+        loop = asyncio.get_running_loop()
+        _, client = await loop.create_datagram_endpoint(cls, local_addr=("127.0.0.1", port))
+        return client
+
+    def connection_made(self, transport):
+        self.transport = transport
+
+    def datagram_received(self, data, addr):
+        self.peer = addr
+        assert cut(data)[-1][0] == mav.PROTOCOL_MARKER_V2
+        for message in self.link.parse_buffer(data) or []:
+            self.messages.put_nowait(message)
+
+    def say(self, message, to=None):
+        self.transport.sendto(message.pack(self.link), to or self.peer)
+
+    async def wait(self, kind):
+        async with asyncio.timeout(10.0):
+            while True:
+                message = await self.messages.get()
+                if message.get_type() == kind:
+                    return message
+
+
+class Tcp:
+    """A client on TCP."""
+
+    @classmethod
+    async def open(cls, port):
+        self = cls()
+        self.reader, self.writer = await asyncio.open_connection("127.0.0.1", port)
+        self.link = mav.MAVLink(None, srcSystem=255, srcComponent=190)
+        self.link.robust_parsing = True
+        self.first = b""
+        self.left = []
+        return self
+
+    def say(self, message):
+        self.writer.write(message.pack(self.link))
+
+    async def wait(self, kind):
+        async with asyncio.timeout(10.0):
+            while True:
+                while self.left:
+                    message = self.left.pop(0)
+                    if message.get_type() == kind:
+                        return message
+                data = await self.reader.read(4096)
+                if not data:
+                    raise EOFError
+                self.first = self.first or data
+                self.left += self.link.parse_buffer(data) or []
+
+
+def command(command, *p, system=1):
+    p = (*p, *([0.0] * (7 - len(p))))
+    return mav.MAVLink_command_long_message(system, 1, command, 0, *p)
+
+
+def interval(message_id, hz, system=1):
+    return command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / hz, system=system)
+
+
+def test_several_udp_clients_hear_everything():
+    async def scenario():
+        async with served("udp") as (vehicles, port, urls):
+            assert urls == [f"udpin://127.0.0.1:{port}"]
+            listener = await Udp.open(port)
+            await listener.wait("HEARTBEAT")
+            other = await Udp.open()
+            other.say(interval(GLOBAL_POSITION_INT, 10), listener.peer)
+            for client in (listener, other):  # the reply and the telemetry go to all
+                assert (await client.wait("COMMAND_ACK")).result == mav.MAV_RESULT_ACCEPTED
+                await client.wait("GLOBAL_POSITION_INT")
+            # half a frame of one does not spoil the other's
+            whole = command(mav.MAV_CMD_REQUEST_MESSAGE, 148).pack(listener.link)
+            listener.transport.sendto(whole[:20], listener.peer)
+            other.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 242))
+            await other.wait("COMMAND_ACK")
+            listener.transport.sendto(whole[20:], listener.peer)
+            await listener.wait("AUTOPILOT_VERSION")
+            # one vanishes
+            other.transport.abort()
+            for _ in range(20):
+                await listener.wait("GLOBAL_POSITION_INT")
+            assert vehicles[0].t_s > 2.0
+            listener.transport.close()
+
+    asyncio.run(scenario())
+
+
+def test_more_udp_clients_than_it_keeps():
+    async def scenario():
+        async with served("udp") as (vehicles, port, _):
+            listener = await Udp.open(port)
+            await listener.wait("HEARTBEAT")
+            others = [await Udp.open() for _ in range(12)]
+            for client in others:
+                client.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
+                await client.wait("AUTOPILOT_VERSION")
+            assert len(vehicles[0].links) == 1 + 8
+            await listener.wait("HEARTBEAT")  # the first is never forgotten
+            await others[-1].wait("HEARTBEAT")
+            for client in (listener, *others):
+                client.transport.close()
+
+    asyncio.run(scenario())
+
+
+def test_tcp_is_flown_and_serves_one_at_a_time():
+    async def scenario():
+        async with served("tcp", count=2) as (vehicles, port, urls):
+            assert urls == [f"tcpout://127.0.0.1:{port}", f"tcpout://127.0.0.1:{port + 10}"]
+            first = await Tcp.open(port)
+            await first.wait("HEARTBEAT")
+            assert first.first.startswith(b"\r\n\r\nInit ArduCopter")
+            second = await Tcp.open(port)
+            second.say(command(mav.MAV_CMD_DO_SET_MODE, 1, 4))
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(second.reader.read(1), 0.3)
+            neighbour = await Tcp.open(port + 10)
+            assert (await neighbour.wait("HEARTBEAT")).get_srcSystem() == 2
+            first.say(interval(GLOBAL_POSITION_INT, 10))
+            await first.wait("GLOBAL_POSITION_INT")
+            assert vehicles[0].truth.mode == 0
+            first.writer.transport.abort()
+            # its turn: what it said is heard now, and the rates persist
+            assert (await second.wait("COMMAND_ACK")).command == mav.MAV_CMD_DO_SET_MODE
+            await second.wait("GLOBAL_POSITION_INT")
+            for client in (second, neighbour):
+                client.writer.close()
+
+    asyncio.run(scenario())
+
+
+def test_a_tcp_client_that_stops_reading_harms_nobody():
+    async def scenario():
+        async with served("tcp", count=2, speedup=100.0) as (vehicles, port, _):
+            deaf, other = await Tcp.open(port), await Tcp.open(port + 10)
+            deaf.writer.transport.pause_reading()
+            raw = deaf.writer.get_extra_info("socket")
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            for message_id in (GLOBAL_POSITION_INT, 30, 24, 74, 1, 147):
+                deaf.say(interval(message_id, 20))
+            other.say(interval(GLOBAL_POSITION_INT, 10, system=2))
+            async with asyncio.timeout(30.0):
+                while vehicles[0].t_s < 400.0:
+                    await other.wait("GLOBAL_POSITION_INT")
+            assert vehicles[1].t_s == vehicles[0].t_s
+            # it hears again when it reads again
+            deaf.writer.transport.resume_reading()
+            await deaf.wait("HEARTBEAT")
+            for client in (deaf, other):
+                client.writer.close()
+
+    asyncio.run(scenario())
+
+
+class FullTransport:
+    """A connection whose other end does not read."""
+
+    def __init__(self):
+        self.unsent = 0
+
+    def write(self, data):
+        self.unsent += len(data)
+
+    def get_write_buffer_size(self):
+        return self.unsent
+
+    def is_closing(self):
+        return False
+
+
+def test_what_waits_for_a_client_is_bounded():
+    vehicle = SimVehicle(VehicleSpec(1, HOME), World(WorldSpec(HOME, 0.0, ())))
+    port, connection = TcpPort(vehicle), Connection(None)
+    connection.transport = FullTransport()
+    port.arrived(connection)
+    packer = Packer(255, 190)
+    for message_id in (1, 24, 30, 33, 74, 147):
+        port.heard(connection, packer.pack(interval(message_id, 20)))
+    for _ in range(4000):
+        vehicle.step(0.05)
+        port.flush()
+    assert 1 << 18 < connection.transport.unsent < (1 << 18) + 5000
+
+
+def test_a_companion_that_reboots_loses_its_connection():
+    async def scenario():
+        async with served("tcp") as (vehicles, port, _):
+            client = await Tcp.open(port)
+            await client.wait("HEARTBEAT")
+            vehicles[0].fail.companion_reboot(for_s=5.0)
+            with pytest.raises((EOFError, ConnectionError)):
+                await client.wait("what never comes")
+            client.writer.close()
+            again = await Tcp.open(port)
+            cut_at_s = vehicles[0].t_s
+            await again.wait("HEARTBEAT")
+            assert vehicles[0].t_s > cut_at_s
+            again.writer.close()
+
+    asyncio.run(scenario())
+
+
+def test_a_port_that_is_taken_leaves_none_open():
+    async def scenario():
+        port = free_port(socket.SOCK_STREAM, 2)
+        with socket.socket() as taken:
+            taken.bind(("127.0.0.1", port + 10))
+            taken.listen()
+            world = World(WorldSpec(HOME, 500.0, ()))
+            vehicles = [SimVehicle(VehicleSpec(i, HOME), world) for i in (1, 2)]
+            with pytest.raises(OSError, match="address already in use"):
+                await serve(
+                    vehicles, transport="tcp", base_port=port, http_port=None, on_ready=print
+                )
+        with socket.socket() as again:
+            again.bind(("127.0.0.1", port))
+
+    asyncio.run(scenario())
+
+
+def test_an_unknown_transport_is_refused():
+    with pytest.raises(ValueError, match="udp"):
+        asyncio.run(serve([], transport="pigeon", http_port=None, on_ready=print))
+
+
+def test_frames_are_never_cut():
+    packer, signing = Packer(1, 1), Signing()
+    signing.set_up(b"k" * 32, 5)
+    frames = [packer.pack(mav.MAVLink_ping_message(n, n, 1, 1)) for n in range(100)]
+    frames += [signing.sign(frame, 3) for frame in frames]
+    made = datagrams(b"".join(frames))
+    assert b"".join(made) == b"".join(frames)
+    assert all(len(datagram) <= 1400 for datagram in made)
+    assert [frame for datagram in made for frame in cut(datagram)] == frames
+    assert len(made) < 8
