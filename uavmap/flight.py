@@ -12,6 +12,7 @@ import functools
 import http.client
 import signal
 import time
+import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator, Callable
 from dataclasses import asdict, dataclass, replace
@@ -267,11 +268,13 @@ class _Flight:
         if self._resumed:
             service.post(Resumed(round(self._now_s(), 3)))
         self._progress.begin(self._setting, again=self._again)
-        for vehicle in vehicles.values():
-            await vehicle.connect()
-        with self._recall_on_interrupt(service):
-            self._state = await service.fly()
-        self._progress.end()
+        try:
+            for vehicle in vehicles.values():
+                await vehicle.connect()
+            with self._recall_on_interrupt(service):
+                self._state = await service.fly()
+        finally:
+            self._progress.end()
 
     @contextlib.contextmanager
     def _recall_on_interrupt(self, service: Service) -> Any:
@@ -340,6 +343,9 @@ def _fetch(url: str) -> bytes:
         with urllib.request.urlopen(url, timeout=FETCH_TIMEOUT_S) as answer:
             data: bytes = answer.read(MAX_PICTURE_BYTES)
             return data
+    except urllib.error.HTTPError as error:
+        with error:  # it holds the socket
+            raise LinkError(f"{url} cannot be fetched: {error}") from None
     except (OSError, http.client.HTTPException, ValueError) as error:
         raise LinkError(f"{url} cannot be fetched: {error}") from None
 

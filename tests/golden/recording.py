@@ -30,9 +30,7 @@ def outcome(events: Sequence[Event]) -> dict[str, Any]:
     values = {
         "summary": summary(setting(), state, found, SEED),
         "roi": sorted([cell.east, cell.north] for cell in state.belief.roi),
-        "tree": sorted(
-            [cell.east, cell.north, tree.state(cell).value] for cell in tree.vertices
-        )
+        "tree": sorted([cell.east, cell.north, tree.state(cell).value] for cell in tree.vertices)
         if tree is not None
         else [],
         "t_s": state.t_s,

@@ -504,3 +504,10 @@ def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
     before, text = service.state, repr(service.state)
     apply(service.setting, before, Airborne(1, 8.0))
     assert repr(before) == text
+
+
+def test_a_vehicle_that_stands_outside_of_the_fence_stays_there(service: Service) -> None:
+    far = GridPoint(5000.0, 0.0)
+    orders = service.post(Connected(1, 1.0, far, far, 0.0, False, True, 60.0))
+    assert orders == ((1, StandDown()),)
+    assert "outside of the geofence" in service.state.vehicles[1].note
