@@ -24,7 +24,7 @@ from missions.events import (
     Resumed,
     Tracked,
 )
-from missions.orders import AwaitBattery, Look, StandDown, TakeOff
+from missions.orders import AwaitBattery, Look, ReturnToLaunch, StandDown, TakeOff
 from missions.state import BRAKING_S, Errand, Phase, Setting, State, VehicleState
 from missions.tree import Tree
 from missions.units import Cell
@@ -99,6 +99,7 @@ def _(event: Connected, vehicle: VehicleState) -> VehicleState:
         at_target=False,
         braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
         in_vain=0,
+        note="",
     )
 
 
@@ -240,6 +241,9 @@ def _(event: OrderFailed, vehicle: VehicleState) -> VehicleState:
     if vehicle.phase is Phase.AIRBORNE and vehicle.errand is None:  # it cannot stay up there
         home = replace(vehicle.interrupted(event.t_s), errand=Errand.FAULT, note=note)
         return replace(home, over_home=False, at_target=False, on_lane=False)
+    if vehicle.phase is Phase.AIRBORNE and not isinstance(vehicle.order, ReturnToLaunch):
+        # not even the way home can be flown: the last thing to try is the autopilot's own
+        return replace(vehicle, errand=Errand.FAULT, order=ReturnToLaunch(), note=note)
     return replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
 
 

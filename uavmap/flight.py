@@ -39,12 +39,13 @@ from uavmap.progress import Progress
 from uavmap.service import Service
 from uavmap.simulation import Simulation, Truth, true_roi
 from uavmap.tlog import TlogWriter
-from uavmap.vehicle import MavlinkVehicle
+from uavmap.vehicle import LINK_LOST_S, MavlinkVehicle
 
 JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
+LINK_LOST_WALL_S: Final = 2.0
 FETCH_TIMEOUT_S: Final = 5.0
 MAX_PICTURE_BYTES: Final = 64 * 2**20
 
@@ -115,7 +116,15 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
-        return flight.run()
+        try:
+            return flight.run()
+        except* LinkError:
+            if not journal.bodies():  # nobody answered: nothing has begun
+                journal.discard()
+                (folder / TLOG).unlink(missing_ok=True)
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            raise
 
 
 def resume(
@@ -234,6 +243,12 @@ class _Flight:
             ]
             await self._serve(list(self._plan.urls), sessions, fetch_over_http)
 
+    def _link_lost_s(self) -> float:
+        """On a clock that runs fast, a busy machine must not look like a lost link."""
+        if self._plan.simulated:
+            return LINK_LOST_S
+        return max(LINK_LOST_S, LINK_LOST_WALL_S * (self._plan.speedup or 1.0))
+
     def _classifier(self, number: int) -> Classifier:
         mission = self._setting.mission
         return Classifier.of(mission, self._setting.grid, mission.altitude_m(number - 1))
@@ -252,6 +267,7 @@ class _Flight:
                 self._setting.grid,
                 self._now_s,
                 crew.swap,
+                self._link_lost_s(),
             )
             for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
         }
@@ -353,8 +369,12 @@ def _fetch(url: str) -> bytes:
 def _results(
     plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None
 ) -> dict[str, Any]:
+    """Write the results; what the simulator watched is kept for when they are written anew."""
+    if truth is not None:
+        journal.put_meta("truth", truth.figures())
     roi = None
     if plan.simulated and setting.mission.sim.roi:
         roi = true_roi(setting.mission, setting.grid)
     seed = plan.seed if plan.simulated else None
-    return write_results(folder, setting, list(journal.events()), seed, truth, roi)
+    events = list(journal.events())
+    return write_results(folder, setting, events, seed, journal.meta.get("truth"), roi)

@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from missions.errors import LinkError
-from uavmap.cli.common import port_number, positive_float, positive_int, seed_number
+from uavmap.cli.common import port_number, seed_number, speedup, vehicle_count
 from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
 from uavmap.simulation import serve_vehicles
@@ -34,13 +34,11 @@ def add_parser(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--mission", metavar="MISSION", default="runway", help="whose world to fly")
-    parser.add_argument("--vehicles", metavar="N", type=positive_int, help="how many vehicles")
+    parser.add_argument("--vehicles", metavar="N", type=vehicle_count, help="how many vehicles")
     parser.add_argument(
         "--seed", metavar="S", type=seed_number, default=1, help="of the simulation"
     )
-    parser.add_argument(
-        "--speedup", metavar="X", type=positive_float, default=1.0, help="times real time"
-    )
+    parser.add_argument("--speedup", metavar="X", type=speedup, default=1.0, help="times real time")
     parser.add_argument(
         "--port",
         metavar="P",
