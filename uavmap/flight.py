@@ -8,32 +8,26 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
-import http.client
 import signal
 import time
-import urllib.error
-import urllib.request
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-from missions.errors import JournalError, LinkError, MissionFileError
+from missions.errors import JournalError, LinkError
 from missions.events import Event, Resumed
-from missions.mission_checks import check
-from missions.mission_file import Mission, VehicleSection
 from missions.state import Phase, Setting, State
 from missions.step import fold
-from uavmap import __version__
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.crew import Crew
 from uavmap.eyes import Classifier, Eyes, Fetch
+from uavmap.flight_plan import JOURNAL, TLOG, FlightPlan
+from uavmap.http_pictures import fetch_over_http
 from uavmap.journal import Journal
 from uavmap.link.session import Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
-from uavmap.mission_source import MissionSource
 from uavmap.outcome import write_results
 from uavmap.progress import Progress
 from uavmap.service import Service
@@ -41,68 +35,7 @@ from uavmap.simulation import Simulation, Truth, true_roi
 from uavmap.tlog import TlogWriter
 from uavmap.vehicle import LINK_LOST_S, MavlinkVehicle
 
-JOURNAL: Final = "journal.db"
-TLOG: Final = "flight.tlog"
-SIM_EPOCH_UTC_S: Final = 1577836800.0
-"""Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
 LINK_LOST_WALL_S: Final = 2.0
-FETCH_TIMEOUT_S: Final = 5.0
-MAX_PICTURE_BYTES: Final = 64 * 2**20
-
-
-@dataclass(frozen=True, slots=True)
-class FlightPlan:
-    """What a flight is started with; it is written into the journal and read back."""
-
-    mission_source: str
-    mission_text: str
-    strategy: str | None
-    vehicles: int | None
-    seed: int
-    urls: tuple[str, ...]
-    """Empty in simulation."""
-    speedup: float | None
-    epoch_utc_s: float
-    version: str = __version__
-    auto_swap: bool = False
-    """Whether a fresh battery alone allows take-off: for simulators, where nobody stands near."""
-    rehomed: bool = False
-    """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the aircraft are simulated in this process."""
-        return not self.urls
-
-    def mission(self) -> Mission:
-        """The mission with what the command line changed. Raises `MissionFileError`."""
-        source = MissionSource(self.mission_source, self.mission_text)
-        mission = source.parse()
-        changes: dict[str, Any] = {}
-        if self.strategy is not None:
-            changes["strategy"] = self.strategy
-        wanted = self.vehicles or len(self.urls) or len(mission.vehicles)
-        if wanted != len(mission.vehicles):
-            spare = tuple(VehicleSection() for _ in range(wanted))
-            changes["vehicles"] = (mission.vehicles + spare)[:wanted]
-        if changes:
-            mission = mission.model_copy(update=changes)
-            check(mission, self.mission_source)
-        if not self.simulated and len(self.urls) != len(mission.vehicles):
-            raise MissionFileError(
-                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
-                f"{len(self.urls)} connection URLs; give --connect once a vehicle"
-            )
-        return mission
-
-    @classmethod
-    def read(cls, journal: Journal) -> FlightPlan:
-        """The plan that a journal was begun with. Raises `JournalError`."""
-        try:
-            meta = journal.meta["plan"]
-            return cls(**{**meta, "urls": tuple(meta["urls"])})
-        except (KeyError, TypeError):
-            raise JournalError(f"{journal.path} holds no flight plan; it cannot go on") from None
 
 
 def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
@@ -345,25 +278,6 @@ async def _connected(url: str, record: Callable[[bytes], None]) -> AsyncIterator
     async with open_transport(parse_url(url), session.feed) as transport:
         opened.append(transport)
         yield session
-
-
-async def fetch_over_http(url: str) -> bytes:
-    """A picture from the camera's own server. Raises `LinkError`."""
-    if not url.startswith(("http://", "https://")):
-        raise LinkError(f"{url or 'a picture'}: the camera names no http URL for its picture")
-    return await asyncio.to_thread(functools.partial(_fetch, url))
-
-
-def _fetch(url: str) -> bytes:
-    try:
-        with urllib.request.urlopen(url, timeout=FETCH_TIMEOUT_S) as answer:
-            data: bytes = answer.read(MAX_PICTURE_BYTES)
-            return data
-    except urllib.error.HTTPError as error:
-        with error:  # it holds the socket
-            raise LinkError(f"{url} cannot be fetched: {error}") from None
-    except (OSError, http.client.HTTPException, ValueError) as error:
-        raise LinkError(f"{url} cannot be fetched: {error}") from None
 
 
 def _results(

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from missions.errors import JournalError
 from missions.mission_file import MAX_VEHICLES
-from uavmap.flight import JOURNAL
+from uavmap.flight_plan import JOURNAL
 
 INCOMPLETE: Final = 3
 RESULTS: Final = "results"

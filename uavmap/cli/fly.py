@@ -9,7 +9,8 @@ from typing import Any
 from missions.errors import LinkError, MissionFileError
 from missions.explorers import EXPLORERS
 from uavmap.cli.common import report, results_folder, seed_number, speedup, vehicle_count
-from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan, fly
+from uavmap.flight import fly
+from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source, shipped_missions
 from uavmap.progress import Terminal
 

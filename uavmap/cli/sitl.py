@@ -10,7 +10,7 @@ from typing import Any
 
 from missions.errors import LinkError
 from uavmap.cli.common import port_number, seed_number, speedup, vehicle_count
-from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
 from uavmap.simulation import serve_vehicles
 

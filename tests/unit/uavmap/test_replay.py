@@ -19,7 +19,7 @@ from missions.state import Setting
 from missions.units import Cell, GridPoint
 from tests.small_missions import CELL_M, START, ring, square
 from tests.unit.uavmap.photographs import dji, write_photo
-from uavmap.flight import JOURNAL
+from uavmap.flight_plan import JOURNAL
 from uavmap.journal import Journal
 from uavmap.mission_source import load_source
 from uavmap.progress import Silent
