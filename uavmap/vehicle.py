@@ -16,7 +16,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError
+from missions.errors import LinkError, leaves
 from missions.events import LinkLost, OrderFailed
 from missions.grid import Grid
 from missions.mission_file import Mission
@@ -125,7 +125,7 @@ class MavlinkVehicle:
         try:
             await self._manoeuvres.carry_out(order)
         except* LinkError as group:
-            reason = "; ".join(str(error) for error in _leaves(group))
+            reason = "; ".join(str(error) for error in leaves(group))
             name = type(order).__name__
             self._watch.report(OrderFailed(self.number, self._watch.t_s(), name, reason))
 
@@ -179,11 +179,3 @@ class MavlinkVehicle:
             )
             if not known
         )
-
-
-def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
-    """The single errors of a group, however nested."""
-    found: list[BaseException] = []
-    for error in group.exceptions:
-        found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
-    return found

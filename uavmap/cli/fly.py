@@ -106,4 +106,6 @@ def run(options: argparse.Namespace) -> int:
     )
     plan.mission()  # say what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
-    return report(fly(plan, folder, Terminal()), folder, as_json=options.json)
+    progress = Terminal()
+    progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    return report(fly(plan, folder, progress), folder, as_json=options.json)
