@@ -25,7 +25,7 @@ from uavmap.eyes import Classifier, Eyes, Fetch
 from uavmap.flight_plan import JOURNAL, TLOG, FlightPlan
 from uavmap.http_pictures import fetch_over_http
 from uavmap.journal import Journal
-from uavmap.link.session import Session
+from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
 from uavmap.outcome import write_results
@@ -36,6 +36,7 @@ from uavmap.tlog import TlogWriter
 from uavmap.vehicle import LINK_LOST_S, MavlinkVehicle
 
 LINK_LOST_WALL_S: Final = 2.0
+ACK_WAIT_WALL_S: Final = 0.3
 
 
 def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
@@ -170,8 +171,9 @@ class _Flight:
     async def _fly_connected(self) -> None:
         async with contextlib.AsyncExitStack() as stack:
             log = stack.enter_context(self._log())
+            ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (self._plan.speedup or 1.0))
             sessions = [
-                await stack.enter_async_context(_connected(url, log.record))
+                await stack.enter_async_context(_connected(url, log.record, ack_wait_s))
                 for url in self._plan.urls
             ]
             await self._serve(list(self._plan.urls), sessions, fetch_over_http)
@@ -266,7 +268,9 @@ def _all_wait(state: State, waiting: set[int]) -> bool:
 
 
 @contextlib.asynccontextmanager
-async def _connected(url: str, record: Callable[[bytes], None]) -> AsyncIterator[Session]:
+async def _connected(
+    url: str, record: Callable[[bytes], None], ack_wait_s: float
+) -> AsyncIterator[Session]:
     """A session over the transport that a URL names."""
     opened: list[Transport] = []
 
@@ -274,7 +278,7 @@ async def _connected(url: str, record: Callable[[bytes], None]) -> AsyncIterator
         for transport in opened:
             transport.send(frame)
 
-    session = Session(send, record)
+    session = Session(send, record, ack_wait_s)
     async with open_transport(parse_url(url), session.feed) as transport:
         opened.append(transport)
         yield session

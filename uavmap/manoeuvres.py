@@ -11,7 +11,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError
+from missions.errors import CommandRefusedError, LinkError
 from missions.events import Airborne, Arrived, BatterySwapped, Landed, LookEnded
 from missions.grid import Grid
 from missions.mission_file import Mission
@@ -145,7 +145,12 @@ class Manoeuvres:
 
         pause_s = DRIFT_RESEND_S if drift_m_s > 0.0 else RESEND_S
         while True:
-            await self._aim(target(), height_m)
+            try:
+                await self._aim(target(), height_m)
+            except CommandRefusedError:
+                raise
+            except LinkError:
+                pass  # no answer: ask again, for as long as the watch on the link calls it alive
             if await self._session.until(there, pause_s):
                 return
 
