@@ -11,11 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from missions.fence import route_length_m
-from missions.orders import FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
+from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
 from missions.separation import Volume, is_free
 from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
+RTL_HEIGHT_M = 15.0
+"""ArduCopter's RTL_ALT."""
 SEPARATION_BUFFER_M = 2.0
 """What two vehicles may stray towards each other while they keep their distance."""
 OFF_LAYER_M = 1.5
@@ -85,6 +87,8 @@ def _volume(setting: Setting, state: State, vehicle: VehicleState, order: Order 
     """The air that an order needs."""
     if isinstance(order, TakeOff | Land):
         return Volume((vehicle.home,), 0.0, vehicle.layer_m)
+    if isinstance(order, ReturnToLaunch):  # at a height of the autopilot's choice
+        return Volume((vehicle.position, vehicle.home), 0.0, max(vehicle.layer_m, RTL_HEIGHT_M))
     points: Sequence[GridPoint] = ()
     if isinstance(order, Sweep):
         points = (order.end,)

@@ -64,6 +64,11 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     target = _first_target(setting, state, vehicle)
     if target is None:
         return state
+    if not setting.fence.contains(vehicle.position):
+        note = "it stands outside of the geofence; move it, or the fence"
+        return state.with_vehicle(
+            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+        )
     if vehicle.in_vain >= SORTIES_IN_VAIN:
         return _out_of_reach(state, vehicle)
     if not affords(setting, vehicle, target, setting.look_s):

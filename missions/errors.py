@@ -45,3 +45,15 @@ class LinkError(UavmapError):
 
 class CommandRefusedError(LinkError):
     """A command that the vehicle denied; the text holds what the vehicle said."""
+
+
+def leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
+    """The single errors of a group, however nested.
+
+    >>> leaves(BaseExceptionGroup("", [ExceptionGroup("", [LinkError("a")]), LinkError("b")]))
+    [LinkError('a'), LinkError('b')]
+    """
+    found: list[BaseException] = []
+    for error in group.exceptions:
+        found += leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
+    return found

@@ -7,7 +7,7 @@ from dataclasses import replace
 from missions.airspace import OFF_LAYER_M, give, hold
 from missions.energy import CLIMB_SPEED_M_S
 from missions.fence import route_length_m
-from missions.orders import FlyTo, Land, Order
+from missions.orders import FlyTo, Land, Order, TakeOff
 from missions.search import rest_of
 from missions.state import Errand, Phase, Setting, State, VehicleState
 from missions.units import GridPoint
@@ -22,15 +22,27 @@ PROGRESS_M = 1.0
 
 def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
+    if isinstance(vehicle.order, TakeOff) and (state.recalled or state.mapped):
+        return _call_off(state, vehicle)
     if vehicle.phase is not Phase.AIRBORNE or vehicle.errand is not None:
         return state
     if state.recalled:
         return send_home(state, vehicle, Errand.RECALLED)
     if state.mapped:
         return send_home(state, vehicle, Errand.DONE)
+    if not setting.fence.contains(vehicle.position):
+        vehicle = replace(vehicle, note="it was outside of the geofence")
+        return send_home(state, vehicle, Errand.FAULT)
     if not affords(setting, vehicle, vehicle.position, hover_s=REACTION_S):
         return send_home(state, vehicle, Errand.BATTERY)
     return state
+
+
+def _call_off(state: State, vehicle: VehicleState) -> State:
+    """A take-off that is under way ends where it began, whether the motors turn yet or not."""
+    errand = Errand.RECALLED if state.recalled else Errand.DONE
+    called_off = replace(vehicle, phase=Phase.AIRBORNE, landed=False, errand=errand)
+    return state.with_vehicle(replace(called_off, over_home=True, order=Land()))
 
 
 def affords(setting: Setting, vehicle: VehicleState, target: GridPoint, hover_s: float) -> bool:

@@ -32,6 +32,7 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
 Share = Annotated[Number, Field(ge=0, le=1)]
+MAX_VEHICLES = 50
 Vertex = tuple[Latitude, Longitude]
 Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
 
@@ -282,9 +283,9 @@ class Mission(_Section):
     wind: Wind = Wind()
     drift: Drift = Drift()
     team: Team = Team()
-    vehicles: Annotated[tuple[VehicleSection, ...], Field(min_length=1, max_length=50)] = (
-        VehicleSection(),
-    )
+    vehicles: Annotated[
+        tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)
+    ] = (VehicleSection(),)
     sim: Sim = Sim()
 
     @property

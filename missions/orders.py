@@ -59,6 +59,11 @@ class Land:
 
 
 @dataclass(frozen=True, slots=True)
+class ReturnToLaunch:
+    """Let the autopilot bring the vehicle home: when our own way home fails. Ends with `Landed`."""
+
+
+@dataclass(frozen=True, slots=True)
 class AwaitBattery:
     """Wait on the ground for a fresh battery and the crew's word. Ends with `BatterySwapped`."""
 
@@ -68,4 +73,4 @@ class StandDown:
     """Nothing more to do."""
 
 
-Order = TakeOff | Sweep | FlyTo | Look | Hold | Land | AwaitBattery | StandDown
+Order = TakeOff | Sweep | FlyTo | Look | Hold | Land | ReturnToLaunch | AwaitBattery | StandDown

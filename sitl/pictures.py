@@ -20,6 +20,7 @@ class PictureServer:
         self._find = find
         self._server: asyncio.Server | None = None
         self._writers: set[asyncio.StreamWriter] = set()
+        self._talks: set[asyncio.Task[None]] = set()
 
     async def open(self, port: int) -> int:
         """Listen on 127.0.0.1; port 0 takes any free one. Returns the port."""
@@ -36,9 +37,14 @@ class PictureServer:
         for writer in list(self._writers):
             writer.close()
         await self._server.wait_closed()
+        if self._talks:  # they end by themselves now that their connections are closed
+            await asyncio.wait(self._talks)
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.add(writer)
+        if (task := asyncio.current_task()) is not None:
+            self._talks.add(task)
+            task.add_done_callback(self._talks.discard)
         try:
             while await self._answer(reader, writer):
                 pass

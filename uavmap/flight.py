@@ -8,99 +8,35 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
-import http.client
 import signal
 import time
-import urllib.request
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-from missions.errors import JournalError, LinkError, MissionFileError
+from missions.errors import JournalError, LinkError
 from missions.events import Event, Resumed
-from missions.mission_checks import check
-from missions.mission_file import Mission, VehicleSection
 from missions.state import Phase, Setting, State
 from missions.step import fold
-from uavmap import __version__
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.crew import Crew
 from uavmap.eyes import Classifier, Eyes, Fetch
+from uavmap.flight_plan import JOURNAL, TLOG, FlightPlan
+from uavmap.http_pictures import fetch_over_http
 from uavmap.journal import Journal
-from uavmap.link.session import Session
+from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
-from uavmap.mission_source import MissionSource
 from uavmap.outcome import write_results
 from uavmap.progress import Progress
 from uavmap.service import Service
 from uavmap.simulation import Simulation, Truth, true_roi
 from uavmap.tlog import TlogWriter
-from uavmap.vehicle import MavlinkVehicle
+from uavmap.vehicle import LINK_LOST_S, MavlinkVehicle
 
-JOURNAL: Final = "journal.db"
-TLOG: Final = "flight.tlog"
-SIM_EPOCH_UTC_S: Final = 1577836800.0
-"""Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
-FETCH_TIMEOUT_S: Final = 5.0
-MAX_PICTURE_BYTES: Final = 64 * 2**20
-
-
-@dataclass(frozen=True, slots=True)
-class FlightPlan:
-    """What a flight is started with; it is written into the journal and read back."""
-
-    mission_source: str
-    mission_text: str
-    strategy: str | None
-    vehicles: int | None
-    seed: int
-    urls: tuple[str, ...]
-    """Empty in simulation."""
-    speedup: float | None
-    epoch_utc_s: float
-    version: str = __version__
-    auto_swap: bool = False
-    """Whether a fresh battery alone allows take-off: for simulators, where nobody stands near."""
-    rehomed: bool = False
-    """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the aircraft are simulated in this process."""
-        return not self.urls
-
-    def mission(self) -> Mission:
-        """The mission with what the command line changed. Raises `MissionFileError`."""
-        source = MissionSource(self.mission_source, self.mission_text)
-        mission = source.parse()
-        changes: dict[str, Any] = {}
-        if self.strategy is not None:
-            changes["strategy"] = self.strategy
-        wanted = self.vehicles or len(self.urls) or len(mission.vehicles)
-        if wanted != len(mission.vehicles):
-            spare = tuple(VehicleSection() for _ in range(wanted))
-            changes["vehicles"] = (mission.vehicles + spare)[:wanted]
-        if changes:
-            mission = mission.model_copy(update=changes)
-            check(mission, self.mission_source)
-        if not self.simulated and len(self.urls) != len(mission.vehicles):
-            raise MissionFileError(
-                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
-                f"{len(self.urls)} connection URLs; give --connect once a vehicle"
-            )
-        return mission
-
-    @classmethod
-    def read(cls, journal: Journal) -> FlightPlan:
-        """The plan that a journal was begun with. Raises `JournalError`."""
-        try:
-            meta = journal.meta["plan"]
-            return cls(**{**meta, "urls": tuple(meta["urls"])})
-        except (KeyError, TypeError):
-            raise JournalError(f"{journal.path} holds no flight plan; it cannot go on") from None
+LINK_LOST_WALL_S: Final = 2.0
+ACK_WAIT_WALL_S: Final = 0.3
 
 
 def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
@@ -114,7 +50,15 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
-        return flight.run()
+        try:
+            return flight.run()
+        except* LinkError:
+            if not journal.bodies():  # nobody answered: nothing has begun
+                journal.discard()
+                (folder / TLOG).unlink(missing_ok=True)
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            raise
 
 
 def resume(
@@ -227,11 +171,18 @@ class _Flight:
     async def _fly_connected(self) -> None:
         async with contextlib.AsyncExitStack() as stack:
             log = stack.enter_context(self._log())
+            ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (self._plan.speedup or 1.0))
             sessions = [
-                await stack.enter_async_context(_connected(url, log.record))
+                await stack.enter_async_context(_connected(url, log.record, ack_wait_s))
                 for url in self._plan.urls
             ]
             await self._serve(list(self._plan.urls), sessions, fetch_over_http)
+
+    def _link_lost_s(self) -> float:
+        """On a clock that runs fast, a busy machine must not look like a lost link."""
+        if self._plan.simulated:
+            return LINK_LOST_S
+        return max(LINK_LOST_S, LINK_LOST_WALL_S * (self._plan.speedup or 1.0))
 
     def _classifier(self, number: int) -> Classifier:
         mission = self._setting.mission
@@ -251,6 +202,7 @@ class _Flight:
                 self._setting.grid,
                 self._now_s,
                 crew.swap,
+                self._link_lost_s(),
             )
             for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
         }
@@ -267,11 +219,13 @@ class _Flight:
         if self._resumed:
             service.post(Resumed(round(self._now_s(), 3)))
         self._progress.begin(self._setting, again=self._again)
-        for vehicle in vehicles.values():
-            await vehicle.connect()
-        with self._recall_on_interrupt(service):
-            self._state = await service.fly()
-        self._progress.end()
+        try:
+            for vehicle in vehicles.values():
+                await vehicle.connect()
+            with self._recall_on_interrupt(service):
+                self._state = await service.fly()
+        finally:
+            self._progress.end()
 
     @contextlib.contextmanager
     def _recall_on_interrupt(self, service: Service) -> Any:
@@ -314,7 +268,9 @@ def _all_wait(state: State, waiting: set[int]) -> bool:
 
 
 @contextlib.asynccontextmanager
-async def _connected(url: str, record: Callable[[bytes], None]) -> AsyncIterator[Session]:
+async def _connected(
+    url: str, record: Callable[[bytes], None], ack_wait_s: float
+) -> AsyncIterator[Session]:
     """A session over the transport that a URL names."""
     opened: list[Transport] = []
 
@@ -322,33 +278,21 @@ async def _connected(url: str, record: Callable[[bytes], None]) -> AsyncIterator
         for transport in opened:
             transport.send(frame)
 
-    session = Session(send, record)
+    session = Session(send, record, ack_wait_s)
     async with open_transport(parse_url(url), session.feed) as transport:
         opened.append(transport)
         yield session
 
 
-async def fetch_over_http(url: str) -> bytes:
-    """A picture from the camera's own server. Raises `LinkError`."""
-    if not url.startswith(("http://", "https://")):
-        raise LinkError(f"{url or 'a picture'}: the camera names no http URL for its picture")
-    return await asyncio.to_thread(functools.partial(_fetch, url))
-
-
-def _fetch(url: str) -> bytes:
-    try:
-        with urllib.request.urlopen(url, timeout=FETCH_TIMEOUT_S) as answer:
-            data: bytes = answer.read(MAX_PICTURE_BYTES)
-            return data
-    except (OSError, http.client.HTTPException, ValueError) as error:
-        raise LinkError(f"{url} cannot be fetched: {error}") from None
-
-
 def _results(
     plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None
 ) -> dict[str, Any]:
+    """Write the results; what the simulator watched is kept for when they are written anew."""
+    if truth is not None:
+        journal.put_meta("truth", truth.figures())
     roi = None
     if plan.simulated and setting.mission.sim.roi:
         roi = true_roi(setting.mission, setting.grid)
     seed = plan.seed if plan.simulated else None
-    return write_results(folder, setting, list(journal.events()), seed, truth, roi)
+    events = list(journal.events())
+    return write_results(folder, setting, events, seed, journal.meta.get("truth"), roi)

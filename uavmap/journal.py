@@ -42,6 +42,7 @@ class Journal:
         self.path = path
         self._database = database
         self._lock = lock
+        self._closed = False
         self._expected: deque[str] = deque()
 
     @classmethod
@@ -98,7 +99,17 @@ class Journal:
 
     def close(self) -> None:
         """Close the file; everything in it was safe before."""
-        _release(self._database, self._lock)
+        if not self._closed:
+            self._closed = True
+            _release(self._database, self._lock)
+
+    def discard(self) -> None:
+        """Close and remove a journal in which nothing has happened. Raises `JournalError`."""
+        if self.bodies():
+            raise JournalError(f"{self.path} holds events and is not removed")
+        self.close()
+        for suffix in ("", "-wal", "-shm"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
 
     # --- what is in it ---------------------------------------------------------------------
     @property

@@ -40,7 +40,7 @@ def load_source(name: str) -> MissionSource:
         text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
         return MissionSource(name, text)
     try:
-        return MissionSource(name, path.read_text("utf-8"))
+        return MissionSource(name, path.read_text("utf-8-sig"))
     except OSError as error:
         raise MissionFileError(
             f"{name}: cannot be read ({error.strerror}); give the path of a mission file, or one "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from uavmap.results import summary as summary_file
 from uavmap.results.model import CellRow, MapData, Track
 from uavmap.results.model import State as CellState
 from uavmap.score import score
-from uavmap.simulation import Truth
 
 
 def map_data(
@@ -71,7 +70,7 @@ def write_results(
     setting: Setting,
     events: list[Event],
     seed: int | None,
-    simulated: Truth | None = None,
+    simulated: Mapping[str, Any] | None = None,
     roi: BaseGeometry | None = None,
     recorded: int | None = None,
 ) -> dict[str, Any]:
@@ -96,12 +95,6 @@ def write_results(
             "cells_missed": marks.cells_missed,
             "iou_cells": round(marks.iou_cells, 4),
         }
-    if simulated is not None:
-        apart_m = simulated.min_separation_m
-        values |= {
-            "min_separation_m": round(apart_m, 2) if math.isfinite(apart_m) else None,
-            "fence_breaches": simulated.fence_breaches,
-            "reserve_violations": simulated.reserve_violations,
-        }
+    values |= simulated or {}
     summary_file.write(values, folder / "summary.json")
     return values

@@ -120,8 +120,9 @@ class Terminal:
 
     def _line(self, state: State, again: int) -> str:
         vehicles = "; ".join(
-            f"{v.vehicle}: {_doing(v)} at {v.position.east_m:.0f} m E {v.position.north_m:.0f} m N"
-            f" {v.height_m:.0f} m up, battery {self._battery(v):.0f} %"
+            f"{v.vehicle}: {_doing(v)} at {round(v.position.east_m)} m E"
+            f" {round(v.position.north_m)} m N"
+            f" {round(v.height_m)} m up, battery {self._battery(v):.0f} %"
             for v in state.vehicles.values()
         )
         return f"{state.t_s:7.0f} s  {phase(state)}, {_cells(state)}  [{vehicles}]" + (
@@ -186,6 +187,8 @@ def _cells(state: State) -> str:
 def _remarkable(event: Event) -> str:
     """What the operator has to know at once."""
     match event:
+        case Overridden(vehicle=number, mode="GUIDED"):
+            return f"vehicle {number} was put into GUIDED while it landed: it is the pilot's now"
         case Overridden(vehicle=number, mode=mode):
             return f"vehicle {number} is in {mode}, not by us: hands off until it is in GUIDED"
         case Released(vehicle=number):

@@ -62,7 +62,6 @@ def replay(
         for event in events:
             journal.append(event)
             state, _ = step(setting, state, event)
-            progress.update(event, state, again=0)
     progress.end()
     if outside:
         progress.say(f"{outside} of {len(photos)} photographs were taken outside of the fence")

@@ -145,6 +145,15 @@ class Truth:
     _flying: set[int] = field(default_factory=set)
     _crashed: set[int] = field(default_factory=set)
 
+    def figures(self) -> dict[str, float | int | None]:
+        """What the summary says of it."""
+        apart_m = self.min_separation_m
+        return {
+            "min_separation_m": round(apart_m, 2) if math.isfinite(apart_m) else None,
+            "fence_breaches": self.fence_breaches,
+            "reserve_violations": self.reserve_violations,
+        }
+
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         """Look at all vehicles at one instant."""
         in_air: list[tuple[GridPoint, float]] = []

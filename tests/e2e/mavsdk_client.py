@@ -24,7 +24,7 @@ M_PER_DEG = 111_200.0
 
 async def _until(read: Callable[[], Awaitable[Any]], good: Callable[[Any], bool]) -> Any:
     async with asyncio.timeout(30.0):
-        while not good(value := await read()):
+        while not good(value := await read()):  # noqa: ASYNC110 - getters know no events
             await asyncio.sleep(0.02)
     return value
 

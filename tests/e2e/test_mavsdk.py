@@ -15,7 +15,7 @@ CLIENT = Path(__file__).with_name("mavsdk_client.py")
 
 
 def test_mavsdk_flies_there_and_back():
-    with simulator("speck", speedup=8.0) as (url,):
+    with simulator("speck", speedup=12.0) as (url,):
         done = subprocess.run(
             [sys.executable, CLIENT, url],
             env=environment(),

@@ -87,9 +87,9 @@ SPOILT = {
     "a misspelt key": ("cell_m = 4.0", "cel_m = 4.0", "grid.cel_m"),
     "a missing key": ("position = [47.3, 8.5]", "", "start.position"),
     "a cell of no size": ("cell_m = 4.0", "cell_m = 0.0", "grid.cell_m"),
-    "swapped beyond range": (
+    "swapped too far": (
         "position = [47.3, 8.5]",
-        "position = [108.5, 47.3]",
+        "position = [98.5, 47.3]",
         "start.position",
     ),
     "too narrow a view": ("interval_s = 0.25", "interval_s = 0.25\nhfov_deg = 30.0", "hfov_deg"),

@@ -1,4 +1,4 @@
-"""`uavmap sitl` in one process, `uavmap fly --connect` in another, real UDP and HTTP between them."""
+"""`uavmap sitl` in one process, `uavmap fly --connect` in another: real UDP, real HTTP."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.e2e.rig import (
     wait_until,
 )
 
-SPEEDUP = 15.0
+SPEEDUP = 20.0
 GUIDED, LOITER, BRAKE = 4, 5, 17
 
 

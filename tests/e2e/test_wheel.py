@@ -22,8 +22,10 @@ def test_the_wheel_holds_the_four_packages(tmp_path):
         if file.is_file():
             shutil.copy(file, source)
     done = subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"]
-        + ["--disable-pip-version-check", "--no-index", "-w", str(tmp_path), str(source)],
+        [
+            *(sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"),
+            *("--disable-pip-version-check", "--no-index", "-w", str(tmp_path), str(source)),
+        ],
         env=environment(),
         capture_output=True,
         text=True,

@@ -11,7 +11,8 @@ import tempfile
 from pathlib import Path
 
 from tests.golden.recording import EVENTS, MISSION, OUTCOME, SEED, outcome
-from uavmap.flight import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan, fly
+from uavmap.flight import fly
+from uavmap.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.journal import Journal
 from uavmap.progress import Silent
 

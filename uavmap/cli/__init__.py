@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from missions.errors import UavmapError
+from missions.errors import UavmapError, leaves
 from uavmap import __version__
 from uavmap.cli import check, fly, replay, resume, sitl
 
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = options.run(options)
     except* UavmapError as group:
-        for error in _leaves(group):
+        for error in leaves(group):
             for line in str(error).splitlines():  # a mission file may have several faults
                 print(f"uavmap: {line}", file=sys.stderr)
         code = USER_ERROR
@@ -45,10 +45,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("uavmap: interrupted", file=sys.stderr)
         code = INTERRUPTED
     return code
-
-
-def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
-    found: list[BaseException] = []
-    for error in group.exceptions:
-        found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
-    return found

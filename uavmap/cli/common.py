@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from missions.errors import JournalError
-from uavmap.flight import JOURNAL
+from missions.mission_file import MAX_VEHICLES
+from uavmap.flight_plan import JOURNAL
 
 INCOMPLETE: Final = 3
 RESULTS: Final = "results"
@@ -42,36 +43,41 @@ _SHOWN: Final = {
 }
 
 
-def positive_int(text: str) -> int:
-    """An argument that counts something."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not 1 or more")
+def _number(text: str, kind: type[int] | type[float], low: float, high: float) -> Any:
+    """A number within limits, both included, or a message that says what was expected."""
+    what = "a whole number" if kind is int else "a number"
+    try:
+        value = kind(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not {what}") from None
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
     return value
+
+
+def vehicle_count(text: str) -> int:
+    """How many vehicles: as many as a mission file may hold."""
+    return int(_number(text, int, 1, MAX_VEHICLES))
 
 
 def seed_number(text: str) -> int:
     """A seed: numpy takes no negative ones."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is not 0 or more")
-    return value
+    return int(_number(text, int, 0, 2**63 - 1))
 
 
 def port_number(text: str) -> int:
     """A port, with room for those of more vehicles behind it."""
-    value = int(text)
-    if not 0 < value <= 65000:
-        raise argparse.ArgumentTypeError(f"{text} is not between 1 and 65000")
-    return value
+    return int(_number(text, int, 1, 65000))
 
 
-def positive_float(text: str) -> float:
-    """An argument that is a factor."""
-    value = float(text)
-    if not 0.0 < value <= 1000.0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most 1000")
-    return value
+def epsg_code(text: str) -> int:
+    """The number of a coordinate reference system."""
+    return int(_number(text, int, 1024, 999_999))
+
+
+def speedup(text: str) -> float:
+    """A factor on time."""
+    return float(_number(text, float, 0.001, 1000.0))
 
 
 def results_folder(out: str | None, name: str) -> Path:
@@ -80,6 +86,8 @@ def results_folder(out: str | None, name: str) -> Path:
     Raises `JournalError` when a mission lies in it already: nothing is ever overwritten.
     """
     if out is not None:
+        if not out:
+            raise JournalError("--out is empty; name a folder")
         folder = Path(out)
         if folder.exists() and not folder.is_dir():
             raise JournalError(f"--out {folder} is a file, not a folder")

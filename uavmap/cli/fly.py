@@ -6,10 +6,11 @@ import argparse
 import time
 from typing import Any
 
-from missions.errors import LinkError
+from missions.errors import LinkError, MissionFileError
 from missions.explorers import EXPLORERS
-from uavmap.cli.common import positive_float, positive_int, report, results_folder, seed_number
-from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan, fly
+from uavmap.cli.common import report, results_folder, seed_number, speedup, vehicle_count
+from uavmap.flight import fly
+from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source, shipped_missions
 from uavmap.progress import Terminal
 
@@ -52,7 +53,7 @@ def add_parser(commands: Any) -> None:
         help="where a vehicle is reached; once a vehicle (default: the URLs of the mission file)",
     )
     parser.add_argument(
-        "--vehicles", metavar="N", type=positive_int, help="fly with so many vehicles"
+        "--vehicles", metavar="N", type=vehicle_count, help="fly with so many vehicles"
     )
     parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(EXPLORERS)}")
     parser.add_argument(
@@ -61,7 +62,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--speedup",
         metavar="X",
-        type=positive_float,
+        type=speedup,
         help="times real time; with --sim the default is as fast as it goes, with --connect 1",
     )
     parser.add_argument(
@@ -82,6 +83,11 @@ def run(options: argparse.Namespace) -> int:
     urls = tuple(options.connect)
     if not options.sim and not urls:
         urls = tuple(v.url for v in mission.vehicles if v.url is not None)
+        if 0 < len(urls) < len(mission.vehicles):
+            raise MissionFileError(
+                f"{options.mission}: vehicles: {len(urls)} of {len(mission.vehicles)} have a url; "
+                "give one to each, or use --connect once a vehicle"
+            )
     if not options.sim and len(urls) == 0:
         raise LinkError(
             f"{options.mission}: no vehicle to fly; give --connect URL (or vehicles.url in the "
@@ -100,4 +106,6 @@ def run(options: argparse.Namespace) -> int:
     )
     plan.mission()  # say what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
-    return report(fly(plan, folder, Terminal()), folder, as_json=options.json)
+    progress = Terminal()
+    progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    return report(fly(plan, folder, progress), folder, as_json=options.json)

@@ -9,7 +9,7 @@ from typing import Any
 
 from missions.state import Setting
 from uavmap.cli.common import report, results_folder
-from uavmap.flight import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.journal import Journal
 from uavmap.mission_source import load_source
 from uavmap.photos import list_photos

@@ -11,8 +11,8 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from missions.errors import LinkError, UavmapError
-from uavmap.cli.common import port_number, positive_float, positive_int, seed_number
-from uavmap.flight import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.cli.common import epsg_code, port_number, seed_number, speedup, vehicle_count
+from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
 from uavmap.simulation import serve_setup, serve_vehicles, setup_without_mission
 
@@ -50,9 +50,9 @@ def add_parser(commands: Any) -> None:
         default="ardupilot",
         help="ardupilot (default); px4 is not there yet",
     )
-    add("--vehicles", metavar="N", type=positive_int, help="how many vehicles")
+    add("--vehicles", metavar="N", type=vehicle_count, help="how many vehicles")
     add("--seed", metavar="S", type=seed_number, default=1, help="of the simulation")
-    add("--speedup", metavar="X", type=positive_float, default=1.0, help="times real time")
+    add("--speedup", metavar="X", type=speedup, default=1.0, help="times real time")
     add("--wind", metavar="SPEED,FROM", help="m/s, and the bearing that it comes from")
     add(
         "--world",
@@ -61,7 +61,7 @@ def add_parser(commands: Any) -> None:
         help="GeoJSON regions, or a GeoTIFF, or a PNG or JPEG with a world file, as the ground; "
         "may be given again",
     )
-    add("--world-crs", metavar="EPSG", type=positive_int, help="of a world file (default: 4326)")
+    add("--world-crs", metavar="EPSG", type=epsg_code, help="of a world file (default: 4326)")
     add("--tcp", action="store_true", help="listen on TCP, instead of sending UDP to the client")
     add(
         "--port",

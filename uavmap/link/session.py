@@ -36,10 +36,14 @@ _RESULT_NAMES = {number: name.lower().replace("_", " ") for name, number in _RES
 class Session:
     """One vehicle at the other end of a link.
 
-    `send` takes frames to the link, `record` sees every frame of both directions.
+    `send` takes frames to the link, `record` sees every frame of both directions. A command is
+    repeated when it is not acknowledged within `ack_wait_s`.
     """
 
-    def __init__(self, send: Callable[[bytes], None], record: Record) -> None:
+    def __init__(
+        self, send: Callable[[bytes], None], record: Record, ack_wait_s: float = ACK_WAIT_S
+    ) -> None:
+        self._ack_wait_s = ack_wait_s
         self._send = send
         self._record = record
         self._codec = mav.MAVLink(
@@ -174,12 +178,12 @@ class Session:
         """The next final ACK; IN_PROGRESS extends the wait."""
         while True:
             try:
-                async with asyncio.timeout(ACK_WAIT_S):
+                async with asyncio.timeout(self._ack_wait_s):
                     ack = await queue.get()
             except TimeoutError:
                 return None
             if ack.result == mav.MAV_RESULT_TEMPORARILY_REJECTED:
-                await asyncio.sleep(ACK_WAIT_S)
+                await asyncio.sleep(self._ack_wait_s)
             if ack.result != mav.MAV_RESULT_IN_PROGRESS:
                 return ack
 

@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import AsyncIterator, Callable
-from typing import Any, Protocol, cast
+from typing import Any, Final, Protocol, cast
 
 import serial
 
 from missions.errors import LinkError
 from uavmap.link.urls import Endpoint
+
+PEER_SILENT_S: Final = 3.0
+"""Real seconds after which somebody else may take a silent peer's place."""
 
 OnBytes = Callable[[bytes], None]
 
@@ -55,18 +59,22 @@ _Opened = tuple[Transport, Callable[[], None]]
 
 
 class _Udp(asyncio.DatagramProtocol):
-    """A UDP socket. A listening one answers to whoever spoke last."""
+    """A UDP socket. A listening one keeps to the first that speaks, until that falls silent."""
 
     def __init__(self, on_bytes: OnBytes, peer: tuple[str, int] | None) -> None:
         self._on_bytes = on_bytes
         self._peer: Any = peer
+        self._heard_s = float("-inf")
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        self._peer = addr
+        now_s = time.monotonic()
+        if addr != self._peer and now_s - self._heard_s < PEER_SILENT_S:
+            return  # a second sender on this port; two vehicles must not be taken for one
+        self._peer, self._heard_s = addr, now_s
         self._on_bytes(data)
 
     def send(self, data: bytes) -> None:

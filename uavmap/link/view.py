@@ -57,6 +57,8 @@ class VehicleView:
     landed_state: int = 0
     prearm_ok: bool = False
     ekf_flags: int = 0
+    battery_s: float = float("-inf")
+    """When the battery's charge was last told, on the loop's clock."""
     battery_percent: int | None = None
     energy_consumed_j: float | None = None
     identity: tuple[int, int] | None = None
@@ -153,10 +155,12 @@ def _home(view: VehicleView, message: Message, now_s: float, component: int) -> 
 def _sys_status(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.prearm_ok = bool(message.onboard_control_sensors_health & PREARM_BIT)
     view.battery_percent = message.battery_remaining
+    view.battery_s = now_s
 
 
 def _battery(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.battery_percent = message.battery_remaining
+    view.battery_s = now_s
     view.energy_consumed_j = (
         message.energy_consumed * 100.0 if message.energy_consumed >= 0 else None
     )

@@ -29,7 +29,18 @@ from missions.events import (
     to_json,
 )
 from missions.mission_file import Mission
-from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, Order, StandDown, Sweep, TakeOff
+from missions.orders import (
+    AwaitBattery,
+    FlyTo,
+    Hold,
+    Land,
+    Look,
+    Order,
+    ReturnToLaunch,
+    StandDown,
+    Sweep,
+    TakeOff,
+)
 from missions.state import Errand, Phase, Setting, State
 from missions.step import Orders, step
 from missions.tree import Tree
@@ -396,9 +407,10 @@ def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> No
     pair.connect(1)
     pair.connect(2, at=GridPoint(8.0, 0.0))
     pair.post(Airborne(1, 8.0), Recalled(9.0))
-    assert pair.state.vehicles[2].phase in (Phase.GROUNDED, Phase.FINISHED)
     assert pair.state.vehicles[1].errand is Errand.RECALLED
-    pair.post(Airborne(2, 12.0)) if pair.state.vehicles[2].phase is Phase.GROUNDED else None
+    assert pair.state.vehicles[2].order == Land(), "its take-off is called off, wherever it is"
+    pair.post(Landed(2, 12.0, 59.0))
+    assert pair.state.vehicles[2].phase is Phase.FINISHED
     pair.post(Resumed(100.0))
     assert not pair.state.recalled
     assert {v.phase for v in pair.state.vehicles.values()} == {Phase.OFFLINE}
@@ -504,3 +516,26 @@ def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
     before, text = service.state, repr(service.state)
     apply(service.setting, before, Airborne(1, 8.0))
     assert repr(before) == text
+
+
+def test_a_vehicle_that_stands_outside_of_the_fence_stays_there(service: Service) -> None:
+    far = GridPoint(5000.0, 0.0)
+    orders = service.post(Connected(1, 1.0, far, far, 0.0, False, True, 60.0))
+    assert orders == ((1, StandDown()),)
+    assert "outside of the geofence" in service.state.vehicles[1].note
+
+
+def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Recalled(9.0))
+    assert service.post(OrderFailed(1, 10.0, "FlyTo", "denied")) == ((1, ReturnToLaunch()),)
+    assert not service.state.over
+    assert service.post(OrderFailed(1, 11.0, "ReturnToLaunch", "denied")) == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.FAILED
+
+
+def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    service.track(1, GridPoint(0.0, -500.0))
+    assert service.state.vehicles[1].errand is Errand.FAULT

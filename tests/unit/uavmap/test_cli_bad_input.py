@@ -11,7 +11,7 @@ import pytest
 
 from tests.unit.uavmap.photographs import write_photo
 from uavmap.cli import main
-from uavmap.flight import JOURNAL, TLOG
+from uavmap.flight_plan import JOURNAL, TLOG
 from uavmap.journal import Journal
 from uavmap.mission_source import load_source
 

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from missions.errors import LinkError
+from uavmap.link import transports
 from uavmap.link.transports import open_transport
 from uavmap.link.urls import Endpoint, parse_url
 
@@ -83,7 +84,9 @@ def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKind) -> 
     on_loop(body)
 
 
-def test_a_listening_udp_socket_answers_who_spoke_last() -> None:
+def test_a_listening_udp_socket_keeps_to_who_spoke_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     port = free_port(socket.SOCK_DGRAM)
 
     async def body() -> None:
@@ -96,11 +99,18 @@ def test_a_listening_udp_socket_answers_who_spoke_last() -> None:
         ):
             one.send(b"one")
             await ear.hears(b"one")
-            two.send(b"two")
-            await ear.hears(b"two")
+            two.send(b"stranger")
+            one.send(b"again")
+            await ear.hears(b"again")
+            assert b"stranger" not in ear.data
             server.send(b"answer")
-            await second.hears(b"answer")
-            assert first.data == b""
+            await first.hears(b"answer")
+            monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)  # as if the first fell silent
+            two.send(b"successor")
+            await ear.hears(b"successor")
+            server.send(b"more")
+            await second.hears(b"more")
+            assert first.data == b"answer"
 
     on_loop(body)
 
