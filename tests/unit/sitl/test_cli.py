@@ -34,7 +34,6 @@ HOME = "47.4,8.5,488,90"
         (f"--home {HOME} --wind 300,0", "0 to 25 m/s"),
         (f"--home {HOME} --world nowhere.geojson", "nowhere.geojson: No such file"),
         (f"--home {HOME} --world nowhere.png", "nowhere.png: no such file"),
-        (f"--home {HOME} --vehicles 101", "101"),
         ("--mission nowhere", "nowhere"),
     ],
 )
