@@ -13,7 +13,7 @@ run: setup
 	$(BIN)/uavmap fly runway --sim
 
 test: setup
-	$(BIN)/pytest -q
+	$(BIN)/pytest -q -rs
 
 check: setup
 	$(BIN)/ruff check .
