@@ -76,11 +76,6 @@ class Belief:
         votes = [seen[cell] for seen in self.looks.get(vantage, {}).values() if cell in seen]
         return Tally(sum(votes), len(votes))
 
-    def total(self, cell: Cell, vantages: Iterable[Cell] | None = None) -> Tally:
-        """The votes on a cell from all the given vantages (by default those that a cross has)."""
-        tallies = [self.tally(cell, v) for v in (vantages or cell.cross())]
-        return Tally(sum(t.positive for t in tallies), sum(t.total for t in tallies))
-
     def settled(self, vantage: Cell) -> bool:
         """Whether the cell and its four neighbours have all their votes from this vantage."""
         return all(self.tally(cell, vantage).total >= self.frames for cell in vantage.cross())

@@ -16,7 +16,6 @@ import hmac
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 KEY_BYTES = 32
-SIGNATURE_BYTES = 13
 NEW_STREAM_BEHIND = 6_000_000
 """A new stream may begin one minute before the newest timestamp."""
 

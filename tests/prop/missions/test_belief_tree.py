@@ -103,7 +103,7 @@ def test_positives_of_two_vantages_do_not_add_up() -> None:
     other = (Cell(0, 2), FrameId(1, 1.0), {Cell(0, 1): True})
     belief = belief_of([one, other])
     assert belief.roi == frozenset()
-    assert belief.total(Cell(0, 1)) == Tally(2, 2)
+    assert belief.cells()[Cell(0, 1)] == Tally(2, 2)
 
 
 # --- tree ------------------------------------------------------------------------------------
