@@ -5,6 +5,8 @@
     ├── GeodesyError            a place where UTM is not defined
     ├── WorldError              a file that does not tell a simulated ground
     ├── ImageError              a picture without a geotag, or that cannot be decoded
+    ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
+    ├── RoiError                a file or a wish that does not tell a ROI
     ├── JournalError            a journal that is truncated, foreign, or of another version
     └── LinkError               a connection URL, or a vehicle that does not answer
         └── CommandRefusedError      a vehicle that answered no, with what it said
@@ -33,6 +35,14 @@ class WorldError(UavmapError):
 
 class ImageError(UavmapError):
     """A picture that cannot be used: no geotag, or not a readable image."""
+
+
+class StrategyError(UavmapError):
+    """An explorer that breaks its protocol: it jumps, never ends, or leaves everybody waiting."""
+
+
+class RoiError(UavmapError):
+    """A file from which no ROI can be read, or a ROI that cannot be generated."""
 
 
 class JournalError(UavmapError):

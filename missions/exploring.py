@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from missions.airspace import give, hold, where
+from missions.explorers import Situation
 from missions.fence import route_length_m
 from missions.homing import REACTION_S, affords, go_home
 from missions.orders import FlyTo, Look
 from missions.state import Errand, Phase, Setting, State, VehicleState
+from missions.tree import Tree
 from missions.units import Cell, GridPoint
 
 EXTRA_FRAMES = 3
@@ -18,25 +20,52 @@ EXTRA_FRAMES = 3
 
 def explore_moves(setting: Setting, state: State) -> State:
     """Let the explorer say where robots move that stand at a vertex which is done."""
-    if state.tree is None or state.tree.is_explored(state.tree.root):
+    tree = state.tree
+    if tree is None or tree.is_explored(tree.root):
         return state
-    deciding = [
-        number
-        for number, v in sorted(state.vehicles.items())
-        if v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
-        and v.idle
-        and v.errand is None
-        and v.braking_until_s is None
-        and v.at_target
-        and v.vertex is not None
-        and state.tree.has_looked(v.vertex)
-    ]
-    moves = setting.explorer.moves(state.tree, state.robots(), deciding) if deciding else {}
-    for number, cell in moves.items():
+    at = state.robots()
+    waiting = _told_to_wait(state, at)
+    asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
+    if not asked:
+        return state
+    metric = replace(setting.metric, passable=_passable(setting, state))
+    decision = setting.explorer.decide(Situation(tree, at, asked, state.memory, metric))
+    state = replace(state, memory=decision.memory)
+    for number, cell in decision.moves.items():
         if cell is not None:
             vehicle = replace(state.vehicles[number], vertex=cell, at_target=False, in_vain=0)
             state = state.with_vehicle(vehicle)
-    return state
+    stay = frozenset(n for n, cell in decision.moves.items() if cell is None)
+    return replace(state, pondered=(tree, state.robots(), waiting | stay))
+
+
+def _decides(vehicle: VehicleState, tree: Tree) -> bool:
+    """Whether a vehicle is at its vertex and has looked."""
+    return (
+        vehicle.idle
+        and vehicle.errand is None
+        and vehicle.braking_until_s is None
+        and vehicle.at_target
+        and vehicle.vertex is not None
+        and tree.has_looked(vehicle.vertex)
+    )
+
+
+def _told_to_wait(state: State, at: Mapping[int, Cell]) -> frozenset[int]:
+    """Who was told to wait and has nothing new to go by: the tree, and where the others are."""
+    if state.pondered is None:
+        return frozenset()
+    tree, places, waiting = state.pondered
+    return waiting if tree is state.tree and places == at else frozenset()
+
+
+def _passable(setting: Setting, state: State) -> Callable[[Cell, Cell], bool]:
+    """Whether the fence allows the straight way between two cells, where they are now."""
+
+    def allowed(start: Cell, end: Cell) -> bool:
+        return setting.fence.allows_leg(where(setting, state, start), where(setting, state, end))
+
+    return allowed
 
 
 def explore(setting: Setting, state: State, vehicle: VehicleState) -> State:

@@ -11,9 +11,10 @@ from enum import StrEnum
 
 from missions.belief import Belief
 from missions.energy import EnergyModel
-from missions.explorers import EXPLORERS, Explorer
+from missions.explorers import EXPLORERS, Explorer, Memory
 from missions.fence import Fence
 from missions.grid import Grid
+from missions.metric import Metric
 from missions.mission_file import Mission, positions
 from missions.orders import FlyTo, Hold, Order, Sweep
 from missions.search import Lane, lanes, share_out
@@ -126,6 +127,22 @@ class Setting:
         )
 
     @property
+    def metric(self) -> Metric:
+        """What a leg between two cells costs in seconds, in the frame of the ROI.
+
+        A vehicle flies straight, over whatever lies between. What it loses by speeding up and
+        braking is counted with the look that it stops for.
+        """
+        grid = self.grid
+        return Metric(
+            self.mission.flight.speed_m_s / grid.cell_m,
+            grid.drift_east_m_s / grid.cell_m,
+            grid.drift_north_m_s / grid.cell_m,
+            straight=True,
+            look=self.look_s + self.energy.leg_s(0.0),
+        )
+
+    @property
     def look_s(self) -> float:
         """About how long a vehicle hovers over a cell."""
         return 2.0 + self.mission.votes.frames * self.mission.camera.interval_s
@@ -144,6 +161,10 @@ class State:
     recalled: bool = False
     abandoned: frozenset[Cell] = frozenset()
     """ROI cells that nobody could look from: beyond the fence or out of reach."""
+    memory: Memory | None = None
+    """What the explorer wants to see again."""
+    pondered: tuple[Tree, Mapping[int, Cell], frozenset[int]] | None = None
+    """Who was told to wait, and what was known then: nobody is asked twice for the same."""
     undecided: frozenset[Cell] = frozenset()
     """Cells that were looked from, with votes missing."""
     found_s: float | None = None

@@ -11,9 +11,9 @@ import numpy as np
 from missions.grid import Grid
 from missions.mission_checks import parse_mission
 from missions.mission_file import Mission
+from missions.roi import eden
 from missions.state import Setting
 from missions.units import Cell, GridPoint, LatLon
-from tests.arena import eden
 
 START = LatLon(48.0, 11.0)
 CELL_M = 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from missions.explorers.interface import Explorer
+from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.explorers.rdfs import Rdfs
 from missions.explorers.rdfs_paper import RdfsPaper
 
@@ -13,4 +13,4 @@ EXPLORERS: Mapping[str, Explorer] = MappingProxyType(
     {explorer.name: explorer for explorer in (Rdfs(), RdfsPaper())}
 )
 
-__all__ = ["EXPLORERS", "Explorer"]
+__all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation"]

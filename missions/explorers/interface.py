@@ -1,20 +1,56 @@
 """What an explorer is: a rule that says where a robot at a vertex moves next.
 
 Flight, replay and simulation call the same rule, so what the flight runs is what the simulation
-measures. An explorer is pure and keeps nothing between calls.
+measures. An explorer is pure and keeps nothing between calls: what it wants to remember it hands
+back as an immutable value, and gets it again at the next call. So a mission that is resumed from
+its journal goes on with the same memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
+from missions.metric import Metric
 from missions.tree import Tree
 from missions.units import Cell
 
+Memory = object
+"""Whatever a strategy wants to see again: immutable, and None at first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What an explorer decides from."""
+
+    tree: Tree
+    """All that is known: its vertices are the known ROI cells; of a vertex that was looked from,
+    every neighbour that is not in the tree is not ROI."""
+    at: Mapping[int, Cell]
+    """For every robot that takes part, the vertex where it is or to which it moves."""
+    robots: tuple[int, ...]
+    """Those that decide now, ascending; their vertices have been looked from."""
+    memory: Memory | None = None
+    """What the last decision handed back; None at the first."""
+    metric: Metric = field(default_factory=Metric)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What an explorer says: for each of the robots that decide its next vertex.
+
+    A move is to a neighbour of the vertex that is in the tree (with a `straight` metric: to any
+    vertex). None: stay and be asked again when more is known; at the root, when all is explored,
+    that is the end.
+    """
+
+    moves: Mapping[int, Cell | None]
+    memory: Memory | None = None
+
 
 class Explorer(Protocol):
-    """A strategy. `guarantee` and `source` are shown to the user."""
+    """A strategy. All but `decide` is shown to the user."""
 
     @property
     def name(self) -> str:
@@ -31,13 +67,18 @@ class Explorer(Protocol):
         """Where it comes from."""
         ...
 
-    def moves(
-        self, tree: Tree, at: Mapping[int, Cell], robots: Sequence[int]
-    ) -> Mapping[int, Cell | None]:
-        """Where each of `robots` moves from its vertex, which has been looked from.
+    @property
+    def when(self) -> str:
+        """When to use it, in a line."""
+        ...
 
-        `at` holds for every robot of the team the vertex where it is or to which it moves;
-        `robots` are those that decide now, in ascending order. A move is to a child or to the
-        parent of the vertex; None at the root when all is explored.
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        """Upper bound on the makespan, in moves of cost 1 on a resting ROI, None without one.
+
+        `cells` is the number of vertices of the final tree, `depth` its depth.
         """
+        ...
+
+    def decide(self, situation: Situation) -> Decision:
+        """Where each of `situation.robots` moves."""
         ...

@@ -8,9 +8,11 @@ three do so through a dummy vertex. With this rule the bound of Lemma 1, in the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from missions.bounds import rdfs_bound_moves
+from missions.explorers.interface import Decision, Situation
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -23,24 +25,27 @@ class Rdfs:
     """Algorithm 1 with the child rule that keeps Lemma 1.
 
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
-    >>> Rdfs().moves(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, [1, 2])
+    >>> Rdfs().decide(Situation(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, (1, 2))).moves
     {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}
     """
 
     name: str = "rdfs"
     guarantee: str = "T <= 2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)) moves"
     source: str = "Sung and Tokekar, Algorithm 1, with the child rule that keeps Lemma 1"
+    when: str = "you want the tightest promise, or read the flight beside the paper"
 
-    def moves(
-        self, tree: Tree, at: Mapping[int, Cell], robots: Sequence[int]
-    ) -> Mapping[int, Cell | None]:
-        """See `Explorer.moves`: one robot after the other, each seeing where the last went."""
-        after = dict(at)
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        """Lemma 1."""
+        return rdfs_bound_moves(cells, depth, robots)
+
+    def decide(self, situation: Situation) -> Decision:
+        """One robot after the other, each seeing where the last went."""
+        after = dict(situation.at)
         chosen: dict[int, Cell | None] = {}
-        for robot in robots:
-            chosen[robot] = next_vertex = self._move(tree, after, robot)
+        for robot in situation.robots:
+            chosen[robot] = next_vertex = self._move(situation.tree, after, robot)
             after[robot] = next_vertex or after[robot]
-        return chosen
+        return Decision(chosen)
 
     def _move(self, tree: Tree, at: Mapping[int, Cell], robot: int) -> Cell | None:
         """One pass through the listing; the numbers are the lines of Algorithm 1."""

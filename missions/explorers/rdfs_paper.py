@@ -7,9 +7,9 @@ paper's own Lemma 1 on most trees; it is here to be compared with.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from missions.explorers.interface import Decision, Situation
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -21,15 +21,21 @@ class RdfsPaper:
     name: str = "rdfs-paper"
     guarantee: str = "complete; may exceed the bound of Lemma 1"
     source: str = "Sung and Tokekar, Algorithm 1, children in the order N, E, S, W"
+    when: str = "you compare with the paper as printed"
 
-    def moves(
-        self, tree: Tree, at: Mapping[int, Cell], robots: Sequence[int]
-    ) -> Mapping[int, Cell | None]:
-        """See `Explorer.moves`: the robots that decide at one vertex are a group."""
-        return {
-            robot: self._move(tree, [r for r in robots if at[r] == at[robot]], robot, at[robot])
-            for robot in robots
-        }
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        """None is kept."""
+        return None
+
+    def decide(self, situation: Situation) -> Decision:
+        """The robots that decide at one vertex are a group."""
+        tree, at, robots = situation.tree, situation.at, situation.robots
+        return Decision(
+            {
+                robot: self._move(tree, [r for r in robots if at[r] == at[robot]], robot, at[robot])
+                for robot in robots
+            }
+        )
 
     def _move(self, tree: Tree, group: list[int], robot: int, v: Cell) -> Cell | None:
         """One pass through the listing; the numbers are the lines of Algorithm 1."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from missions.arena import Run, look, run
 from missions.bounds import drift_factor, rdfs_bound_moves
-from missions.explorers import EXPLORERS
+from missions.explorers import EXPLORERS, Situation
+from missions.roi import KINDS, component
 from missions.tree import Tree
 from missions.units import Cell
-from tests.arena import KINDS, Run, component, look, run
 
 NAMES = sorted(EXPLORERS)
 START = Cell(0, 0)
@@ -43,7 +44,7 @@ def test_the_same_situation_gives_the_same_moves(name: str, seed: int) -> None:
     roi, rng = roi_of(seed)
     robots = int(rng.integers(1, 9))
     once, again = (run(EXPLORERS[name], roi, START, robots) for _ in range(2))
-    assert once.moves == again.moves
+    assert once.legs == again.legs
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -53,7 +54,7 @@ def test_robots_drop_out_and_join(name: str, seed: int) -> None:
     roi, rng = roi_of(seed)
     absent = {int(r): int(rng.integers(5, 40)) for r in range(1, 5)}
 
-    def team(rounds: int, tree: Tree) -> list[int]:
+    def team(rounds: float, tree: Tree) -> list[int]:
         if tree.is_explored(START):
             return list(range(6))
         return [r for r in range(6) if not (r in absent and absent[r] <= rounds < absent[r] + 15)]
@@ -62,7 +63,7 @@ def test_robots_drop_out_and_join(name: str, seed: int) -> None:
     whole(result, roi)
     assert set(result.at.values()) == {START}
 
-    def lonely(rounds: int, tree: Tree) -> list[int]:
+    def lonely(rounds: float, tree: Tree) -> list[int]:
         return [0, 1, 2] if rounds < 12 or tree.is_explored(START) else [0]
 
     whole(run(EXPLORERS[name], roi, START, 3, team=lonely), roi)
@@ -96,13 +97,13 @@ def test_a_late_positive_is_visited(name: str) -> None:
 def test_a_single_cell_needs_no_move(name: str) -> None:
     assert run(EXPLORERS[name], {START}, START, 3).makespan == 0
     tree = Tree.rooted(START).looked(START, [])
-    assert EXPLORERS[name].moves(tree, {1: START}, [1]) == {1: None}
+    assert EXPLORERS[name].decide(Situation(tree, {1: START}, (1,))).moves == {1: None}
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nobody_is_moved_who_does_not_decide(name: str) -> None:
     tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
-    assert set(EXPLORERS[name].moves(tree, {1: START, 2: START}, [2])) == {2}
+    assert set(EXPLORERS[name].decide(Situation(tree, {1: START, 2: START}, (2,))).moves) == {2}
 
 
 # --- the bound -------------------------------------------------------------------------------

@@ -8,9 +8,9 @@ import pytest
 from missions.belief import Belief, FrameId
 from missions.events import Event, FrameSeen
 from missions.orders import Hold, TakeOff
+from missions.roi import component
 from missions.state import Phase
 from missions.step import fold
-from tests.arena import component
 from tests.fake_fleet import Fleet, fleet
 from tests.small_missions import Scenario, random_scenario, reachable
 
