@@ -121,6 +121,12 @@ class Film:
             math.floor(max(norths) + 0.5),
         )
 
+    @property
+    def cells(self) -> int:
+        """How many ROI cells there are in the end, known or not."""
+        last = {change.cell: change.state for change in self.changes}
+        return len(self.roi | {cell for cell, state in last.items() if state != "non-roi"})
+
     def times(self) -> list[float]:
         """The times of the frames, evenly spaced from 0 to the end.
 

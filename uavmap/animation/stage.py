@@ -65,6 +65,7 @@ class Stage:
             left - (west - 0.5) * self.cell_px,
             CAPTION_PX + (north + 0.5) * self.cell_px,
         )
+        self._cells = film.cells
         self._tail_t = _TRAIL_S * FPS * film.end_t / len(film.times())
         k = OVERSAMPLING
         self._ground = Image.new("RGB", (self.size[0] * k, self.size[1] * k), PAPER)
@@ -191,11 +192,7 @@ class Stage:
 
     # --- what is written -------------------------------------------------------------------
     def _caption(self, pen: ImageDraw.ImageDraw, t: float) -> Box:
-        k, film, reel = OVERSAMPLING, self._film, self._reel
-        visited = reel.count("under exploration", "explored")
-        known = visited + reel.count("unexplored")
-        of_all = f" of {len(film.roi)}" if film.roi else ""
-        text = f"{_time(film, t)}   ·   {known}{of_all} cells known, {visited} visited"
+        k, text = OVERSAMPLING, caption(self._film, self._reel, t)
         pen.text((MARGIN_PX * k, 37 * k), text, fill=FAINT, font=font(14 * k))
         self._bar(pen)
         return 0, 35, self.size[0], CAPTION_PX - 6
@@ -203,7 +200,7 @@ class Stage:
     def _bar(self, pen: ImageDraw.ImageDraw) -> None:
         """How far it has come: the cells by state, as parts of a bar."""
         k, reel = OVERSAMPLING, self._reel
-        everything = max(len(self._film.roi), len(reel.states) - reel.count("non-roi"), 1)
+        everything = max(self._cells, 1)
         left, right = MARGIN_PX * k, (self.size[0] - MARGIN_PX) * k
         top, bottom = 60 * k, 64 * k - 1
         pen.rectangle((left, top, right, bottom), fill=HIDDEN)
@@ -235,6 +232,14 @@ def _large(box: Box) -> Box:
     """The same box in the picture that is drawn."""
     left, top, right, bottom = (side * OVERSAMPLING for side in box)
     return left, top, right, bottom
+
+
+def caption(film: Film, reel: Reel, t: float) -> str:
+    """How far it has come, in words."""
+    visited = reel.count("under exploration", "explored")
+    known = visited + reel.count("unexplored")
+    of_all = f" of {len(film.roi)}" if film.unit is Unit.STEPS else " ROI"
+    return f"{_time(film, t)}   ·   {known}{of_all} cells known, {visited} visited"
 
 
 def _time(film: Film, t: float) -> str:
