@@ -126,9 +126,7 @@ def _draw(pen: ImageDraw.ImageDraw, shape: Shape, k: int) -> None:
             r = radius * k
             pen.ellipse((x * k - r, y * k - r, x * k + r, y * k + r), fill=colour)
         case Box((x, y), width, height, colour):
-            pen.rectangle(
-                (x * k, y * k, (x + width) * k - 1, (y + height) * k - 1), fill=colour
-            )
+            pen.rectangle((x * k, y * k, (x + width) * k - 1, (y + height) * k - 1), fill=colour)
         case Words((x, y), text, size, colour, anchor):
             letters = font(round(size * k))
             pen.text((x * k, y * k), text, fill=colour, font=letters, anchor=_ANCHORS[anchor])

@@ -57,6 +57,9 @@ class Change(NamedTuple):
     parent: Cell | None = None
 
 
+_AT_REST: Final = Place(0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Film:
     """A film of an exploration.
@@ -74,7 +77,7 @@ class Film:
     changes: tuple[Change, ...]
     tracks: Mapping[int, tuple[Fix, ...]]
     start: Place
-    start_drift: Place = Place(0.0, 0.0)
+    start_drift: Place = _AT_REST
     radius: float = 0.3
 
     def fix(self, robot: int, t: float) -> Fix:

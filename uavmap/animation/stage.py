@@ -23,7 +23,7 @@ MARGIN_PX: Final = 16
 CAPTION_PX: Final = 74
 LEGEND_PX: Final = 34
 NARROWEST_PX: Final = 460
-_GROUND_PX: Final = 560
+_GROUND_PX: Final = (880, 560)
 _LARGEST_PX: Final = 1600
 _WIDEST_CELL_PX: Final = 40
 _TRAIL_S: Final = 0.8
@@ -33,7 +33,7 @@ _TRAIL_PARTS: Final = 4
 Box = tuple[int, int, int, int]
 """Left, top, right and bottom in pixels of the frame; the last two are outside."""
 
-HIDDEN: Colour = (226, 235, 246)
+HIDDEN: Colour = (207, 222, 242)
 """A cell of the ROI that nobody has seen yet."""
 EDGE: Colour = (88, 98, 92)
 KEY_COLOURS: tuple[Colour, ...] = (PAPER, INK, FAINT, HIDDEN, EDGE, *STATES.values())
@@ -51,7 +51,7 @@ class Stage:
         self._film, self._reel = film, Reel(film)
         west, south, east, north = film.bounds()
         across, up = east - west + 1, north - south + 1
-        self.cell_px = min(_GROUND_PX // max(across, up), _WIDEST_CELL_PX) or 1
+        self.cell_px = max(min(_GROUND_PX[0] // across, _GROUND_PX[1] // up, _WIDEST_CELL_PX), 1)
         if max(across, up) * self.cell_px > _LARGEST_PX:
             raise OutputError(
                 f"{across} x {up} cells are too many to show; {_LARGEST_PX} a side at most"
@@ -154,10 +154,10 @@ class Stage:
     # --- what moves ------------------------------------------------------------------------
     def _trail(self, pen: ImageDraw.ImageDraw, robot: int, t: float) -> Box:
         """The way behind a robot, in parts that grow thinner."""
-        tail_t, pixels = self._tail_t, []
+        part_t, pixels = self._tail_t / _TRAIL_PARTS, []
         for part in range(_TRAIL_PARTS):
-            since, until = (t - tail_t * (_TRAIL_PARTS - n) / _TRAIL_PARTS for n in (part, part + 1))
-            places = self._film.trail(robot, since, until)
+            since = t - part_t * (_TRAIL_PARTS - part)
+            places = self._film.trail(robot, since, since + part_t)
             pixels += [self.pixel(place) for place in places]
             width = self._radius() * (0.25 + 0.15 * part)
             points = [self._at(place) for place in places]
@@ -173,7 +173,7 @@ class Stage:
 
     def _start(self, pen: ImageDraw.ImageDraw, t: float) -> Box:
         """Where all begin: a ringed dot."""
-        radius = max(0.2 * self.cell_px, 3.0) * OVERSAMPLING
+        radius = max(0.2 * self.cell_px, 4.0) * OVERSAMPLING
         rings = [(radius, PAPER), (0.75 * radius, INK), (0.3 * radius, PAPER)]
         return self._discs(pen, self._film.start_at(t), rings)
 
@@ -188,7 +188,7 @@ class Stage:
 
     def _radius(self) -> float:
         """Of a robot's disc, in pixels of the picture that is drawn."""
-        return max(self._film.radius * self.cell_px, 3.5) * OVERSAMPLING
+        return max(self._film.radius * self.cell_px, 4.5) * OVERSAMPLING
 
     # --- what is written -------------------------------------------------------------------
     def _caption(self, pen: ImageDraw.ImageDraw, t: float) -> Box:

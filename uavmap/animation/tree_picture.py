@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import OutputError
-from missions.tree import Tree, VertexState
+from missions.tree import Tree
 from missions.units import Cell
 from uavmap.animation.backbone import backbone, ribs, spread
 from uavmap.animation.drawing import Box, Disc, Line, Point, Shape, Words, png, svg, words_width
@@ -162,10 +162,10 @@ _ROUND: Final = tuple(n * 10**power for power in range(8) for n in (1, 2, 5))
 
 def _legend(tree: Tree, y: float) -> Iterator[Shape]:
     """What the colours mean, and how many vertices are in each state."""
-    states = [tree.state(cell) for cell in tree.vertices]
+    states = [tree.state(cell).value for cell in tree.vertices]
     entries: list[tuple[str, Callable[[Point], Iterator[Shape]]]] = [
-        (f"{state.value} ({states.count(state)})", _sample_disc(STATES[state.value]))
-        for state in (VertexState.EXPLORED, VertexState.UNDER_EXPLORATION, VertexState.UNEXPLORED)
+        (f"{state} ({states.count(state)})", _sample_disc(colour))
+        for state, colour in STATES.items()
         if state in states
     ]
     entries.append(("backbone", _sample_line(BACKBONE, 4.0)))

@@ -76,36 +76,49 @@ def _patiently(items: Iterable[T], text: str, say: Say) -> Iterator[T]:
 
 def _gif(film: Film, frames: Iterable[Image.Image]) -> bytes:
     """A GIF that loops; all frames share one palette."""
-    palette = _palette(film)
-    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    few = _FewColours(film)
+    first, *rest = [few.of(frame) for frame in frames]
     buffer = io.BytesIO()
-    shown_ms = 1000 // FPS
-    few[0].save(
+    first.save(
         buffer,
         "GIF",
         save_all=True,
-        append_images=few[1:],
-        duration=[shown_ms] * (len(few) - 1) + [round(HOLD_S * 1000)],
+        append_images=rest,
+        duration=[1000 // FPS] * len(rest) + [round(HOLD_S * 1000)],
         loop=0,
         optimize=False,
     )
     return buffer.getvalue()
 
 
-def _palette(film: Film) -> Image.Image:
-    """The colours that have a meaning, exactly, and the blends of a few frames."""
-    keys = list(dict.fromkeys((*KEY_COLOURS, *TRACKS)))
-    times = film.times()
-    chosen = [times[i * (len(times) - 1) // (_SAMPLES - 1)] for i in range(_SAMPLES)]
-    samples = list(Stage(film).frames(chosen))
-    mosaic = Image.new("RGB", (samples[0].width * len(samples), samples[0].height))
-    for i, sample in enumerate(samples):
-        mosaic.paste(sample, (i * sample.width, 0))
-    blends = mosaic.quantize(255 - len(keys), Image.Quantize.MEDIANCUT).getpalette() or []
-    colours = [*(channel for key in keys for channel in key), *blends]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(colours[: 255 * 3])
-    return palette
+class _FewColours:
+    """Frames in a palette: colours that have a meaning exactly, blends by the nearest colour.
+
+    Pillow's own search for the nearest rounds every colour first, and paper would turn grey.
+    """
+
+    def __init__(self, film: Film) -> None:
+        keys = list(dict.fromkeys((*KEY_COLOURS, *TRACKS)))
+        times = film.times()
+        chosen = [times[i * (len(times) - 1) // (_SAMPLES - 1)] for i in range(_SAMPLES)]
+        mosaic = np.concatenate([np.asarray(frame) for frame in Stage(film).frames(chosen)])
+        # one of 256 is left to Pillow, which marks with it what a frame leaves as it was
+        blends = Image.fromarray(mosaic).quantize(255 - len(keys), Image.Quantize.MEDIANCUT)
+        self._flat = [*(c for key in keys for c in key), *(blends.getpalette() or [])][: 3 * 255]
+        self._palette = np.array(self._flat, np.int64).reshape(-1, 3)
+        # the index of every colour that there is, 255 where it was not needed yet
+        self._indices = np.full(1 << 24, 255, np.uint8)
+
+    def of(self, frame: Image.Image) -> Image.Image:
+        """A frame in the palette."""
+        rgb = np.asarray(frame).astype(np.int32)
+        codes = rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
+        for code in np.unique(codes[self._indices[codes] == 255]):
+            colour = (code >> 16, code >> 8 & 255, code & 255)
+            self._indices[code] = np.argmin(((self._palette - colour) ** 2).sum(axis=1))
+        few = Image.fromarray(self._indices[codes])
+        few.putpalette(self._flat)
+        return few
 
 
 def _mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
@@ -116,11 +129,10 @@ def _mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
         video = cv2.VideoWriter(name, codec, float(FPS), size)
         if not video.isOpened():
             raise OutputError("this OpenCV cannot write MP4 (codec mp4v is missing); write a .gif")
-        last = np.zeros((size[1], size[0], 3), np.uint8)
         for frame in frames:
-            last = cv2.cvtColor(np.asarray(frame), cv2.COLOR_RGB2BGR)
-            video.write(last)
-        for _ in range(round(HOLD_S * FPS) - 1):
-            video.write(last)
+            last = frame
+            video.write(cv2.cvtColor(np.asarray(frame), cv2.COLOR_RGB2BGR))
+        for _ in range(round(HOLD_S * FPS)):
+            video.write(cv2.cvtColor(np.asarray(last), cv2.COLOR_RGB2BGR))
         video.release()
         return Path(name).read_bytes()

@@ -58,10 +58,11 @@ def run(options: argparse.Namespace) -> int:
     if plan.simulated and not recorded and mission.sim.roi:
         truth = true_roi(mission, setting.grid)
     crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
-    title = f"{mission.name}   ·   " + ("photographs" if recorded else f"{mission.strategy}, {crew}")
+    what = "photographs" if recorded else f"{mission.strategy}, {crew}"
+    title = f"{mission.name}   ·   {what}"
     film, state = film_of_flight(setting, events, title, truth=truth, recorded=recorded)
     if not film.changes:
-        raise OutputError(f"{folder}: no picture was judged in this mission; there is nothing to show")
+        raise OutputError(f"{folder}: no picture was judged; there is nothing to show")
     if state.tree is None and options.tree is not None:
         if asked_for_tree:
             raise OutputError(f"{folder}: the region was not found; there is no tree to draw")

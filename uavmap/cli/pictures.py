@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,11 +10,12 @@ from rich.console import Console
 
 from missions.tree import Tree
 from uavmap.animation import DRAWINGS, FILMS, Film, check_path, draw_tree, live, write_film
+from uavmap.cli.common import index_number
 from uavmap.clock import ScaledClock
 
 
-def add_picture_options(parser: argparse.ArgumentParser) -> None:
-    """Add --animate, --tree and --live."""
+def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    """Add --animate, --tree and --live; where there are `several` ROIs also --index."""
     parser.add_argument(
         "--animate",
         metavar="FILE",
@@ -31,6 +31,14 @@ def add_picture_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--live", action="store_true", help="show the exploration on the terminal, if this is one"
     )
+    if several:
+        parser.add_argument(
+            "--index",
+            metavar="N",
+            type=index_number,
+            default=0,
+            help="the ROI that --animate, --tree and --live show, counted from 0 (default 0)",
+        )
 
 
 def check_pictures(options: argparse.Namespace) -> None:
@@ -50,7 +58,7 @@ def wants_pictures(options: argparse.Namespace) -> bool:
 
 
 def write_pictures(
-    options: argparse.Namespace, film: Film, tree: Tree, say: Callable[[str], None]
+    options: argparse.Namespace, film: Film, tree: Tree | None, say: Callable[[str], None]
 ) -> None:
     """Show and write what was asked for; `say` tells progress and which files were written.
 
@@ -61,11 +69,6 @@ def write_pictures(
     if options.animate is not None:
         write_film(film, options.animate, say)
         say(f"animation in {options.animate}")
-    if options.tree is not None:
+    if options.tree is not None and tree is not None:
         draw_tree(tree, options.tree, title=film.title)
         say(f"tree in {options.tree}")
-
-
-def say_on_stderr(text: str) -> None:
-    """A line for people, beside the result on standard output."""
-    print(text, file=sys.stderr)
