@@ -136,7 +136,7 @@ class Film:
         So many that with the hold at the end the film takes at most `LONGEST_S`.
         """
         pace = _FRAMES_A_STEP if self.unit is Unit.STEPS else FPS / _QUICKEST
-        most = round((LONGEST_S - HOLD_S) * FPS)
+        most = round((LONGEST_S - HOLD_S) * FPS) - 1
         intervals = min(max(math.ceil(self.end_t * pace), 1), most)
         return [self.end_t * i / intervals for i in range(intervals + 1)]
 

@@ -105,15 +105,16 @@ class Stage:
             touched[change.cell] = None
             if change.parent is not None:
                 touched[change.parent] = None
-        for cell in touched:
-            if cell in self._reel.states:
-                self._tile(cell, STATES[self._reel.states[cell]])
-                self._edges(cell)
+        known = [cell for cell in touched if cell in self._reel.states]
+        for cell in known:
+            self._tile(cell, STATES[self._reel.states[cell]])
+        for cell in known:
+            self._edges(cell)
         corners = [
             (Place(c.east - 0.5, c.north + 0.5), Place(c.east + 0.5, c.north - 0.5))
             for c in touched
         ]
-        return [self._box([self.pixel(a), self.pixel(b)], 0.0) for a, b in corners]
+        return [self._box([self.pixel(a), self.pixel(b)], 1.0) for a, b in corners]
 
     def _tile(self, cell: Cell, colour: Colour) -> None:
         k = OVERSAMPLING
@@ -123,15 +124,17 @@ class Stage:
         self._pen.rectangle((left, top, left + side - 1, top + side - 1), fill=colour)
 
     def _edges(self, cell: Cell) -> None:
-        """The halves of the tree's edges that lie in a cell, so that cells are drawn singly."""
+        """The edges of the tree that end in a cell."""
         if self.cell_px < 5:
             return
         parents = self._reel.parents
         ends = [n for n in cell.neighbours() if parents.get(n) == cell or parents.get(cell) == n]
         width = max(round(0.07 * self.cell_px * OVERSAMPLING), 3)
         for end in ends:
-            half = Place((cell.east + end.east) / 2, (cell.north + end.north) / 2)
-            self._pen.line((*self._at(Place(*cell)), *self._at(half)), fill=EDGE, width=width)
+            # from north or east, so that an edge is the same pixels from whichever cell it is drawn
+            high, low = max(cell, end), min(cell, end)
+            line = (*self._at(Place(*high)), *self._at(Place(*low)))
+            self._pen.line(line, fill=EDGE, width=width)
 
     def _at(self, place: Place) -> tuple[float, float]:
         """A place in pixels of the picture that is drawn; a seam shifts the middle of a cell."""
