@@ -24,6 +24,7 @@ FILMS: Final = (".gif", ".mp4")
 DRAWINGS: Final = (".png", ".svg")
 _SAY_EVERY_S: Final = 2.0
 _SAMPLES: Final = 4
+_UNKNOWN: Final = 255
 
 Say = Callable[[str], None]
 T = TypeVar("T")
@@ -106,17 +107,18 @@ class _FewColours:
         blends = Image.fromarray(mosaic).quantize(255 - len(keys), Image.Quantize.MEDIANCUT)
         self._flat = [*(c for key in keys for c in key), *(blends.getpalette() or [])][: 3 * 255]
         self._palette = np.array(self._flat, np.int64).reshape(-1, 3)
-        # the index of every colour that there is, 255 where it was not needed yet
-        self._indices = np.full(1 << 24, 255, np.uint8)
+        # the index of every colour that there is
+        self._indices = np.full(1 << 24, _UNKNOWN, np.uint8)
 
     def of(self, frame: Image.Image) -> Image.Image:
         """A frame in the palette."""
-        rgb = np.asarray(frame).astype(np.int32)
-        codes = rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
-        for code in np.unique(codes[self._indices[codes] == 255]):
-            colour = (code >> 16, code >> 8 & 255, code & 255)
+        # red is the lowest byte
+        codes = np.asarray(frame.convert("RGBX")).view("<u4")[..., 0] & 0xFFFFFF
+        indices = self._indices[codes]
+        for code in np.unique(codes[indices == _UNKNOWN]).tolist():
+            colour = (code & 255, code >> 8 & 255, code >> 16)
             self._indices[code] = np.argmin(((self._palette - colour) ** 2).sum(axis=1))
-        few = Image.fromarray(self._indices[codes])
+        few = Image.fromarray(self._indices[codes] if _UNKNOWN in indices else indices)
         few.putpalette(self._flat)
         return few
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from itertools import combinations
+from itertools import combinations, pairwise
 from xml.etree import ElementTree
 
 import pytest
@@ -39,7 +39,7 @@ def test_backbone_and_ribs_make_up_the_tree(tree):
     assert spine[0] == tree.root
     assert not tree.children(spine[-1])
     assert len(spine) == tree.depth + 1
-    assert all(tree.parent(below) == above for above, below in zip(spine, spine[1:], strict=False))
+    assert all(tree.parent(below) == above for above, below in pairwise(spine))
     found = list(spine)
     todo = list(ribs(tree, spine))
     assert all(tree.parent(cell) in spine for cell in todo)
@@ -92,7 +92,7 @@ def test_a_png_shows_states_and_backbone_where_they_are(tmp_path):
             if cell != tree.root:
                 assert picture.getpixel(pixel(*cell)) == STATES[tree.state(cell).value]
         spine = backbone(tree)
-        for one, other in zip(spine, spine[1:], strict=False):
+        for one, other in pairwise(spine):
             middle = pixel((one.east + other.east) / 2, (one.north + other.north) / 2)
             assert picture.getpixel(middle) == BACKBONE
 
@@ -101,7 +101,7 @@ def test_an_svg_holds_every_vertex_twice_and_says_what_it_shows(tmp_path):
     tree, path = half_explored(), tmp_path / "tree.SVG"
     draw_tree(tree, path, title="half <way> & on")
     drawing = ElementTree.fromstring(path.read_text("utf-8"))
-    counts = {state: 0 for state in STATES}
+    counts = dict.fromkeys(STATES, 0)
     for disc in drawing.iter(f"{SVG}circle"):
         for state, colour in STATES.items():
             counts[state] += disc.get("fill") == "#{:02x}{:02x}{:02x}".format(*colour)
