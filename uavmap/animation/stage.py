@@ -137,7 +137,7 @@ class Stage:
             self._pen.line(line, fill=EDGE, width=width)
 
     def _at(self, place: Place) -> tuple[float, float]:
-        """A place in pixels of the picture that is drawn; a seam shifts the middle of a cell."""
+        """A place in pixels of the picture that is drawn."""
         x, y = self.pixel(place)
         return x * OVERSAMPLING, y * OVERSAMPLING
 
