@@ -8,6 +8,7 @@
     ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
     ├── RoiError                a file or a wish that does not tell a ROI
     ├── JournalError            a journal that is truncated, foreign, or of another version
+    ├── OutputError             a file that cannot be written, or of a kind that is not written
     └── LinkError               a connection URL, or a vehicle that does not answer
         └── CommandRefusedError      a vehicle that answered no, with what it said
 
@@ -47,6 +48,10 @@ class RoiError(UavmapError):
 
 class JournalError(UavmapError):
     """A journal that cannot be opened, read or continued."""
+
+
+class OutputError(UavmapError):
+    """A file that cannot be written: no folder, no permission, a kind that is not written."""
 
 
 class LinkError(UavmapError):

@@ -32,7 +32,7 @@ def map_data(
     """What the map writers need. In `recorded` imagery whatever was judged was also seen whole."""
     mission, grid = setting.mission, setting.grid
     rows = tuple(
-        CellRow(cell, _cell_state(cell, state, recorded=recorded), tally.positive, tally.total)
+        CellRow(cell, cell_state(cell, state, recorded=recorded), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
     )
     tracks = tuple(
@@ -54,7 +54,8 @@ def map_data(
     )
 
 
-def _cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
+def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
+    """What the map says of a cell; in `recorded` imagery every ROI cell counts as explored."""
     if cell not in state.belief.roi:
         return "non-roi"
     if recorded:

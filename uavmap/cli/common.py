@@ -75,6 +75,11 @@ def epsg_code(text: str) -> int:
     return int(_number(text, int, 1024, 999_999))
 
 
+def index_number(text: str) -> int:
+    """A place in a list, counted from 0."""
+    return int(_number(text, int, 0, 10**9))
+
+
 def speedup(text: str) -> float:
     """A factor on time."""
     return float(_number(text, float, 0.001, 1000.0))

@@ -1,0 +1,101 @@
+"""`uavmap animate`: from the folder of a flight to its film and its tree."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from tests.e2e.conftest import Flight
+from tests.e2e.rig import uavmap
+from uavmap.animation.film import FPS, LONGEST_S
+from uavmap.cli import main
+from uavmap.flight_plan import JOURNAL
+from uavmap.results.palette import STATES, track_colour
+
+
+@pytest.fixture
+def folder(tiny: Flight, tmp_path: Path) -> Path:
+    """A folder with the journal of a flight, and nothing else."""
+    place = tmp_path / "flight"
+    place.mkdir()
+    shutil.copy(tiny.folder / JOURNAL, place)
+    return place
+
+
+def colours(path: Path, frame: int = 0) -> set[tuple[int, int, int]]:
+    with Image.open(path) as picture:
+        picture.seek(frame)
+        found = picture.convert("RGB").getcolors(maxcolors=1 << 20)
+    assert found is not None
+    return {colour for _, colour in found if isinstance(colour, tuple)}
+
+
+def test_a_flight_becomes_a_film_and_a_tree(folder, tiny):
+    done = uavmap("animate", folder)
+    assert (done.code, done.out) == (0, "")
+    assert sorted(path.name for path in folder.iterdir()) == ["flight.gif", JOURNAL, "tree.png"]
+    with Image.open(folder / "flight.gif") as film:
+        frames = film.n_frames
+    assert 20 < frames <= LONGEST_S * FPS
+    shown = colours(folder / "flight.gif", frame=frames - 1)
+    assert STATES["explored"] in shown
+    assert STATES["unexplored"] not in colours(folder / "tree.png") - shown
+    assert track_colour(1) in colours(folder / "flight.gif", frame=frames // 2)
+    before = (folder / "flight.gif").read_bytes(), (folder / "tree.png").read_bytes()
+    assert main(["animate", str(folder)]) == 0  # and the same again, byte for byte
+    assert before == ((folder / "flight.gif").read_bytes(), (folder / "tree.png").read_bytes())
+
+
+def test_what_is_asked_for_and_no_more(folder, tmp_path, tiny, capsys):
+    film, tree = tmp_path / "film.mp4", tmp_path / "tree.svg"
+    assert main(["animate", str(folder), "--animate", str(film), "--tree", str(tree)]) == 0
+    assert film.stat().st_size > 10_000
+    text = tree.read_text("utf-8")
+    assert f"{tiny.summary['vertices']} vertices" in text
+    assert f"depth_T = {tiny.summary['tree_depth']}" in text
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+    err = capsys.readouterr().err
+    assert str(film) in err
+    assert str(tree) in err
+
+
+def test_live_without_a_terminal_is_silent(folder, capsys):
+    assert main(["animate", str(folder), "--live"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+
+
+def test_a_drifting_region_is_shown_at_rest(drift, tmp_path):
+    assert main(["animate", str(drift.folder), "--animate", str(tmp_path / "film.gif")]) == 0
+    with Image.open(tmp_path / "film.gif") as film:
+        frames = film.n_frames
+    assert STATES["explored"] in colours(tmp_path / "film.gif", frame=frames - 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (["--animate", "film.webm"], "must end in .gif or .mp4"),
+        (["--tree", "tree.gif"], "must end in .png or .svg"),
+        (["--animate", "no/such/folder/film.gif"], "there is no folder"),
+        (["--tree", "."], "must end in"),
+    ],
+)
+def test_bad_names_are_refused_in_a_line(folder, options, why, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert main(["animate", str(folder), *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("uavmap: ")
+    assert why in line
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+
+
+def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
+    assert main(["animate", str(tmp_path / "nothing")]) == 2
+    assert main(["animate", str(tmp_path)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert all("there is no journal here" in line for line in lines)

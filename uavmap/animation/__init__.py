@@ -1,0 +1,20 @@
+"""An exploration as an animation, as a picture of its tree, and on the terminal."""
+
+from uavmap.animation.film import Film
+from uavmap.animation.of_flight import film_of_flight
+from uavmap.animation.of_run import film_of_run
+from uavmap.animation.terminal import live
+from uavmap.animation.tree_picture import draw_tree
+from uavmap.animation.writers import DRAWINGS, FILMS, check_path, write_film
+
+__all__ = [
+    "DRAWINGS",
+    "FILMS",
+    "Film",
+    "check_path",
+    "draw_tree",
+    "film_of_flight",
+    "film_of_run",
+    "live",
+    "write_film",
+]

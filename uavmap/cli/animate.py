@@ -1,0 +1,72 @@
+"""uavmap animate: a flown mission as an animation, and its tree as a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import OutputError
+from missions.state import Setting
+from uavmap.animation import film_of_flight
+from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
+from uavmap.flight_plan import JOURNAL, FlightPlan
+from uavmap.journal import Journal
+from uavmap.progress import Terminal
+from uavmap.simulation import true_roi
+
+ANIMATION: Final = "flight.gif"
+TREE: Final = "tree.png"
+
+_EXAMPLES = """\
+examples:
+  uavmap animate results/runway-1                       flight.gif and tree.png in that folder
+  uavmap animate results/spill-1 --animate spill.mp4
+  uavmap animate results/spill-1 --tree tree.svg --live
+
+The animation takes at most 20 seconds, however long the flight. Where the region drifts, the
+tracks are as seen from the region.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "animate",
+        help="show a flown mission as an animation, and its tree as a picture",
+        description="Make an animation and a picture of the tree from the journal of a mission.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
+    add_picture_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Animate."""
+    folder, say = Path(options.folder), Terminal().say
+    asked_for_tree = options.tree is not None
+    if not wants_pictures(options):
+        options.animate, options.tree = folder / ANIMATION, folder / TREE
+    with Journal.open(folder / JOURNAL) as journal:
+        check_pictures(options)
+        plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
+        setting = Setting.of(plan.mission())
+        events = list(journal.events())
+    mission, truth = setting.mission, None
+    if plan.simulated and not recorded and mission.sim.roi:
+        truth = true_roi(mission, setting.grid)
+    crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
+    what = "photographs" if recorded else f"{mission.strategy}, {crew}"
+    title = f"{mission.name}   ·   {what}"
+    film, state = film_of_flight(setting, events, title, truth=truth, recorded=recorded)
+    if not film.changes:
+        raise OutputError(f"{folder}: no picture was judged; there is nothing to show")
+    if state.tree is None and options.tree is not None:
+        if asked_for_tree:
+            raise OutputError(f"{folder}: the region was not found; there is no tree to draw")
+        say("the region was not found; there is no tree to draw")
+        options.tree = None
+    write_pictures(options, film, state.tree, say)
+    return 0

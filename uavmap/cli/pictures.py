@@ -1,0 +1,74 @@
+"""Options for pictures of an exploration, for every command that has one to show."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+
+from missions.tree import Tree
+from uavmap.animation import DRAWINGS, FILMS, Film, check_path, draw_tree, live, write_film
+from uavmap.cli.common import index_number
+from uavmap.clock import ScaledClock
+
+
+def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    """Add --animate, --tree and --live; where there are `several` ROIs also --index."""
+    parser.add_argument(
+        "--animate",
+        metavar="FILE",
+        type=Path,
+        help="write the exploration as an animation, .gif or .mp4",
+    )
+    parser.add_argument(
+        "--tree",
+        metavar="FILE",
+        type=Path,
+        help="write the exploration tree with its backbone, ribs and states, .png or .svg",
+    )
+    parser.add_argument(
+        "--live", action="store_true", help="show the exploration on the terminal, if this is one"
+    )
+    if several:
+        parser.add_argument(
+            "--index",
+            metavar="N",
+            type=index_number,
+            default=0,
+            help="the ROI that --animate, --tree and --live show, counted from 0 (default 0)",
+        )
+
+
+def check_pictures(options: argparse.Namespace) -> None:
+    """Say what is wrong with the names of files before anything is computed.
+
+    Raises `OutputError`.
+    """
+    if options.animate is not None:
+        check_path(options.animate, FILMS)
+    if options.tree is not None:
+        check_path(options.tree, DRAWINGS)
+
+
+def wants_pictures(options: argparse.Namespace) -> bool:
+    """Whether any picture was asked for."""
+    return bool(options.animate or options.tree or options.live)
+
+
+def write_pictures(
+    options: argparse.Namespace, film: Film, tree: Tree | None, say: Callable[[str], None]
+) -> None:
+    """Show and write what was asked for; `say` tells progress and which files were written.
+
+    Raises `OutputError`.
+    """
+    if options.live:
+        live(film, Console(stderr=True, highlight=False), ScaledClock())
+    if options.animate is not None:
+        write_film(film, options.animate, say)
+        say(f"animation in {options.animate}")
+    if options.tree is not None and tree is not None:
+        draw_tree(tree, options.tree, title=film.title)
+        say(f"tree in {options.tree}")
