@@ -20,7 +20,7 @@ steps of a robot. The grid is bipartite, so a closed walk has an even number of 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from missions.explorers.ways import distances
@@ -87,7 +87,7 @@ def drift_lower_bound(static_moves: float, metric: Metric) -> float:
     >>> drift_lower_bound(8, Metric(speed=1.0, drift_east=0.6))
     10.0
     """
-    return static_moves * metric.shortest
+    return static_moves * metric.least_per_length
 
 
 def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: Metric) -> float:
@@ -96,20 +96,45 @@ def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: 
     A cell's Euclidean distance from the start counts. Of the N cells at distance d or farther
     somebody visits k >= ceil(N / R); it flies d out, d back, and in between k - 1 legs of at least
     the length of a cell; and it looks k times. Over a closed tour a unit of length costs at least
-    1 / sqrt(Sr^2 - Sp^2). The largest of these over all d. The start counts as a cell that one
-    of the robots has to look from, before anybody moves.
+    1 / sqrt(Sr^2 - Sp^2). The largest of these over all d. The look from the start, which comes
+    before any move, is not counted.
+
+    >>> flight_lower_bound([Cell(1, 0), Cell(2, 0)], Cell(0, 0), 1, Metric(straight=True))
+    4.0
     """
-    far = sorted(_far(cell, start) for cell in roi if cell != start)
     best = 0.0
-    for i, distance in enumerate(far):
-        visits = -(-(len(far) - i) // robots)
+    for distance, visits in _shares(roi, start, robots):
         length = 2.0 * distance + visits - 1
-        best = max(best, length * metric.shortest + visits * metric.look)
+        best = max(best, length * metric.least_per_length + visits * metric.look)
     return best
 
 
-def _far(cell: Cell, start: Cell) -> float:
-    return math.hypot(cell.east - start.east, cell.north - start.north)
+def one_way_lower_bound(
+    roi: Collection[Cell], start: Cell, robots: int, metric: Metric, breaks: int = 0
+) -> float:
+    """As `flight_lower_bound`, but nobody returns, and the way may be broken off.
+
+    A way that does not close may lead with the drift all along: a unit of length costs at least
+    1 / (Sr + Sp). Who breaks off, as for a battery, goes on anywhere: every break is worth a leg,
+    and with the first one nothing is known of the way from the start.
+    """
+    fastest = 1.0 / (metric.speed + metric.drift_speed)
+    best = 0.0
+    for distance, visits in _shares(roi, start, robots):
+        length = distance + visits - 1 if breaks == 0 else max(visits - 1 - breaks, 0)
+        best = max(best, length * fastest + visits * metric.look)
+    return best
+
+
+def _shares(roi: Collection[Cell], start: Cell, robots: int) -> Iterator[tuple[float, int]]:
+    """By Euclidean distance: how many cells so far or farther somebody has to visit."""
+    far = sorted(
+        math.hypot(cell.east - start.east, cell.north - start.north)
+        for cell in roi
+        if cell != start
+    )
+    for i, distance in enumerate(far):
+        yield distance, -(-(len(far) - i) // robots)
 
 
 def _shells(near: Sequence[Sequence[int]], steps: Sequence[int]) -> tuple[Shell, ...]:

@@ -52,12 +52,12 @@ class Metric:
         return math.hypot(self.drift_east, self.drift_north)
 
     @property
-    def shortest(self) -> float:
+    def least_per_length(self) -> float:
         """The least time per length of a closed tour: across the drift, 1 / sqrt(Sr^2 - Sp^2)."""
         return 1.0 / math.sqrt(self.speed**2 - self.drift_east**2 - self.drift_north**2)
 
     @property
-    def longest(self) -> float:
+    def most_per_length(self) -> float:
         """The most time per length of a closed tour: with the drift and back, Sr / (Sr^2 - Sp^2)."""
         return self.speed / (self.speed**2 - self.drift_east**2 - self.drift_north**2)
 

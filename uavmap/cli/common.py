@@ -37,8 +37,11 @@ _SHOWN: Final = {
     "fence_breaches": "fence breaches",
     "reserve_violations": "reserve violations",
     "exploration_s": "exploration, s",
-    "bound_makespan_s": "bound on exploration, s",
+    "lower_bound_s": "lower bound on it, s",
+    "ratio": "exploration / lower bound",
+    "bound_makespan_s": "strategy's bound, s",
     "bound_held": "bound held",
+    "tree_depth": "depth of the tree",
     "photographs": "photographs",
 }
 
