@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +26,7 @@ from uavmap.score import MISSED_SHARE, cells_near, shares_of
 
 _FARTHEST: Final = 2**31
 _SHOWN: Final = 40
+_WIDEST_DEG: Final = 6.0
 
 
 def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) -> list[Roi]:
@@ -41,12 +41,11 @@ def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) ->
     Raises:
         RoiError: naming the file, the place in it, the value, and what was expected.
     """
-    path = Path(name)
-    if name.partition(":")[0] in KINDS and not path.exists():
-        return [_by_name(name)]
     try:
-        text = path.read_text("utf-8-sig")
+        text = Path(name).read_text("utf-8-sig")
     except (OSError, ValueError) as error:
+        if name.partition(":")[0] in KINDS:
+            return [_by_name(name)]
         reason = getattr(error, "strerror", None) or "not a text file in UTF-8"
         raise RoiError(
             f"{name}: cannot be read ({reason}); give a file, or a growth such as eden:120:7 "
@@ -173,6 +172,8 @@ def _polygons(name: str, text: str) -> list[Polygon]:
                 f"{name}: polygon {number}: expected [longitude, latitude] in degrees, within "
                 "180 and 90"
             )
+        if (np.ptp(xy, axis=0) > _WIDEST_DEG).any():
+            raise RoiError(f"{name}: polygon {number}: wider than a UTM zone")
         if not polygon.is_valid:
             raise RoiError(f"{name}: polygon {number}: {shapely.is_valid_reason(polygon)}")
     return found
@@ -197,9 +198,7 @@ def _on_ground(polygon: Polygon, grid: Grid) -> BaseGeometry:
 def _covered(name: str, region: BaseGeometry, grid: Grid) -> list[Cell]:
     """The cells that a region covers at least half."""
     west, south, east, north = region.bounds
-    if not all(map(math.isfinite, region.bounds)):
-        raise RoiError(f"{name}: too large for one UTM zone")
-    if (east - west) * (north - south) > MAX_CELLS * grid.cell_m**2:
+    if ((east - west) / grid.cell_m + 1) * ((north - south) / grid.cell_m + 1) > MAX_CELLS:
         raise RoiError(
             f"{name}: {east - west:.0f} m x {north - south:.0f} m is more than {MAX_CELLS} cells; "
             "choose a larger --cell-m"
