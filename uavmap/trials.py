@@ -71,7 +71,9 @@ def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> 
                 comms=terms.comms,
             )
             wall_s = time.perf_counter() - begin_s
-            certificate = certify(done, explorer, terms.robots, terms.metric, static)
+            certificate = certify(
+                done, explorer, terms.robots, terms.metric, static, comms=terms.comms
+            )
             yield Trial(roi.name, explorer.name, certificate, len(done.legs), wall_s)
 
 
