@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from missions.bounds import drift_factor, rdfs_bound_moves
+from missions.bounds import drift_factor
 from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
+from missions.lower_bounds import one_way_lower_bound
 from missions.state import Phase, Setting, State, VehicleState
 from missions.step import step
 from missions.units import GridPoint
@@ -28,6 +29,7 @@ class _Sortie:
     swaps: int = 0
     on_task_s: float = 0.0
     on_tree: bool = False
+    stints: int = 0
     points: list[tuple[float, GridPoint, float]] = field(default_factory=list)
 
     def track(self, event: Tracked) -> None:
@@ -56,7 +58,9 @@ class Figures:
     `flight_time_s` is airborne time of all vehicles together; `makespan_s` runs from the first
     lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time
     that a vehicle spent on the tree: without the search, the ways to and from home, and swaps.
-    That is what the bound of Algorithm 1 speaks of; `bound_makespan_s` is that bound in seconds.
+    That is what a strategy's bound speaks of; `bound_makespan_s` is that bound in seconds, None
+    for a strategy without. `lower_bound_s` is what no team could have beaten on the cells that
+    were explored, of which alone the journal knows.
     """
 
     flight_time_s: float
@@ -65,8 +69,14 @@ class Figures:
     sorties: int
     battery_swaps: int
     exploration_s: float
+    lower_bound_s: float
     bound_makespan_s: float | None
     tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
+
+    @property
+    def ratio(self) -> float | None:
+        """The exploration in lower bounds, None where there was nothing to explore."""
+        return round(self.exploration_s / self.lower_bound_s, 3) if self.lower_bound_s else None
 
     @property
     def bound_held(self) -> bool | None:
@@ -107,6 +117,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         sorties=sum(c.sorties for c in everybody),
         battery_swaps=sum(c.swaps for c in everybody),
         exploration_s=round(max(c.on_task_s for c in everybody), 1),
+        lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
         bound_makespan_s=_bound_s(setting, state),
         tracks={number: tuple(c.points) for number, c in counts.items()},
     )
@@ -128,13 +139,41 @@ def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: flo
     if state.tree is None or vehicle.phase is not Phase.AIRBORNE or vehicle.errand is not None:
         count.on_tree = False
         return
-    count.on_tree = count.on_tree or vehicle.at_target
+    if not count.on_tree and vehicle.at_target:
+        count.on_tree = True
+        count.stints += 1
     if count.on_tree:
         count.on_task_s += elapsed_s
 
 
+def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
+    """What no team could have beaten, between cell centres at the configured speed.
+
+    It speaks of the time on the tree, so of a way that begins at the root, ends anywhere and is
+    broken off by every errand home. Only cells count that were looked from after the root was
+    found, with all of a look's frames; from a skipped one nobody looked.
+    """
+    tree = state.tree
+    if tree is None or state.found_s is None:
+        return 0.0
+    votes, found_s = setting.mission.votes, state.found_s
+    cells = [
+        cell
+        for cell in tree.vertices
+        if cell not in state.abandoned
+        and state.belief.settled(cell)
+        and all(frame.t_s > found_s for frame in state.belief.looks[cell])
+    ]
+    if tree.root in state.abandoned:
+        breaks = max(breaks, 1)  # nobody began there
+    look_s = (votes.frames - 1) * setting.mission.camera.interval_s
+    metric = replace(setting.metric, look=look_s)
+    robots = len(setting.mission.vehicles)
+    return round(one_way_lower_bound(cells, tree.root, robots, metric, max(breaks, 0)), 1)
+
+
 def _bound_s(setting: Setting, state: State) -> float | None:
-    """Lemma 1 in seconds.
+    """What the strategy promises, in seconds.
 
     A move takes at most a leg between two cells. Tours are closed, and a vertex is looked from
     once, when it is first reached: at most every second move ends with a look, and the root has
@@ -143,7 +182,10 @@ def _bound_s(setting: Setting, state: State) -> float | None:
     if state.tree is None:
         return None
     mission = setting.mission
-    moves = rdfs_bound_moves(len(state.tree), state.tree.depth, len(mission.vehicles))
+    tree, robots = state.tree, len(mission.vehicles)
+    moves = setting.explorer.bound_moves(len(tree), tree.depth, robots)
+    if moves is None:
+        return None
     move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0
     factor = drift_factor(mission.flight.speed_m_s, mission.drift.speed_m_s)
     return round(moves * move_s * factor + setting.look_s, 1)
@@ -177,6 +219,8 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "min_separation_m": None,
         "fence_breaches": None,
         "reserve_violations": None,
+        "lower_bound_s": found.lower_bound_s,
+        "ratio": found.ratio,
         "bound_makespan_s": found.bound_makespan_s,
         "bound_held": found.bound_held,
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},

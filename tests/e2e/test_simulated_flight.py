@@ -42,6 +42,8 @@ KEYS = [
     "min_separation_m",
     "fence_breaches",
     "reserve_violations",
+    "lower_bound_s",
+    "ratio",
     "bound_makespan_s",
     "bound_held",
 ]

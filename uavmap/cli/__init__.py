@@ -12,9 +12,10 @@ from collections.abc import Sequence
 
 from missions.errors import UavmapError, leaves
 from uavmap import __version__
-from uavmap.cli import animate, check, fly, replay, resume, sitl
+from uavmap.cli import animate, check, fly, replay, resume, simulate, sitl, strategies
+from uavmap.cli.common import INTERRUPTED
 
-USER_ERROR, INCOMPLETE, INTERRUPTED = 2, 3, 130
+USER_ERROR = 2
 
 
 def parser() -> argparse.ArgumentParser:
@@ -26,7 +27,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (fly, resume, sitl, replay, animate, check):
+    for module in (fly, resume, sitl, replay, animate, check, simulate, strategies):
         module.add_parser(commands)
     return top
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from missions.mission_file import MAX_VEHICLES
 from uavmap.flight_plan import JOURNAL
 
 INCOMPLETE: Final = 3
+INTERRUPTED: Final = 130
 RESULTS: Final = "results"
 
 _SHOWN: Final = {
@@ -37,8 +38,11 @@ _SHOWN: Final = {
     "fence_breaches": "fence breaches",
     "reserve_violations": "reserve violations",
     "exploration_s": "exploration, s",
-    "bound_makespan_s": "bound on exploration, s",
+    "lower_bound_s": "lower bound on it, s",
+    "ratio": "exploration / lower bound",
+    "bound_makespan_s": "strategy's bound, s",
     "bound_held": "bound held",
+    "tree_depth": "depth of the tree",
     "photographs": "photographs",
 }
 
@@ -53,6 +57,11 @@ def _number(text: str, kind: type[int] | type[float], low: float, high: float) -
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
     return value
+
+
+def number_type(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
+    """The type of an option that takes a number within limits, both included."""
+    return lambda text: _number(text, kind, low, high)
 
 
 def vehicle_count(text: str) -> int:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from missions.arena import Run, look, run
 from missions.bounds import drift_factor, rdfs_bound_moves
+from missions.certificate import bound_time
 from missions.explorers import EXPLORERS, Situation
-from missions.roi import KINDS, component
+from missions.explorers.ways import distances
+from missions.metric import Metric
+from missions.roi import KINDS, component, eden, thin
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -123,12 +128,48 @@ def test_rdfs_keeps_lemma_1(block: int) -> None:
     assert violations("rdfs", range(1000 + 60 * block, 1060 + 60 * block)) == 0
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_rdfs_keeps_its_bound_with_a_drift(seed: int) -> None:
+    roi, rng = roi_of(seed)
+    robots = int(rng.integers(1, 21))
+    drift, toward = float(rng.uniform(0.0, 0.9)), float(rng.uniform(0.0, 6.3))
+    metric = Metric(1.0, drift * math.sin(toward), drift * math.cos(toward))
+    result = run(EXPLORERS["rdfs"], roi, START, robots, metric=metric)
+    bound = bound_time(rdfs_bound_moves(len(result.tree), result.tree.depth, robots), metric)
+    assert bound is not None
+    assert result.makespan <= bound * (1 + 1e-9)
+
+
+def test_rdfs_takes_the_outer_child_first() -> None:
+    """A corridor to the east with a branch to the north: north would come first by its name."""
+    roi = {Cell(i, 0) for i in range(4)} | {Cell(2, 1)}
+    result = run(EXPLORERS["rdfs"], roi, START, 1)
+    assert [leg.end for leg in result.legs][2:4] == [Cell(3, 0), Cell(2, 0)]
+
+
+def test_rdfs_goes_home_by_the_shortest_way() -> None:
+    shorter = 0
+    for seed in range(8):
+        roi = eden(60, np.random.default_rng(seed))
+        result = run(EXPLORERS["rdfs"], roi, START, 4)
+        looks: dict[Cell, float] = {}
+        for leg in result.legs:
+            looks.setdefault(leg.end, leg.end_t)
+        explored_t = max(looks[cell] for cell in roi - {START})
+        places = [leg.end for leg in result.legs if leg.end_t == explored_t]
+        steps = distances(roi, START)
+        assert result.makespan == explored_t + max(steps[cell] for cell in places)
+        up = max(result.tree.vertices[cell].depth for cell in places)
+        shorter += result.makespan < explored_t + up
+    assert shorter > 0
+
+
 def test_the_literal_listing_breaks_lemma_1() -> None:
     assert violations("rdfs-paper", range(1000, 1060)) > 0
 
 
-def test_one_robot_walks_every_edge_twice() -> None:
-    roi, _ = roi_of(5, cells=40)
+def test_one_robot_walks_every_edge_of_a_tree_twice() -> None:
+    roi = thin(40, np.random.default_rng(5))
     result = run(EXPLORERS["rdfs"], roi, START, 1)
     assert result.makespan == rdfs_bound_moves(len(result.tree), result.tree.depth, 1)
 

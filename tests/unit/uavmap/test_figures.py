@@ -17,7 +17,8 @@ from missions.events import (
 )
 from missions.state import Setting
 from missions.units import Cell, GridPoint
-from tests.small_missions import mission, square
+from tests.fake_fleet import fleet
+from tests.small_missions import mission, random_scenario, square
 from uavmap.figures import Figures, figures, summary
 
 HOME = GridPoint(0.0, 0.0)
@@ -139,3 +140,35 @@ def test_nothing_has_happened(vehicles: int) -> None:
     assert (found.distance_m, found.flight_time_s, found.makespan_s) == (0.0, 0.0, 0.0)
     assert (found.sorties, found.battery_swaps, found.exploration_s) == (0, 0, 0.0)
     assert summary(setting(vehicles), state, found, None)["completed"] is False
+
+
+# --- the certificate -------------------------------------------------------------------------
+def flown(seed: int, strategy: str) -> tuple[dict[str, object], Figures]:
+    scenario = random_scenario(seed, drift=bool(seed % 2))
+    flight = fleet(scenario.mission.model_copy(update={"strategy": strategy}), scenario.roi)
+    flight.start()
+    flight.run()
+    state, found = figures(flight.setting, flight.events)
+    return summary(flight.setting, state, found, seed), found
+
+
+@pytest.mark.parametrize("seed", [1, 2, 6, 9])
+def test_an_exploration_lies_between_its_bounds(seed: int) -> None:
+    values, found = flown(seed, "rdfs")
+    assert found.bound_makespan_s is not None
+    assert 0.0 < found.lower_bound_s <= found.exploration_s <= found.bound_makespan_s
+    assert found.ratio == pytest.approx(found.exploration_s / found.lower_bound_s, abs=1e-3)
+    assert values["lower_bound_s"] == found.lower_bound_s
+    assert values["ratio"] == found.ratio
+    assert values["bound_held"] is True
+
+
+def test_a_strategy_without_a_promise_has_no_bound() -> None:
+    values, found = flown(2, "rdfs-paper")
+    assert found.lower_bound_s > 0.0
+    assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
+
+
+def test_nothing_explored_has_no_ratio() -> None:
+    found = of(SORTIE)
+    assert (found.lower_bound_s, found.ratio) == (0.0, None)

@@ -1,0 +1,167 @@
+"""`uavmap simulate` and `uavmap strategies`, in process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions.explorers import EXPLORERS
+from uavmap.cli import main, simulate
+from uavmap.trials import Trial, trials
+
+KEYS = {"makespan", "lower_bound", "bound", "bound_held", "moves", "tree_depth", "wall_s"}
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: object) -> Any:
+    assert main([str(a) for a in arguments]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def row_file(folder: Path) -> Path:
+    """A row of four and a square of four, with a key that nobody knows."""
+    rois = [
+        {"start": [0, 0], "cells": [[i, 0] for i in range(4)], "seed": 9},
+        {"start": [0, 0], "cells": [[0, 0], [1, 0], [0, 1], [1, 1]]},
+    ]
+    path = folder / "rois.json"
+    path.write_text(json.dumps({"rois": rois}))
+    return path
+
+
+def test_figures_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = printed(capsys, "simulate", "--roi", row_file(tmp_path), "--json")
+    assert set(values) == {"rois", "means"}
+    row, square = values["rois"]
+    assert set(row) == KEYS
+    assert (row["makespan"], row["lower_bound"], row["bound"]) == (6.0, 6.0, 6.0)
+    assert (row["bound_held"], row["moves"], row["tree_depth"]) == (True, 6, 3)
+    assert (square["makespan"], square["lower_bound"], square["moves"]) == (6.0, 4.0, 6)
+    means = values["means"]
+    assert (means["makespan"], means["lower_bound"], means["ratio"]) == (6.0, 5.0, 1.2)
+    assert means["bound_held"] is True
+
+
+def test_a_drift_across_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Across the drift every step costs 1 / sqrt(1 - 0.36) = 1.25; along it 1.5625 in the mean."""
+    roi = row_file(tmp_path)
+    across, along = (
+        printed(capsys, "simulate", "--roi", roi, "--drift", f"0.6,{towards}", "--json")["rois"][0]
+        for towards in (0, 90)
+    )
+    assert (across["makespan"], across["lower_bound"]) == (7.5, 7.5)
+    assert along["makespan"] == pytest.approx(6 * 1.5625)
+    assert along["bound"] == pytest.approx(6 * 1.5625)
+    assert along["bound_held"]
+    fast = printed(capsys, "simulate", "--roi", roi, "--speed", "2", "--json")["rois"][0]
+    assert fast["makespan"] == 3.0
+
+
+@pytest.mark.parametrize("comms", ["shared", "meeting"])
+def test_several_strategies_on_grown_rois(capsys: pytest.CaptureFixture[str], comms: str) -> None:
+    arguments = ["simulate", "--generate", "ragged", "--cells", 40, "--count", 3, "--robots", 3]
+    arguments += ["--comms", comms, "--strategy", "rdfs,rdfs-paper", "--strategy", "rdfs", "--json"]
+    once, again = (printed(capsys, *arguments) for _ in range(2))
+    assert list(once) == ["rdfs", "rdfs-paper"]
+    for name, values in once.items():
+        assert len(values["rois"]) == 3
+        for row in values["rois"]:
+            assert row["makespan"] >= row["lower_bound"]
+            promised = name == "rdfs" and comms == "shared"
+            assert row["bound_held"] is (True if promised else None)
+        for row in (*values["rois"], *again[name]["rois"], values["means"], again[name]["means"]):
+            del row["wall_s"]
+    assert once["rdfs-paper"]["means"]["bound"] is None
+    assert once == again
+
+
+def test_the_table_names_strategies_and_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--generate", "thin", "--cells", "20", "--count", "2"]) == 0
+    shown = capsys.readouterr().out
+    for words in ("means of 2 ROIs, 1 robot", "rdfs", "T / LB", "yes"):
+        assert words in shown
+
+
+def test_the_figures_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "out"
+    arguments = ["simulate", "--roi", "eden:9:1", "--json", "--out", str(out)]
+    assert main(arguments) == 0
+    assert (out / "summary.json").read_text() == capsys.readouterr().out
+    assert main(arguments) == 2
+    assert "choose another" in capsys.readouterr().err
+
+
+def test_an_interruption_prints_what_is_done(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*arguments: Any) -> Iterator[Trial]:
+        for number, trial in enumerate(trials(*arguments)):
+            if number == 2:
+                raise KeyboardInterrupt
+            yield trial
+
+    monkeypatch.setattr(simulate, "trials", interrupted)
+    monkeypatch.setattr(simulate, "REPORT_S", 0.0)
+    code = main(["simulate", "--generate", "eden", "--cells", "9", "--count", "5", "--json"])
+    streams = capsys.readouterr()
+    assert code == 130
+    assert len(json.loads(streams.out)["rois"]) == 2
+    assert "interrupted after 2 of 5 runs" in streams.err
+    assert "1 of 5 runs" in streams.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--generate", "edn"], "choose one of eden"),
+        (["--generate", "eden", "--start", "1,2"], "--start is for --roi"),
+        (["--roi", "eden:9:1", "--cells", "9"], "--cells is for --generate"),
+        (["--roi", "nowhere.json"], "cannot be read"),
+        (["--roi", "eden:9:1", "--strategy", "rdfs,dfs"], "'dfs' is not known"),
+        (["--roi", "eden:9:1", "--strategy", ""], "'' is not known"),
+        (["--roi", "eden:9:1", "--drift", "1,0"], "do not keep up"),
+        (["--roi", "eden:9:1", "--drift", "nan,0"], "V,DEG"),
+        (["--roi", "eden:9:1", "--drift", "0.1"], "V,DEG"),
+        (["--roi", "x.json", "--start", "here"], "LAT,LON"),
+        (["--roi", "eden:9:1", "--out", ""], "choose another"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", *arguments]) == 2
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    (line,) = streams.err.splitlines()
+    assert line.startswith("uavmap: ")
+    assert words in line
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["--roi", "a", "--generate", "eden"],
+        ["--generate", "eden", "--robots", "0"],
+        ["--generate", "eden", "--cells", "nan"],
+        ["--generate", "eden", "--speed", "inf"],
+        ["--generate", "eden", "--comms", "radio"],
+    ],
+)
+def test_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", *arguments])
+    assert left.value.code == 2
+    assert "usage: uavmap simulate" in capsys.readouterr().err
+
+
+def test_strategies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = printed(capsys, "strategies", "--json")
+    assert [entry["name"] for entry in listed] == list(EXPLORERS)
+    assert all(set(entry) == {"name", "guarantee", "source", "when"} for entry in listed)
+    assert main(["strategies"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in EXPLORERS)

@@ -1,0 +1,220 @@
+"""uavmap simulate: strategies on ROIs without noise, and a certificate of each run."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from missions.arena import Comms
+from missions.errors import RoiError, StrategyError, UavmapError
+from missions.explorers import EXPLORERS, Explorer
+from missions.metric import Metric
+from missions.roi import KINDS, MAX_CELLS, Roi, grown
+from missions.units import LatLon
+from uavmap.cli.common import INTERRUPTED, number_type, seed_number
+from uavmap.results.atomic import write_text
+from uavmap.results.summary import encode
+from uavmap.roi_files import load_rois
+from uavmap.trials import Terms, Trial, means, trials
+
+MAX_ROBOTS: Final = 1000
+REPORT_S: Final = 2.0
+_SUMMARY: Final = "summary.json"
+_CELLS, _COUNT, _SEED = 120, 1, 1
+
+_EXAMPLES = """\
+examples:
+  uavmap simulate --generate eden --cells 120 --count 10 --robots 4
+  uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
+  uavmap simulate --roi lake.geojson --cell-m 10 --start 46.7,-92.0 --robots 3
+  uavmap simulate --roi eden:120:7 --drift 0.4,90 --speed 1 --comms meeting
+
+A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
+Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
+which V cells are flown. wall_s alone is not the same from run to run.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "simulate",
+        help="compare strategies on ROIs, without flying",
+        description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--roi", metavar="FILE", help="ROIs, or a growth KIND:CELLS:SEED")
+    where.add_argument("--generate", metavar="KIND", help=f"grow ROIs: {', '.join(KINDS)}")
+    cells = number_type(int, 1, MAX_CELLS)
+    count = number_type(int, 1, 100_000)
+    add("--cells", metavar="N", type=cells, help=f"of a grown ROI (default {_CELLS})")
+    add("--count", metavar="K", type=count, help=f"how many to grow (default {_COUNT})")
+    add("--seed", metavar="S", type=seed_number, help=f"of the first (default {_SEED}); then S + 1")
+    cell_m = number_type(float, 0.01, 10_000.0)
+    add("--cell-m", metavar="M", type=cell_m, help="cell size for GeoJSON (default 4)")
+    add("--start", metavar="LAT,LON", help="where to start, for GeoJSON (default: its west end)")
+    add(
+        "--strategy",
+        metavar="NAME",
+        action="append",
+        help="one or, with commas or given again, several (default rdfs); see uavmap strategies",
+    )
+    add("--robots", metavar="R", type=number_type(int, 1, MAX_ROBOTS), default=1, help="default 1")
+    add("--speed", metavar="V", type=number_type(float, 1e-3, 1e3), default=1.0, help="default 1")
+    add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
+    add(
+        "--comms",
+        choices=[c.value for c in Comms],
+        default=Comms.SHARED.value,
+        help="who knows what the others saw: all at once, or only who meets (default shared)",
+    )
+    add("--out", metavar="DIR", help=f"write {_SUMMARY} into this folder, too")
+    add("--json", action="store_true", help="print the figures as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate."""
+    explorers = _explorers(options.strategy)
+    terms = Terms(options.robots, _metric(options.speed, options.drift), Comms(options.comms))
+    out = _free(options.out)
+    rois = _rois(options)
+    done: list[Trial] = []
+    code = 0
+    try:
+        _run(rois, explorers, terms, done)
+    except KeyboardInterrupt:
+        print(
+            f"uavmap: interrupted after {len(done)} of {len(rois) * len(explorers)} runs",
+            file=sys.stderr,
+        )
+        code = INTERRUPTED
+    text = encode(_figures(done, explorers)) + "\n"
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_text(out, text)
+    if options.json:
+        sys.stdout.write(text)
+    else:
+        _table(done, explorers, terms)
+    return code
+
+
+def _run(
+    rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms, done: list[Trial]
+) -> None:
+    """Collect the trials in `done`; tell how far they are where it takes longer."""
+    last_s = time.monotonic()
+    for trial in trials(rois, explorers, terms):
+        done.append(trial)
+        if time.monotonic() - last_s > REPORT_S:
+            last_s = time.monotonic()
+            print(f"{len(done)} of {len(rois) * len(explorers)} runs", file=sys.stderr)
+
+
+def _explorers(wanted: Sequence[str] | None) -> list[Explorer]:
+    names = [name for part in wanted or ["rdfs"] for name in part.split(",")]
+    for name in names:
+        if name not in EXPLORERS:
+            raise StrategyError(
+                f"--strategy {name!r} is not known; choose one of {', '.join(EXPLORERS)}"
+            )
+    return [EXPLORERS[name] for name in dict.fromkeys(names)]
+
+
+def _metric(speed: float, drift: str | None) -> Metric:
+    toward, drift_speed = 0.0, 0.0
+    if drift is not None:
+        drift_speed, toward = _pair(f"--drift {drift}", drift, "V,DEG, such as 0.4,90")
+    if not 0.0 <= drift_speed < speed:
+        raise UavmapError(f"--drift {drift}: robots of speed {speed:g} do not keep up with it")
+    bearing = math.radians(toward)
+    return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
+
+
+def _pair(what: str, text: str, expected: str) -> tuple[float, float]:
+    try:
+        one, other = (float(part) for part in text.split(","))
+    except ValueError:
+        one = other = math.nan
+    if not (math.isfinite(one) and math.isfinite(other)):
+        raise UavmapError(f"{what} is not {expected}")
+    return one, other
+
+
+def _rois(options: argparse.Namespace) -> list[Roi]:
+    if options.generate is not None:
+        _refuse(options, ("cell_m", "start"), "is for --roi with GeoJSON")
+        seed = _SEED if options.seed is None else options.seed
+        cells = options.cells or _CELLS
+        return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]
+    _refuse(options, ("cells", "count", "seed"), "is for --generate")
+    start = None
+    if options.start is not None:
+        start = LatLon(*_pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
+    return load_rois(options.roi, cell_m=options.cell_m or 4.0, start=start)
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
+    for name in names:
+        if getattr(options, name) is not None:
+            raise RoiError(f"--{name.replace('_', '-')} {why}")
+
+
+def _free(out: str | None) -> Path | None:
+    """The file for the figures; nothing is overwritten."""
+    if out is None:
+        return None
+    path = Path(out) / _SUMMARY
+    if not out or (Path(out).exists() and not Path(out).is_dir()) or path.exists():
+        raise UavmapError(f"--out {out}: not a new or empty folder; choose another")
+    return path
+
+
+def _figures(done: Sequence[Trial], explorers: Sequence[Explorer]) -> dict[str, Any]:
+    """The figures of one strategy, or of several by name."""
+    every = {}
+    for explorer in explorers:
+        mine = [trial for trial in done if trial.strategy == explorer.name]
+        every[explorer.name] = {"rois": [trial.figures() for trial in mine], "means": means(mine)}
+    return every if len(explorers) > 1 else every[explorers[0].name]
+
+
+def _table(done: Sequence[Trial], explorers: Sequence[Explorer], terms: Terms) -> None:
+    """The certificates for people: of a ROI, or the means of several."""
+    runs = len(done) // len(explorers)
+    robots = f"{terms.robots} robot" + "s" * (terms.robots > 1)
+    table = Table(
+        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {robots}" if done else "",
+        title_justify="left",
+    )
+    table.add_column("strategy", no_wrap=True)
+    for title in ("T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"):
+        table.add_column(title, justify="right")
+    for explorer in explorers:
+        mean = means([trial for trial in done if trial.strategy == explorer.name])
+        if mean:
+            table.add_row(
+                explorer.name,
+                f"{mean['makespan']:.1f}",
+                f"{mean['lower_bound']:.1f}",
+                "" if mean["ratio"] is None else f"{mean['ratio']:.3f}",
+                "none" if mean["bound"] is None else f"{mean['bound']:.1f}",
+                {True: "yes", False: "NO", None: ""}[mean["bound_held"]],
+                f"{mean['tree_depth']:.1f}",
+                f"{mean['moves']:.1f}",
+                f"{mean['wall_s']:.3f}",
+            )
+    Console().print(table)
+    print("T makespan, LB lower bound for any strategy, bound what the strategy promises")

@@ -1,0 +1,52 @@
+"""uavmap strategies: which there are, what each promises, and when to use it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from missions.explorers import EXPLORERS
+
+_EXAMPLES = """\
+examples:
+  uavmap strategies
+  uavmap fly runway --sim --strategy rdfs
+  uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "strategies",
+        help="list the strategies: what each promises, and when to use it",
+        description="The strategies that --strategy takes.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--json", action="store_true", help="print the list as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """List."""
+    if options.json:
+        listed = [
+            {"name": e.name, "guarantee": e.guarantee, "source": e.source, "when": e.when}
+            for e in EXPLORERS.values()
+        ]
+        json.dump(listed, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+        return 0
+    table = Table(show_lines=True)
+    for title in ("strategy", "use it when", "promises", "source"):
+        table.add_column(title, no_wrap=title == "strategy")
+    for explorer in EXPLORERS.values():
+        table.add_row(explorer.name, explorer.when, explorer.guarantee, explorer.source)
+    Console().print(table)
+    return 0

@@ -1,0 +1,95 @@
+"""Trials: strategies on ROIs in the arena, each with its certificate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Any
+
+from missions.arena import Comms, run
+from missions.certificate import Certificate, certify
+from missions.explorers import Explorer
+from missions.lower_bounds import LowerBounds
+from missions.metric import Metric
+from missions.roi import Roi
+
+_KEYS = ("makespan", "lower_bound", "bound", "bound_held", "moves", "tree_depth", "wall_s")
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Under what terms a team explores."""
+
+    robots: int
+    metric: Metric
+    comms: Comms = Comms.SHARED
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One strategy on one ROI. `moves` counts those of all robots, `wall_s` is real time."""
+
+    roi: str
+    strategy: str
+    certificate: Certificate
+    moves: int
+    wall_s: float
+
+    def figures(self) -> dict[str, Any]:
+        """As in the JSON of `uavmap simulate`."""
+        known = self.certificate
+        values = (
+            round(known.makespan, 9),
+            round(known.lower_bound, 9),
+            None if known.bound is None else round(known.bound, 9),
+            known.bound_held,
+            self.moves,
+            known.tree_depth,
+            round(self.wall_s, 6),
+        )
+        return dict(zip(_KEYS, values, strict=True))
+
+
+def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:
+    """Every strategy on every ROI, one ROI after the other.
+
+    Raises:
+        StrategyError: a strategy that breaks its protocol.
+    """
+    for roi in rois:
+        static = LowerBounds.of(roi.cells, roi.start)
+        for explorer in explorers:
+            begin_s = time.perf_counter()
+            done = run(
+                explorer,
+                roi.cells,
+                roi.start,
+                terms.robots,
+                metric=terms.metric,
+                comms=terms.comms,
+            )
+            wall_s = time.perf_counter() - begin_s
+            certificate = certify(
+                done, explorer, terms.robots, terms.metric, static, comms=terms.comms
+            )
+            yield Trial(roi.name, explorer.name, certificate, len(done.legs), wall_s)
+
+
+def means(done: Sequence[Trial]) -> dict[str, Any]:
+    """The means of the figures; `ratio` is mean makespan over mean lower bound, and `bound_held`
+    says of all trials whether they kept their bound."""
+    if not done:
+        return {}
+    rows = [trial.figures() for trial in done]
+    values: dict[str, Any] = {}
+    for key in _KEYS:
+        column = [row[key] for row in rows]
+        if None in column:
+            values[key] = None
+        else:
+            values[key] = all(column) if key == "bound_held" else round(fmean(column), 9)
+    lower = values["lower_bound"]
+    values["ratio"] = round(values["makespan"] / lower, 9) if lower else None
+    return values
