@@ -28,8 +28,6 @@ _ALL: tuple[Explorer, ...] = (
     RandomWalk(),
     SmartDfs(),
 )
-EXPLORERS: Mapping[str, Explorer] = MappingProxyType(
-    {explorer.name: explorer for explorer in _ALL}
-)
+EXPLORERS: Mapping[str, Explorer] = MappingProxyType({explorer.name: explorer for explorer in _ALL})
 
 __all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation"]

@@ -67,12 +67,7 @@ def _goals(tree: Tree, ways: Ways, at: Mapping[int, Cell]) -> dict[int, Cell]:
     times = -(-len(at) // len(todo))
     columns = [(cell, taken) for taken in range(times) for cell in todo]
     costs = [
-        [
-            far[robot][cell] - DEPTH_BIAS * depth[cell] + CROWDING * taken
-            for cell, taken in columns
-        ]
+        [far[robot][cell] - DEPTH_BIAS * depth[cell] + CROWDING * taken for cell, taken in columns]
         for robot in at
     ]
-    return {
-        robot: columns[column][0] for robot, column in zip(at, assign(costs), strict=True)
-    }
+    return {robot: columns[column][0] for robot, column in zip(at, assign(costs), strict=True)}

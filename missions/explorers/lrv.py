@@ -1,15 +1,15 @@
 """Least Recently Visited of Batalin and Sukhatme: every node sends robots where fewest went.
 
-Each vertex carries a weight for each direction that leads away from it: how often a robot left that
-way. A robot takes the direction of least weight, of equal ones the first in the order north, east,
-south, west. The weights lie in the world, beside what the robot passes by: no robot needs a map,
-nor knows when the work is done. The mission knows, ends it, and brings everybody home by the
-shortest known way.
+Each vertex carries a weight for each of its directions, which counts how often a robot left that
+way or came from there (Algorithm 1). A robot takes the direction of least weight, of equal ones the
+first in the order north, east, south, west. The weights lie in the world, beside what the robot
+passes by: no robot needs a map, nor knows when the work is done. The mission knows, ends it, and
+brings everybody home by the shortest known way.
 
-With ties in a fixed order of the node this is a rotor-router, and a single robot has been
-everywhere after 2 |E| D moves, D the diameter of the ROI (Yanovski, Wagner and Bruckstein, A
-Distributed Ant Algorithm for Efficiently Patrolling a Network, 2003); on a tree after 2 |E| (here
-Theorem 3).
+On a tree one robot is done after 2 |E| moves (Theorem 3), which needs the arrivals to be counted:
+who enters a vertex tries the other directions before it turns back. Without them
+(`Lrv(arrivals=False)`) each vertex lets its directions take turns, a rotor-router; that is what the
+published figures for large lattices come from.
 """
 
 from __future__ import annotations
@@ -33,19 +33,20 @@ class Lrv:
     """
 
     name: str = "lrv"
-    guarantee: str = "one robot: every cell within 2 |E| D moves, on a tree within 2 |E|"
+    guarantee: str = "complete; one robot on a tree: at most 2 |E| moves"
     source: str = "Batalin and Sukhatme, Least Recently Visited, Algorithm 1 and Theorem 3"
     when: str = "robots have no map, and marks lie in the world"
     patience: float = 4.0
+    arrivals: bool = True
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """For one robot 2 |E| D and the way home, with |E| <= 2 C and D <= 2 depth_T."""
-        return 8.0 * cells * depth + depth if robots == 1 else None
+        """None: what is proven holds on trees only."""
+        return None
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other. The memory is how often each direction was taken."""
+        """One robot after the other. The memory is the weights: (vertex, neighbour), count."""
         tree, at = situation.tree, situation.at
-        taken = dict(cast("Mapping[tuple[Cell, Cell], int]", situation.memory or {}))
+        weights = dict(cast("Mapping[tuple[Cell, Cell], int]", situation.memory or {}))
         moves: dict[int, Cell | None] = {}
         for robot in situation.robots:
             here = at[robot]
@@ -53,7 +54,9 @@ class Lrv:
             if tree.is_explored(tree.root) or not ways:
                 moves[robot] = step_home(tree, here)
                 continue
-            there = min(ways, key=lambda cell: taken.get((here, cell), 0))
-            taken[here, there] = taken.get((here, there), 0) + 1
+            there = min(ways, key=lambda cell: weights.get((here, cell), 0))
             moves[robot] = there
-        return Decision(moves, taken)
+            weights[here, there] = weights.get((here, there), 0) + 1
+            if self.arrivals:
+                weights[there, here] = weights.get((there, here), 0) + 1
+        return Decision(moves, weights)
