@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from missions.arena import Comms, Run, look, run
+from missions.arena import Comms, Run, look, patience_of, run
 from missions.errors import StrategyError
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.metric import Metric
@@ -69,7 +69,7 @@ def small_rois(cells: int, seed: int) -> Rois:
         "single cell": frozenset({START}),
         "corridor": frozenset(Cell(east, 0) for east in range(-2, cells // 2)),
         "block": frozenset(block),
-        "ring": frozenset(block - {c for c in block if 0 < min(c) and max(c) < side - 1}),
+        "ring": frozenset(block - {c for c in block if min(c) > 0 and max(c) < side - 1}),
         "comb": frozenset(comb),
         "compact": frozenset(eden(cells, rng)),
         "tree": frozenset(thin(cells, rng)),
@@ -234,8 +234,7 @@ class _Party:
 
     def after(self, explorer: Explorer, roi: Collection[Cell], rounds: int | None) -> _Party:
         """So many rounds later, or when all is done."""
-        patience = float(getattr(explorer, "patience", 1.0))
-        limit = int(50 * (len(roi) + 1) * patience) if rounds is None else rounds
+        limit = int(50 * (len(roi) + 1) * patience_of(explorer)) if rounds is None else rounds
         party = self
         for _ in range(limit):
             asked = tuple(r for r, cell in party.at.items() if not party.done(cell))
@@ -269,8 +268,28 @@ class _Watch:
     explorer: Explorer
     faults: list[str] = field(default_factory=list)
 
-    def __getattr__(self, name: str) -> object:
-        return getattr(self.explorer, name)
+    @property
+    def name(self) -> str:
+        return self.explorer.name
+
+    @property
+    def guarantee(self) -> str:
+        return self.explorer.guarantee
+
+    @property
+    def source(self) -> str:
+        return self.explorer.source
+
+    @property
+    def when(self) -> str:
+        return self.explorer.when
+
+    @property
+    def patience(self) -> float:
+        return patience_of(self.explorer)
+
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        return self.explorer.bound_moves(cells, depth, robots)
 
     def decide(self, situation: Situation) -> Decision:
         """What the strategy says, if it says so again."""

@@ -1,9 +1,9 @@
-"""Robots are assigned to the open cells as cheaply as possible, deep cells first.
+"""Robots are assigned to the open cells as cheaply as possible, far cells first.
 
 At every decision all robots are assigned to the known unvisited cells by the Hungarian method. A
-cell costs the way to it less a share of its way home: far cells are done on the way out, so that what
-is left lies towards home. When there are more robots than cells a cell is given out again, the
-dearer the more often.
+cell costs the way to it less a share of the way home from it: far cells are done on the way out, so
+that what is left lies towards home. When there are more robots than cells a cell is given out
+again, the dearer the more often.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ class Hungarian:
 
 def _goals(tree: Tree, ways: Ways, at: Mapping[int, Cell]) -> dict[int, Cell]:
     """For every robot the cell that it heads for; empty when all cells are visited."""
-    todo = ways.unvisited
+    depth = ways.steps(tree.root)
+    todo = sorted(ways.unvisited, key=lambda cell: -depth[cell])  # of equally dear ones the far
     if not todo:
         return {}
     far = {robot: ways.lengths(cell, todo) for robot, cell in at.items()}
-    depth = ways.steps(tree.root)
     times = -(-len(at) // len(todo))
     columns = [(cell, taken) for taken in range(times) for cell in todo]
     costs = [

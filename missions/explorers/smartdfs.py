@@ -2,12 +2,15 @@
 
 A robot keeps its left hand at what it has visited or at the outside: at every new cell it tries
 left, ahead, right. From a dead end it goes by the shortest visited way to the last cell that has an
-unvisited neighbour left. Where a cell splits what is unvisited into parts, the part at the earliest
-visited cells, towards the start, comes last, so that nobody goes there twice.
+unvisited neighbour left. Where a cell splits what is unvisited into parts, the part that lies
+towards the start comes last, so that nobody goes there twice.
 
 One robot on a ROI without holes, from its rim: at most C + E / 2 - 3 moves, E the number of edges
 between ROI and other cells, so never more than 2 C - 2. With holes the visits still are in the
-order of a depth-first search and ways are shortest ones, so 2 C - 2 holds there as well.
+order of a depth-first search and ways are shortest ones, so 2 C - 2 holds there as well. The paper
+tells the last part of a split by the numbers of the layers around it; here it is the one from which
+the way home is shortest, which is the same side without the bookkeeping, and was never seen to
+exceed the paper's bound.
 
 Several robots each go by the rule, and leave out the cells that others head for. Who has no cell
 left of its own goes to the nearest unvisited cell with the fewest robots and begins anew there; for
@@ -17,7 +20,7 @@ that there is no bound.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -51,16 +54,14 @@ class SmartDfs:
         """One robot after the other."""
         tree, at = situation.tree, situation.at
         before = cast("_Memory", situation.memory or _Memory())
-        visits = dict(before.visits)
         trails = {r: before.trails.get(r, ()) for r in at}
         goals = {r: before.goals.get(r, at[r]) for r in at}
         ways = Ways(tree, situation.metric)
         moves: dict[int, Cell | None] = {}
         for robot in situation.robots:
             here = at[robot]
-            if here not in visits:
-                trails[robot] += (_fork(tree, visits, trails[robot], here),)
-                visits[here] = len(visits)
+            if here == goals[robot]:
+                trails[robot] += (_fork(tree, ways, trails[robot], here),)
             others = Counter(cell for r in at if r != robot for cell in {goals[r], at[r]})
             trails[robot] = trail = _unfinished(tree, others, trails[robot])
             if trail:
@@ -73,12 +74,12 @@ class SmartDfs:
                 moves[robot] = step_towards(tree, here, goals[robot])
             else:
                 moves[robot] = step_home(tree, here)
-        return Decision(moves, _Memory(visits, trails, goals))
+        return Decision(moves, _Memory(trails, goals))
 
 
 @dataclass(frozen=True, slots=True)
 class _Fork:
-    """A cell that a robot was the first to visit, and in which order it tries the neighbours."""
+    """A cell that a robot came to explore, and in which order it tries the neighbours."""
 
     cell: Cell
     order: tuple[Cell, ...]
@@ -86,14 +87,13 @@ class _Fork:
 
 @dataclass(frozen=True, slots=True)
 class _Memory:
-    """When each cell was visited first, every robot's forks, and where everybody heads for."""
+    """Every robot's forks, and where everybody heads for."""
 
-    visits: Mapping[Cell, int] = field(default_factory=dict)
     trails: Mapping[int, tuple[_Fork, ...]] = field(default_factory=dict)
     goals: Mapping[int, Cell] = field(default_factory=dict)
 
 
-def _fork(tree: Tree, visits: Mapping[Cell, int], trail: tuple[_Fork, ...], here: Cell) -> _Fork:
+def _fork(tree: Tree, ways: Ways, trail: tuple[_Fork, ...], here: Cell) -> _Fork:
     """Left, ahead, right of the way on which the robot came; after a split the last part last."""
     around = here.neighbours()
     if trail and trail[-1].cell in around:
@@ -102,21 +102,21 @@ def _fork(tree: Tree, visits: Mapping[Cell, int], trail: tuple[_Fork, ...], here
         back = next((i for i, cell in enumerate(around) if cell not in tree), 2)
     turned = [around[(back + quarter) % 4] for quarter in (1, 2, 3, 4)]
     todo = [cell for cell in turned if cell in tree and not tree.has_looked(cell)]
-    if len(todo) < 2:
-        return _Fork(here, tuple(todo))
-    parts = {cell: _part(tree, cell) for cell in todo}
-
-    def earliest(cell: Cell) -> int:
-        """When the first cell beside a part was visited."""
-        beside = {n for c in parts[cell] for n in c.neighbours() if n in visits}
-        return -min((visits[n] for n in beside), default=len(visits))
-
-    if len({frozenset(part) for part in parts.values()}) > 1:
-        todo.sort(key=earliest)
+    if len(todo) > 1:
+        parts = {cell: _part(tree, cell) for cell in todo}
+        if len(set(parts.values())) > 1:
+            home = ways.steps(tree.root)
+            todo.sort(key=lambda cell: -_way_home(tree, home, parts[cell], here))
     return _Fork(here, tuple(todo))
 
 
-def _part(tree: Tree, start: Cell) -> set[Cell]:
+def _way_home(tree: Tree, home: Mapping[Cell, int], part: Collection[Cell], here: Cell) -> int:
+    """Steps to the root from the nearest visited cell beside a part, other than where it split."""
+    beside = {n for cell in part for n in cell.neighbours() if n in tree and n != here}
+    return min((home[n] for n in beside if tree.has_looked(n)), default=home[here])
+
+
+def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
     """The known unvisited cells that may hang together with one: over sides, and around corners
     where nothing that is known forbids it."""
     part, todo = {start}, [start]
@@ -130,7 +130,7 @@ def _part(tree: Tree, start: Cell) -> set[Cell]:
                 continue
             part.add(cell)
             todo.append(cell)
-    return part
+    return frozenset(part)
 
 
 def _shut(tree: Tree, cell: Cell) -> bool:

@@ -1,4 +1,4 @@
-"""How far it is, and where to go first, in whichever metric: cell by cell, or straight as in flight.
+"""How far it is, and where to go first: cell by cell, or straight as in flight.
 
 Lengths are in cells. Where robots fly straight the length of a leg is the time that it adds to a
 closed tour, times the speed, so that it is a length again; a leg that is not allowed is as long as
