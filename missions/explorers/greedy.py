@@ -1,9 +1,9 @@
 """Greedy Mapping of Tovey and Koenig: always to the nearest cell that nobody has visited.
 
 One robot moves along a shortest way over known cells to the nearest known cell that is unvisited,
-until there is none. With several robots each does so, and leaves out the cells that another robot
-heads for; when every cell is some other's, it goes to the nearest all the same, so nobody waits for
-a robot that may never come.
+until there is none. With several robots each goes to the nearest of the cells that the fewest
+others head for: to one of its own while there are any, and then to another's, so that nobody waits
+for a robot that may never come.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from missions.units import Cell
 
 @dataclass(frozen=True, slots=True)
 class Greedy:
-    """To the nearest unvisited cell that no other robot heads for.
+    """To the nearest unvisited cell that no other robot heads for, while there is one.
 
     >>> from missions.arena import run
     >>> run(Greedy(), {Cell(0, 0), Cell(0, 1), Cell(1, 0), Cell(1, 1)}, Cell(0, 0), 1).makespan
@@ -51,9 +51,8 @@ class Greedy:
             others = Counter(cell for r in at if r != robot for cell in {goals[r], at[r]})
             fewest = min(others[cell] for cell in ways.unvisited)
             free = [cell for cell in ways.unvisited if others[cell] == fewest]
-            far = ways.lengths(at[robot], free)
-            nearest = next(iter(far))
-            if far.get(goals[robot]) != far[nearest]:  # of equally near ones keep the one before
-                goals[robot] = nearest
+            nearest = ways.nearest(at[robot], free)
+            if goals[robot] not in nearest:  # of equally near ones keep the one before
+                goals[robot] = nearest[0]
             moves[robot] = ways.next_stop(at[robot], goals[robot])
         return Decision(moves, goals)

@@ -70,7 +70,7 @@ class SmartDfs:
             elif ways.unvisited:
                 fewest = min(others[cell] for cell in ways.unvisited)
                 free = [cell for cell in ways.unvisited if others[cell] == fewest]
-                goals[robot] = next(iter(ways.lengths(here, free)))
+                goals[robot] = ways.nearest(here, free)[0]
                 moves[robot] = step_towards(tree, here, goals[robot])
             else:
                 moves[robot] = step_home(tree, here)

@@ -35,11 +35,12 @@ class Ways:
         self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
         """The known cells that nobody has looked from, in the order in which they were found."""
 
-    def steps(self, start: Cell) -> dict[Cell, int]:
-        """Steps from a vertex to every vertex over known cells, nearest first."""
+    def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:
+        """Steps from a vertex to every vertex over known cells, nearest first; with `until` no
+        farther than to the nearest of these."""
         near, steps = self._near, {start: 0}
         ring, count = [start], 0
-        while ring:
+        while ring and not any(cell in until for cell in ring):
             count += 1
             outer = []
             for cell in ring:
@@ -49,6 +50,16 @@ class Ways:
                         outer.append(other)
             ring = outer
         return steps
+
+    def nearest(self, start: Cell, goals: Collection[Cell]) -> list[Cell]:
+        """Those of some vertices that are nearest to one: several when they are equally near."""
+        wanted = frozenset(goals)
+        if self._metric.straight:
+            far = self.lengths(start, wanted)
+            return [cell for cell in far if far[cell] == min(far.values())]
+        steps = self.steps(start, wanted)
+        last = next(reversed(steps.values()))
+        return [cell for cell, count in steps.items() if count == last and cell in wanted]
 
     def lengths(self, start: Cell, goals: Collection[Cell]) -> dict[Cell, float]:
         """The length of the way from a vertex to each of some others, nearest first."""
@@ -65,8 +76,8 @@ class Ways:
         """The vertex to move to on the way to another: itself where robots fly straight."""
         if self._metric.straight and self._is_straight(start, goal):
             return goal
-        steps = self.steps(goal)
-        return min(self._near[start], key=steps.__getitem__)
+        steps = self.steps(goal, [start])
+        return min((n for n in self._near[start] if n in steps), key=steps.__getitem__)
 
     def _is_straight(self, start: Cell, end: Cell) -> bool:
         passable = self._metric.passable
