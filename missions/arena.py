@@ -107,13 +107,13 @@ def run(
     )
     arena.at = dict.fromkeys(range(robots), start)
     arena.ready = set(range(robots))
-    limit = limit if limit is not None else slowest * 50 * (len(roi) + 1) * _patience(explorer)
+    limit = limit if limit is not None else slowest * 50 * (len(roi) + 1) * patience_of(explorer)
     arena.play(limit)
     makespan = max((leg.end_t for leg in arena.legs), default=0.0)
     return Run(makespan, arena.everything(), tuple(arena.legs), arena.at)
 
 
-def _patience(explorer: Explorer) -> float:
+def patience_of(explorer: Explorer) -> float:
     """How much longer than others a strategy may take that has no map."""
     return float(getattr(explorer, "patience", 1.0))
 

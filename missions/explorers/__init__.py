@@ -5,12 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from missions.explorers.bfdn import Bfdn
+from missions.explorers.greedy import Greedy
+from missions.explorers.hungarian import Hungarian
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
+from missions.explorers.lrta import Lrta
+from missions.explorers.lrv import Lrv
+from missions.explorers.random_walk import RandomWalk
 from missions.explorers.rdfs import Rdfs
 from missions.explorers.rdfs_paper import RdfsPaper
+from missions.explorers.smartdfs import SmartDfs
 
-EXPLORERS: Mapping[str, Explorer] = MappingProxyType(
-    {explorer.name: explorer for explorer in (Rdfs(), RdfsPaper())}
+_ALL: tuple[Explorer, ...] = (
+    Rdfs(),
+    RdfsPaper(),
+    # the rolling horizon goes here
+    Hungarian(),
+    Greedy(),
+    Bfdn(),
+    Lrv(),
+    Lrta(),
+    RandomWalk(),
+    SmartDfs(),
 )
+EXPLORERS: Mapping[str, Explorer] = MappingProxyType({explorer.name: explorer for explorer in _ALL})
 
 __all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation"]

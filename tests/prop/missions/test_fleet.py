@@ -7,6 +7,7 @@ import pytest
 
 from missions.belief import Belief, FrameId
 from missions.events import Event, FrameSeen
+from missions.explorers import EXPLORERS
 from missions.orders import Hold, TakeOff
 from missions.roi import component
 from missions.state import Phase
@@ -183,3 +184,26 @@ def test_the_same_scenario_twice_gives_the_same_events_and_orders() -> None:
     assert once.events == again.events
     assert once.orders == again.orders
     assert fold(once.setting, once.events) == once.state
+
+
+# --- strategies ------------------------------------------------------------------------------
+def led_by(name: str, seed: int) -> Scenario:
+    """The first small mission from a seed on that several vehicles fly, under a strategy."""
+    drawn = (random_scenario(seed + i) for i in range(100))
+    scenario = next(s for s in drawn if len(s.mission.vehicles) > 1 and len(s.roi) < 12)
+    mission = scenario.mission.model_copy(update={"strategy": name})
+    return Scenario(mission, scenario.roi)
+
+
+@pytest.mark.parametrize("name", EXPLORERS)
+def test_every_strategy_flies_and_goes_on_after_a_crash(name: str) -> None:
+    """The crash holds the fold of the journal, the strategy's memory in it, against the state."""
+    scenario = led_by(name, 400)
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    flight.run(until=lambda f: f.state.tree is not None and len(f.state.tree) > 3)
+    flight.crash_and_resume()
+    flight.run()
+    assert flight.faults == []
+    assert fold(flight.setting, flight.events) == flight.state
+    map_is_whole(flight, scenario)

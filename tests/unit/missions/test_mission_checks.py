@@ -8,6 +8,7 @@ import re
 import pytest
 
 from missions.errors import MissionFileError
+from missions.explorers import EXPLORERS
 from missions.geodesy import LocalPlane
 from missions.grid import Grid
 from missions.homes import homes
@@ -58,7 +59,7 @@ def test_the_good_mission_is_good() -> None:
 # --- names -----------------------------------------------------------------------------------
 def test_an_unknown_strategy_lists_the_known_ones() -> None:
     assert fault(strategy="'rdsf'") == (
-        "strategy = 'rdsf': unknown; did you mean 'rdfs'? known: rdfs, rdfs-paper"
+        f"strategy = 'rdsf': unknown; did you mean 'rdfs'? known: {', '.join(sorted(EXPLORERS))}"
     )
 
 

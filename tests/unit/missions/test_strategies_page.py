@@ -1,0 +1,23 @@
+"""What docs/strategies.md shows works, and its table names every strategy."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from missions.explorers import EXPLORERS
+
+PAGE = Path(__file__).parents[3] / "docs" / "strategies.md"
+
+
+def test_the_examples_of_the_page_run() -> None:
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert len(blocks) == 3
+    names: dict[str, object] = {"__name__": "page"}
+    exec(compile("\n".join(blocks), "page", "exec", dont_inherit=True), names)
+    assert "Nearest" in names
+
+
+def test_the_table_has_a_row_for_every_strategy_in_their_order() -> None:
+    rows = re.findall(r"^\| `([a-z-]+)` \|", PAGE.read_text("utf-8"), re.MULTILINE)
+    assert rows == list(EXPLORERS)
