@@ -16,8 +16,8 @@ from sitl.commands import Commands, Request
 from sitl.items import Item
 from sitl.modes import Mode
 from sitl.params import INDEX, TABLE
-from sitl.streams import Streams
-from sitl.telemetry import STREAM_GROUPS, Telemetry
+from sitl.streams import STREAM_GROUPS, Streams
+from sitl.telemetry import Telemetry
 from sitl.transfer import Transfer
 from sitl.wire import Message, Packer
 

@@ -2,7 +2,32 @@
 
 from __future__ import annotations
 
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
 _SOON_S = 1e-6
+
+STREAM_GROUPS = {
+    mav.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        mav.MAVLINK_MSG_ID_SYS_STATUS,
+        mav.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mav.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mav.MAVLINK_MSG_ID_FENCE_STATUS,
+        mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    ),
+    mav.MAV_DATA_STREAM_POSITION: (
+        mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    mav.MAV_DATA_STREAM_EXTRA1: (mav.MAVLINK_MSG_ID_ATTITUDE,),
+    mav.MAV_DATA_STREAM_EXTRA2: (mav.MAVLINK_MSG_ID_VFR_HUD,),
+    mav.MAV_DATA_STREAM_EXTRA3: (
+        mav.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mav.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mav.MAVLINK_MSG_ID_WIND,
+        mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+"""What REQUEST_DATA_STREAM's groups hold."""
 
 
 class Streams:
