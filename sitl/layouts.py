@@ -1,4 +1,4 @@
-"""Payloads of MAVLink 2 packed straight from numbers, for messages that are sent many times a second.
+"""Payloads of MAVLink 2 packed straight from numbers, for messages that are sent often.
 
 pymavlink's message objects cost several times what their bytes do. Here the dialect's own tables
 say how the fields lie in a payload (MAVLink, "Field Reordering"), and no object is made.
@@ -7,10 +7,9 @@ say how the fields lie in a payload (MAVLink, "Field Reordering"), and no object
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable
 from operator import itemgetter
-from struct import Struct
-from struct import error as StructError
 from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -47,7 +46,7 @@ def layout(kind: Message, fields: int | None = None) -> Pack:
         places[name] = range(count, count + values)
         count += values
     order = [at for name in ordered for at in places[name]]
-    pack_fields = Struct("<" + "".join(codes[name] for name in ordered)).pack
+    pack_fields = struct.Struct("<" + "".join(codes[name] for name in ordered)).pack
     message_id, crc_extra = kind.id, kind.crc_extra
     if order == list(range(count)):
         return lambda *values: (message_id, crc_extra, pack_fields(*values))
@@ -55,7 +54,7 @@ def layout(kind: Message, fields: int | None = None) -> Pack:
 
     def pack(*values: float) -> Packed:
         if len(values) != count:
-            raise StructError(f"{kind.msgname} takes {count} values, not {len(values)}")
+            raise struct.error(f"{kind.msgname} takes {count} values, not {len(values)}")
         return message_id, crc_extra, pack_fields(*arrange(values))
 
     return pack
@@ -83,3 +82,24 @@ def int32(value: float) -> int:
     if -0x80000000 <= rounded <= 0x7FFFFFFF:
         return rounded
     return 0x7FFFFFFF if rounded > 0 else -0x80000000
+
+
+# what the telemetry sends; numbers count the fields before the extensions that stay zero
+heartbeat = layout(mav.MAVLink_heartbeat_message)
+sys_status = layout(mav.MAVLink_sys_status_message, 13)
+battery_status = layout(mav.MAVLink_battery_status_message, 11)
+system_time = layout(mav.MAVLink_system_time_message)
+gps_raw_int = layout(mav.MAVLink_gps_raw_int_message, 13)
+attitude = layout(mav.MAVLink_attitude_message)
+local_position_ned = layout(mav.MAVLink_local_position_ned_message)
+global_position_int = layout(mav.MAVLink_global_position_int_message)
+mission_current = layout(mav.MAVLink_mission_current_message)
+fence_status = layout(mav.MAVLink_fence_status_message, 4)
+gps_global_origin = layout(mav.MAVLink_gps_global_origin_message, 3)
+vfr_hud = layout(mav.MAVLink_vfr_hud_message)
+position_target_global_int = layout(mav.MAVLink_position_target_global_int_message)
+autopilot_version = layout(mav.MAVLink_autopilot_version_message, 11)
+wind = layout(mav.MAVLink_wind_message)
+ekf_status_report = layout(mav.MAVLink_ekf_status_report_message)
+home_position = layout(mav.MAVLink_home_position_message)
+extended_sys_state = layout(mav.MAVLink_extended_sys_state_message)

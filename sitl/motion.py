@@ -217,7 +217,7 @@ class Motion:
         if position:
             return command
         self.hold = (now.east, now.north, hold[2])  # no way back to where it once was
-        return replace(command, east_m_s2=0.0, north_m_s2=0.0)
+        return command._replace(east_m_s2=0.0, north_m_s2=0.0)
 
     def _refresh_limits(self) -> None:
         self._limits = replace(Limits.of(self.parameters, *self._airframe), **self._speeds)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from enum import Enum
+from enum import IntEnum
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -23,7 +23,7 @@ _SPEEDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
 Place = tuple[float, float, float]
 
 
-class Progress(Enum):
+class Progress(IntEnum):
     """How far a mission is; the values are MISSION_STATE's."""
 
     NOT_STARTED = 2

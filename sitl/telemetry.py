@@ -11,12 +11,14 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geodesy import LocalPlane
+from sitl import layouts
 from sitl.autopilot import Autopilot
-from sitl.layouts import int16, int32, layout, uint16
+from sitl.layouts import int16, int32, uint16
 from sitl.modes import Mode, Phase
 from sitl.wire import Message, Packed
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
+_AUTO = Mode.AUTO
 _GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
 
 # 3D gyro, accelerometer, compass, absolute pressure; the controllers; motors, AHRS, battery
@@ -24,10 +26,13 @@ _SENSORS = 0x0000_000F | 0x0000_FC00 | 0x0220_0000
 _GPS = mav.MAV_SYS_STATUS_SENSOR_GPS
 _GEOFENCE = mav.MAV_SYS_STATUS_GEOFENCE
 _PREARM = mav.MAV_SYS_STATUS_PREARM_CHECK
-_MOTORS = mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+_PRESENT = _SENSORS | _GPS | _GEOFENCE | _PREARM
+_PRESENT_AT_REST = _PRESENT & ~mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 
-_EKF_READY = 0x33F  # attitude, velocities, relative and absolute position, predictions
-_EKF_CONSTANT_POSITION = 0xA7  # no absolute position yet
+_SMALL = (0.01, 0.01, 0.01, 0.01, 0.0, 0.0)  # variances
+# attitude, velocities, relative and absolute position, predictions
+_EKF_READY = layouts.ekf_status_report(0x33F, *_SMALL)
+_EKF_CONSTANT_POSITION = layouts.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
 _TARGET_POSITION_ONLY = 0xFDF8
 _TARGET_VELOCITY_ONLY = 0xFDC7
 _CAPABILITIES = (
@@ -41,28 +46,10 @@ _CAPABILITIES = (
 )
 _VERSION_4_6_0 = (4 << 24) | (6 << 16) | (255)  # FIRMWARE_VERSION_TYPE_OFFICIAL
 
+_KEPT_PLACES = 16
 _NAN4 = (math.nan,) * 4
 _NO_CELLS = (65535,) * 9
 _NO_HASHES = (0,) * 24  # of the firmware, the middleware and the operating system
-
-_heartbeat = layout(mav.MAVLink_heartbeat_message)
-_sys_status = layout(mav.MAVLink_sys_status_message, 13)
-_battery_status = layout(mav.MAVLink_battery_status_message, 11)
-_system_time = layout(mav.MAVLink_system_time_message)
-_gps_raw_int = layout(mav.MAVLink_gps_raw_int_message, 13)
-_attitude = layout(mav.MAVLink_attitude_message)
-_local_position_ned = layout(mav.MAVLink_local_position_ned_message)
-_global_position_int = layout(mav.MAVLink_global_position_int_message)
-_mission_current = layout(mav.MAVLink_mission_current_message)
-_fence_status = layout(mav.MAVLink_fence_status_message, 4)
-_gps_global_origin = layout(mav.MAVLink_gps_global_origin_message, 3)
-_vfr_hud = layout(mav.MAVLink_vfr_hud_message)
-_position_target_global_int = layout(mav.MAVLink_position_target_global_int_message)
-_autopilot_version = layout(mav.MAVLink_autopilot_version_message, 11)
-_wind = layout(mav.MAVLink_wind_message)
-_ekf_status_report = layout(mav.MAVLink_ekf_status_report_message)
-_home_position = layout(mav.MAVLink_home_position_message)
-_extended_sys_state = layout(mav.MAVLink_extended_sys_state_message)
 
 _LANDED_STATE = {
     Phase.LANDED: mav.MAV_LANDED_STATE_ON_GROUND,
@@ -91,8 +78,7 @@ class Telemetry:
         self._amsl_m = amsl_m
         self._wind = wind
         self._boot_home = autopilot.home
-        self._placed = (math.nan, math.nan)
-        self._place_e7 = (0, 0)
+        self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Message | None]] = {
             mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
             mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
@@ -129,11 +115,15 @@ class Telemetry:
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
-        if (east_m, north_m) != self._placed:  # several messages of one moment ask for it
+        # several messages of one moment tell the same place, and a target stays for long
+        found = self._places.get((east_m, north_m))
+        if found is None:
+            if len(self._places) >= _KEPT_PLACES:
+                self._places.clear()
             position = self._plane.to_wgs84(east_m, north_m)
-            self._placed = (east_m, north_m)
-            self._place_e7 = (int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7))
-        return (*self._place_e7, int32((self._amsl_m + up_m) * 1000.0))
+            found = int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7)
+            self._places[east_m, north_m] = found
+        return found[0], found[1], int32((self._amsl_m + up_m) * 1000.0)
 
     def heartbeat(self) -> Packed:
         """HEARTBEAT."""
@@ -151,15 +141,13 @@ class Telemetry:
             status = mav.MAV_STATE_CRITICAL
         elif ap.airborne or ap.t_s < _CLAIMS_ACTIVE_S:
             status = mav.MAV_STATE_ACTIVE
-        return _heartbeat(
+        return layouts.heartbeat(
             mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, base, int(ap.mode), status, 3
         )
 
     def sys_status(self) -> Packed:
         """SYS_STATUS, with the prearm bit that says ready (or not)."""
         ap = self._ap
-        present = _SENSORS | _GPS | _GEOFENCE | _PREARM
-        enabled = present if ap.armed else present & ~_MOTORS
         health = _SENSORS
         if not ap.fence.broken:
             health |= _GEOFENCE
@@ -168,8 +156,8 @@ class Telemetry:
         if ap.prearm_ok:
             health |= _PREARM
         battery = ap.battery
-        return _sys_status(
-            present, enabled, health, 100,
+        return layouts.sys_status(
+            _PRESENT, _PRESENT if ap.armed else _PRESENT_AT_REST, health, 100,
             uint16(battery.voltage_v * 1000.0), int16(battery.current_a * 100.0),
             battery.remaining_percent, 0, 0, 0, 0, 0, 0,
         )  # fmt: skip
@@ -177,7 +165,7 @@ class Telemetry:
     def battery_status(self) -> Packed:
         """BATTERY_STATUS: mAh, hectojoules, percent."""
         battery = self._ap.battery
-        return _battery_status(
+        return layouts.battery_status(
             0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
             uint16(battery.voltage_v * 1000.0), *_NO_CELLS, int16(battery.current_a * 100.0),
             int32(battery.consumed_mah), int32(battery.consumed_wh * 36.0),
@@ -186,17 +174,17 @@ class Telemetry:
 
     def system_time(self) -> Packed:
         """SYSTEM_TIME; the date is not known."""
-        return _system_time(0, self.boot_ms)
+        return layouts.system_time(0, self.boot_ms)
 
     def gps_raw_int(self) -> Packed:
         """GPS_RAW_INT; no fix until home is known."""
         ap = self._ap
         if not ap.home_known or ap.position_lost:
-            return _gps_raw_int(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
+            return layouts.gps_raw_int(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
         now = ap.estimate
         lat, lon, amsl = self.place(now.east, now.north, now.up)
         course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
-        return _gps_raw_int(
+        return layouts.gps_raw_int(
             int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
             uint16(100.0 * math.hypot(now.v_east, now.v_north)), uint16(course * 100.0) % 36000,
             10, amsl, 300, 300,
@@ -207,14 +195,14 @@ class Telemetry:
         body = self._ap.body
         roll, pitch = body.roll_pitch
         yaw = math.remainder(body.heading, math.tau)
-        return _attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
+        return layouts.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 
     def local_position_ned(self) -> Packed | None:
         """LOCAL_POSITION_NED around the place of booting."""
         if not self._ap.home_known:
             return None
         now, (east, north, up) = self._ap.estimate, self._boot_home
-        return _local_position_ned(
+        return layouts.local_position_ned(
             self.boot_ms, now.north - north, now.east - east, up - now.up,
             now.v_north, now.v_east, -now.v_up,
         )  # fmt: skip
@@ -224,10 +212,10 @@ class Telemetry:
         ap = self._ap
         heading = uint16(math.degrees(ap.body.heading) * 100.0) % 36000
         if not ap.home_known:
-            return _global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
+            return layouts.global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
         now = ap.estimate
         lat, lon, amsl = self.place(now.east, now.north, now.up)
-        return _global_position_int(
+        return layouts.global_position_int(
             self.boot_ms, lat, lon, amsl, int32((now.up - ap.home[2]) * 1000.0),
             int16(now.v_north * 100.0), int16(now.v_east * 100.0), int16(-now.v_up * 100.0),
             heading,
@@ -236,8 +224,9 @@ class Telemetry:
     def mission_current(self) -> Packed:
         """MISSION_CURRENT; the total leaves out home."""
         route = self._ap.route
-        state = route.progress.value if route.total else mav.MISSION_STATE_NO_MISSION
-        return _mission_current(route.current, route.total, state, int(self._ap.mode == Mode.AUTO))
+        total = route.total
+        state = int(route.progress) if total else mav.MISSION_STATE_NO_MISSION
+        return layouts.mission_current(route.current, total, state, int(self._ap.mode == _AUTO))
 
     def fence_status(self) -> Packed | None:
         """FENCE_STATUS, while the fence is on."""
@@ -245,7 +234,7 @@ class Telemetry:
         if not ap.fence.enabled(ap.parameters):
             return None
         fence = ap.fence
-        return _fence_status(
+        return layouts.fence_status(
             int(fence.broken != 0), uint16(fence.count), fence.breach_type,
             round(fence.at_s * 1000.0) & 0xFFFFFFFF,
         )  # fmt: skip
@@ -254,12 +243,12 @@ class Telemetry:
         """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
         if not self._ap.home_known:
             return None
-        return _gps_global_origin(*self.place(*self._boot_home))
+        return layouts.gps_global_origin(*self.place(*self._boot_home))
 
     def vfr_hud(self) -> Packed:
         """VFR_HUD."""
         body, now = self._ap.body, self._ap.estimate
-        return _vfr_hud(
+        return layouts.vfr_hud(
             body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
             int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
             self._amsl_m + now.up, now.v_up,
@@ -270,13 +259,13 @@ class Telemetry:
         ap = self._ap
         if ap.target is not None:
             lat, lon, _ = self.place(*ap.target)
-            return _position_target_global_int(
+            return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
                 self._amsl_m + ap.target[2], *([0.0] * 8),
             )  # fmt: skip
         if ap.velocity_target is not None:
             east, north, up = ap.velocity_target
-            return _position_target_global_int(
+            return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_VELOCITY_ONLY, 0, 0, 0.0,
                 north, east, -up, *([0.0] * 5),
             )  # fmt: skip
@@ -284,18 +273,19 @@ class Telemetry:
 
     def autopilot_version(self) -> Packed:
         """AUTOPILOT_VERSION of an ArduCopter 4.6, with the simulator's own vendor and product."""
-        return _autopilot_version(_CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, *_NO_HASHES, *IDENTITY, 0)
+        return layouts.autopilot_version(
+            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, *_NO_HASHES, *IDENTITY, 0
+        )
 
     def wind(self) -> Packed:
         """WIND: where it comes from, degrees, and its speed."""
         east, north = self._wind()
         coming_from = math.degrees(math.atan2(-east, -north))
-        return _wind(coming_from, math.hypot(east, north), 0.0)
+        return layouts.wind(coming_from, math.hypot(east, north), 0.0)
 
     def ekf_status_report(self) -> Packed:
         """EKF_STATUS_REPORT: constant position mode until ready."""
-        flags = _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
-        return _ekf_status_report(flags, 0.01, 0.01, 0.01, 0.01, 0.0, 0.0)
+        return _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
 
     def home_position(self) -> Packed | None:
         """HOME_POSITION, once known; arming moves it."""
@@ -304,7 +294,7 @@ class Telemetry:
             return None
         east, north, up = ap.home
         boot_east, boot_north, boot_up = self._boot_home
-        return _home_position(
+        return layouts.home_position(
             *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
             *_NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),
         )  # fmt: skip
@@ -312,4 +302,4 @@ class Telemetry:
     def extended_sys_state(self) -> Packed:
         """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
         state = _LANDED_STATE.get(self._ap.phase, mav.MAV_LANDED_STATE_IN_AIR)
-        return _extended_sys_state(mav.MAV_VTOL_STATE_MC, state)
+        return layouts.extended_sys_state(mav.MAV_VTOL_STATE_MC, state)
