@@ -18,6 +18,7 @@ from sitl.transfer import Plans
 
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
 _HOME_SHARE = 0.5
+_LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
 
 SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
@@ -286,9 +287,9 @@ class Autopilot(Motion):
         now.v_up = body.v_up + error.v_up
 
     def _decide(self, dt_s: float) -> Command:
-        if self.mode == Mode.AUTO and self.armed and self._mission_started:
+        if self.mode == _AUTO and self.armed and self._mission_started:
             self.route.step(self)
-        if self.phase == Phase.LANDED:
+        if self.phase is _LANDED:
             if self.armed and (
                 self.mode in (Mode.RTL, Mode.LAND)
                 or self.t_s - self._since_s > self.parameters["DISARM_DELAY"]

@@ -17,6 +17,12 @@ _ARRIVED_M = 0.2
 _TURN_TO_TARGET_M = 2.0
 _CHASE_SHARE = 2.0
 
+# a member looked up in its class costs more than what is done with it here
+_LANDED, _SPOOL, _CLIMB, _FLY = Phase.LANDED, Phase.SPOOL, Phase.CLIMB, Phase.FLY
+_RTL_CLIMB, _RTL_RETURN, _RTL_HOLD = Phase.RTL_CLIMB, Phase.RTL_RETURN, Phase.RTL_HOLD
+_DESCEND, _LOITER = Phase.DESCEND, Mode.LOITER
+_STANDING = (_LANDED, _SPOOL)
+
 Place = tuple[float, float, float]
 
 
@@ -50,7 +56,7 @@ class Motion:
     @property
     def airborne(self) -> bool:
         """Off the ground, as the autopilot sees it."""
-        return self.phase not in (Phase.LANDED, Phase.SPOOL)
+        return self.phase not in _STANDING
 
     @property
     def yaw_goal(self) -> float:
@@ -75,11 +81,11 @@ class Motion:
         if self.airborne:
             east, north, up = self._stopping_point()
             self.hold = (east, north, max(up_m, up))
-            self._enter(Phase.CLIMB)
+            self._enter(_CLIMB)
             return
         self.hold = (self.estimate.east, self.estimate.north, up_m)
-        if self.phase != Phase.SPOOL:
-            self._enter(Phase.SPOOL)
+        if self.phase is not _SPOOL:
+            self._enter(_SPOOL)
 
     def fly_to(self, place: Place, yaw_rad: float | None = None) -> None:
         """Fly there and stay, in the air; far places turn the nose."""
@@ -92,20 +98,20 @@ class Motion:
             self._control.yaw_target = math.atan2(east, north)
         self.target = self.hold = place
         self.velocity_target = None
-        if self.airborne and self.phase != Phase.FLY:
-            self._enter(Phase.FLY)
+        if self.airborne and self.phase is not _FLY:
+            self._enter(_FLY)
 
     def stay(self) -> None:
         """Stop here, in the air."""
         self.target = self.velocity_target = None
         self.hold = self._stopping_point()
-        self._enter(Phase.FLY)
+        self._enter(_FLY)
 
     def land(self) -> None:
         """Come down on the place that is held."""
         self.target = None
         if self.airborne:
-            self._enter(Phase.DESCEND)
+            self._enter(_DESCEND)
 
     def go_home(self) -> None:
         """Climb to the return height, fly home or to the nearest rally point, and land."""
@@ -117,7 +123,7 @@ class Motion:
         self.hold = (east, north, max(self.home[2] + height, self._return_to[2]))
         if speed := self.parameters["RTL_SPEED"]:
             self.set_speed("speed_m_s", speed / 100.0)
-        self._enter(Phase.RTL_CLIMB)
+        self._enter(_RTL_CLIMB)
 
     def face(self, yaw_rad: float) -> None:
         """Turn the nose to a true bearing."""
@@ -145,13 +151,13 @@ class Motion:
 
     def _pass_phases(self, dt_s: float) -> bool:
         """Phases that follow one another by themselves; False while the motors only idle."""
-        if self.phase == Phase.SPOOL:
+        if self.phase is _SPOOL:
             if self.t_s - self._since_s < _SPOOL_S:
                 return False
-            self._enter(Phase.CLIMB)
+            self._enter(_CLIMB)
         self._contact_s = self._contact_s + dt_s if self.body.on_ground else 0.0
-        if self._contact_s >= _CONTACT_S and self.phase != Phase.CLIMB:
-            self._enter(Phase.LANDED)
+        if self._contact_s >= _CONTACT_S and self.phase is not _CLIMB:
+            self._enter(_LANDED)
             self._control.reset()
             self._shaper.active = False
             return False
@@ -161,16 +167,16 @@ class Motion:
     def _advance(self) -> None:
         now, phase = self.estimate, self.phase
         high_enough = abs(now.up - self.hold[2]) < _ARRIVED_M
-        if phase == Phase.CLIMB and high_enough:
-            self._enter(Phase.FLY)
-        elif phase == Phase.RTL_CLIMB and high_enough:
+        if phase is _CLIMB and high_enough:
+            self._enter(_FLY)
+        elif phase is _RTL_CLIMB and high_enough:
             self.hold = (self._return_to[0], self._return_to[1], self.hold[2])
-            self._enter(Phase.RTL_RETURN)
-        elif phase == Phase.RTL_RETURN:
+            self._enter(_RTL_RETURN)
+        elif phase is _RTL_RETURN:
             away = math.hypot(now.east - self.hold[0], now.north - self.hold[1])
             if away < 2 * _ARRIVED_M:
-                self._enter(Phase.RTL_HOLD)
-        elif phase == Phase.RTL_HOLD:
+                self._enter(_RTL_HOLD)
+        elif phase is _RTL_HOLD:
             if self.t_s - self._since_s >= self.parameters["RTL_LOIT_TIME"] / 1000.0:
                 self._end_return()
         elif self.velocity_target is not None and self.t_s >= self._velocity_until_s:
@@ -181,9 +187,9 @@ class Motion:
         final_m = self.parameters["RTL_ALT_FINAL"] / 100.0
         if final_m > 0.0:
             self.hold = (self.hold[0], self.hold[1], self.home[2] + final_m)
-            self._enter(Phase.FLY)
+            self._enter(_FLY)
         else:
-            self._enter(Phase.DESCEND)
+            self._enter(_DESCEND)
 
     def _fly(self, dt_s: float, *, position: bool) -> Command:
         """Thrust and turn rate; without a position only level, wherever the wind takes it."""
@@ -208,9 +214,9 @@ class Motion:
                     hold[0] - now.east, hold[1] - now.north, limits
                 )
             climb = self._control.climb_towards(hold[2] - now.up, limits)
-        if self.phase == Phase.DESCEND:
+        if self.phase is _DESCEND:
             climb = -landing_speed(self.parameters, limits, now.up - self.home[2])
-        elif self.mode == Mode.LOITER:
+        elif self.mode == _LOITER:
             climb = -limits.descent_m_s  # no radio control: its throttle reads zero
         chase = self._chase if self._shaper.active else limits
         command = self._control.command(now, self.body, velocity, climb, chase, dt_s)

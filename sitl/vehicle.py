@@ -206,12 +206,14 @@ class SimVehicle:
         self._signing.set_up(bytes(m.secret_key), m.initial_timestamp)
 
     def _small_step(self, dt_s: float) -> bytes:
-        self.fail.step(self._ap.t_s + dt_s, self._error, self._battery, self._body)
-        self._ap.radio_lost = self.fail.rc_lost
-        self._ap.step(self._wind(), dt_s)
+        ap, fail = self._ap, self.fail
+        fail.step(ap.t_s + dt_s, self._error, self._battery, self._body)
+        ap.radio_lost = fail.rc_lost
+        ap.step(self._wind(), dt_s)
         self._spend(dt_s)
-        now_s = self._ap.t_s + _SOON_S
-        sent = bytearray(self._interpreter.step() + self._announce())
+        t_s = ap.t_s
+        now_s = t_s + _SOON_S
+        sent = self._interpreter.step() + self._announce()
         wire = self._interpreter.autopilot_wire
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s += _HEARTBEAT_S
@@ -219,20 +221,19 @@ class SimVehicle:
             sent += self._interpreter.camera_wire.pack(self._payload.heartbeat())
             if now_s >= self._next_timesync_s:
                 self._next_timesync_s += _TIMESYNC_S
-                sent += wire.pack(mav.MAVLink_timesync_message(0, round(self._ap.t_s * 1e9)))
-        for message_id in self._streams.due(self._ap.t_s):
-            message = self._telemetry.build(message_id)
-            if message is not None:
-                sent += wire.pack(message)
-        if self.fail.camera_stalled:
-            return bytes(sent)
-        picture = self._payload.step(self._ap.t_s)
+                sent += wire.pack(mav.MAVLink_timesync_message(0, round(t_s * 1e9)))
+        if due := self._streams.due(t_s):
+            messages = map(self._telemetry.build, due)
+            sent += b"".join([wire.pack(message) for message in messages if message is not None])
+        if fail.camera_stalled:
+            return sent
+        picture = self._payload.step(t_s)
         if picture is not None:
             sent += self._interpreter.camera_wire.pack(picture)
             sent += wire.pack(self._payload.feedback)
-            if self.fail.picture:
-                self._spoiler.note(picture.file_url, self.fail.picture)
-        return bytes(sent)
+            if fail.picture:
+                self._spoiler.note(picture.file_url, fail.picture)
+        return sent
 
     def _announce(self) -> bytes:
         """What is told at once, unasked: a new mode, a new home, status texts."""
