@@ -142,7 +142,7 @@ class LocalPlane:
 
 def _meridian_m(lat_rad: float) -> float:
     """Radius of curvature along the meridian."""
-    return _A_M * (1.0 - _E2) / (1.0 - _E2 * math.sin(lat_rad) ** 2) ** 1.5
+    return _A_M * (1.0 - _E2) / math.pow(1.0 - _E2 * math.sin(lat_rad) ** 2, 1.5)
 
 
 def _prime_vertical_m(lat_rad: float) -> float:
