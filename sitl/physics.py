@@ -12,7 +12,6 @@ from typing import NamedTuple
 GRAVITY_M_S2 = 9.80665
 MAX_STEP_S = 0.05
 
-_TAU = math.tau
 _TILT_TAU_S = 0.15
 _THRUST_TAU_S = 0.1
 _YAW_TAU_S = 0.15
@@ -185,7 +184,7 @@ class Body:
         self.thrust_up += (up - self.thrust_up) * self._thrust_share
         self.yaw_rate += (yaw_rate - self.yaw_rate) * self._yaw_share
         if not (self.on_ground and self.thrust_up <= 0.0):
-            self.yaw = (self.yaw + self.yaw_rate * dt_s) % _TAU
+            self.yaw = (self.yaw + self.yaw_rate * dt_s) % math.tau
 
     def _touch(self) -> None:
         """Meet the ground: stand, or break when too fast."""

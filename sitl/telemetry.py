@@ -15,7 +15,7 @@ from sitl import layouts
 from sitl.autopilot import Autopilot
 from sitl.layouts import int16, int32, uint16
 from sitl.modes import Mode, Phase
-from sitl.wire import Message, Packed
+from sitl.wire import Packed
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
 _AUTO = Mode.AUTO
@@ -64,7 +64,7 @@ beside the propellers."""
 
 
 class Telemetry:
-    """Builds messages from an autopilot whose plane has its origin at `amsl_m`."""
+    """Builds messages, packed, from an autopilot whose plane has its origin at `amsl_m`."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class Telemetry:
         self._wind = wind
         self._boot_home = autopilot.home
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
-        self._builders: dict[int, Callable[[], Message | None]] = {
+        self._builders: dict[int, Callable[[], Packed | None]] = {
             mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
             mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
             mav.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
