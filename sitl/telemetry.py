@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geodesy import LocalPlane
-from sitl.autopilot import Autopilot
+from sitl.aircraft import Aircraft
 from sitl.modes import Mode, Phase
 from sitl.wire import Message
 
@@ -101,7 +101,7 @@ class Telemetry:
 
     def __init__(
         self,
-        autopilot: Autopilot,
+        autopilot: Aircraft,
         plane: LocalPlane,
         amsl_m: float,
         wind: Callable[[], tuple[float, float]],
@@ -260,7 +260,7 @@ class Telemetry:
         route = self._ap.route
         state = route.progress.value if route.total else mav.MISSION_STATE_NO_MISSION
         return mav.MAVLink_mission_current_message(
-            route.current, route.total, state, int(self._ap.mode == Mode.AUTO)
+            route.current, route.total, state, int(self._ap.in_mission)
         )
 
     def fence_status(self) -> Message | None:
