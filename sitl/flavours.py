@@ -17,6 +17,10 @@ from sitl.commands import Commands
 from sitl.flight_commands import FlightCommands
 from sitl.interpreter import Interpreter
 from sitl.physics import Body
+from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.commands import Px4Commands
+from sitl.px4.interpreter import Px4Interpreter
+from sitl.px4.telemetry import DEFAULT_S, Px4Telemetry
 from sitl.sensors import PositionError
 from sitl.spec import VehicleSpec
 from sitl.streams import Streams
@@ -76,4 +80,29 @@ def _ardupilot(kit: Kit) -> Flavour:
     )
 
 
-FLAVOURS: Mapping[str, Callable[[Kit], Flavour]] = {"ardupilot": _ardupilot}
+def _px4(kit: Kit) -> Flavour:
+    spec = kit.spec
+    autopilot = Px4Autopilot(
+        kit.body,
+        kit.error,
+        kit.battery,
+        system_id=spec.system_id,
+        ready_after_s=spec.ready_after_s,
+        max_speed_m_s=spec.max_speed_m_s,
+        max_accel_m_s2=spec.max_accel_m_s2,
+    )
+    telemetry = Px4Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    return Flavour(
+        aircraft=autopilot,
+        telemetry=telemetry,
+        flight=Px4Commands(autopilot, kit.plane, kit.amsl_m),
+        interpreter=lambda commands, streams: Px4Interpreter(
+            spec.system_id, autopilot, commands, streams, telemetry
+        ),
+        default_s=DEFAULT_S,
+        tells_mode_at_once=False,
+        camera_feedback=False,
+    )
+
+
+FLAVOURS: Mapping[str, Callable[[Kit], Flavour]] = {"ardupilot": _ardupilot, "px4": _px4}

@@ -22,9 +22,9 @@ from sitl.wire import Message, Packer
 
 AUTOPILOT, CAMERA = mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_COMP_ID_CAMERA
 
-_NO_POSITION = 0x7  # type_mask: ignore x, y, z
-_NO_VELOCITY = 0x38
-_NO_YAW = 0x400
+NO_POSITION = 0x7  # type_mask: ignore x, y, z
+NO_VELOCITY = 0x38
+NO_YAW = 0x400
 _FTP_NAK, _FTP_FAIL = 129, 1
 _READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
 _UNASKED = 65535  # index of a parameter that nobody has asked for
@@ -140,12 +140,12 @@ class Interpreter:
         """Never acknowledged; outside guided flight dropped without a word."""
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
             return b""
-        if not m.type_mask & _NO_POSITION:
+        if not m.type_mask & NO_POSITION:
             target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
-            yaw = None if m.type_mask & _NO_YAW or not math.isfinite(m.yaw) else m.yaw
+            yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
             if target is not None:
                 self._ap.go_to(*target, yaw)
-        elif not m.type_mask & _NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
+        elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self._ap.go_with(m.vy, m.vx, -m.vz)
         return b""
 

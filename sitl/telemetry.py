@@ -143,6 +143,11 @@ class Telemetry:
         return self._builders[message_id]()
 
     @property
+    def origin(self) -> tuple[float, float, float]:
+        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
+        return self._boot_home
+
+    @property
     def boot_ms(self) -> int:
         """Milliseconds since boot, as in `time_boot_ms`."""
         return round(self._ap.t_s * 1000.0) & 0xFFFFFFFF

@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
         "--autopilot",
         metavar="FLAVOUR",
         default="ardupilot",
-        help="ardupilot (default); px4 is not there yet",
+        help="ardupilot (default) or px4",
     )
     add("--vehicles", metavar="N", type=vehicle_count, help="how many vehicles")
     add("--seed", metavar="S", type=seed_number, default=1, help="of the simulation")
@@ -121,6 +121,7 @@ def _by_mission(options: argparse.Namespace) -> _Serving:
     return lambda on_ready: serve_vehicles(
         mission,
         options.seed,
+        autopilot=options.autopilot,
         speedup=options.speedup,
         tcp=options.tcp,
         base_port=options.port,
