@@ -296,6 +296,7 @@ class Px4Autopilot(Aircraft):
             super().go_home()
         else:
             self._change(Px4Mode.RTL)
+            self.route.reset()
 
     def enable_fence(self, on: bool) -> None:
         """Without effect: GF_ACTION says whether there is one."""
