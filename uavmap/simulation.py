@@ -55,11 +55,14 @@ def make_vehicles(
     mission: Mission,
     seed: int,
     *,
-    autopilot: str = "ardupilot",
+    autopilot: str | None = None,
     start_s: float = 0.0,
     image_url_prefix: str = "sim://",
 ) -> list[SimVehicle]:
-    """The simulated aircraft of a mission, in one world, as it is at mission time `start_s`."""
+    """The simulated aircraft of a mission, in one world, as it is at mission time `start_s`.
+
+    `autopilot` instead of the mission's, if given.
+    """
     sim, grid = mission.sim, Setting.of(mission).grid
 
     def drifted(ring: Sequence[LatLon]) -> tuple[LatLon, ...]:
@@ -101,7 +104,7 @@ def make_vehicles(
         SimVehicle(
             VehicleSpec(
                 system_id=number,
-                autopilot=autopilot,
+                autopilot=autopilot or sim.autopilot,
                 home=home,
                 battery_wh=mission.battery.capacity_wh,
                 hover_power_w=mission.battery.hover_power_w,
@@ -237,7 +240,7 @@ async def serve_vehicles(
     mission: Mission,
     seed: int,
     *,
-    autopilot: str = "ardupilot",
+    autopilot: str | None = None,
     speedup: float,
     tcp: bool,
     base_port: int | None,

@@ -22,6 +22,9 @@ SEVERITY_WARNING = 4
 _LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off
 _OFFBOARD_CLIMB_M = 1.0
 
+Wish = tuple[float | None, float | None, float | None]
+"""East, north, up; None where it is left open."""
+
 
 class Px4Autopilot(Aircraft):
     """A PX4 multicopter."""
@@ -59,7 +62,7 @@ class Px4Autopilot(Aircraft):
         self.failsafes = Px4Failsafes()
         self.setpoints = Setpoints()
         self._after_disarming = Px4Mode.HOLD
-        self._take_off_up_m: float | None = None  # asked for with NAV_TAKEOFF
+        self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
         self._climbs_first = False  # a mission that does not begin with a take-off
 
@@ -126,7 +129,7 @@ class Px4Autopilot(Aircraft):
         self.armed = self.body.motors_on = False
         self.target = self.velocity_target = None
         self._climbs_first = False
-        self._take_off_up_m = None
+        self._take_off_to = (None, None, None)
         self.route.stop()
         self._enter(Phase.LANDED)
         self.failsafes.taken_over()
@@ -198,11 +201,14 @@ class Px4Autopilot(Aircraft):
 
     # --- take-off -------------------------------------------------------------------------------
 
-    def take_off(self, up_m: float | None) -> str | None:
-        """NAV_TAKEOFF to a height over the plane, None: MIS_TAKEOFF_ALT. Arming may come later."""
+    def take_off(self, place: Wish) -> str | None:
+        """NAV_TAKEOFF: up from here, or to a place, to a height or MIS_TAKEOFF_ALT.
+
+        Arming may come later.
+        """
         if self.armed and (reason := self._mode_refusal(Px4Mode.TAKEOFF)) is not None:
             return f"Takeoff denied! {reason}"
-        self._take_off_up_m = up_m
+        self._take_off_to = place
         if self.mode != Px4Mode.TAKEOFF:
             self.set_mode(Px4Mode.TAKEOFF)
         elif self.armed and not self.airborne:
@@ -211,13 +217,15 @@ class Px4Autopilot(Aircraft):
 
     def _begin_take_off(self) -> None:
         self.set_speed("climb_m_s", self.parameters.positive("MPC_TKO_SPEED", 0.5, 5.0))
-        up_m, self._take_off_up_m = self._take_off_up_m, None
+        (east, north, up_m), self._take_off_to = self._take_off_to, (None, None, None)
         if up_m is None:
             up_m = self._usual_take_off_m
         if up_m <= self.estimate.up:
             self.say(SEVERITY_WARNING, "Already higher than takeoff altitude")
             return
         self.climb_to(up_m)
+        if east is not None and north is not None:
+            self.hold = (east, north, self.hold[2])
 
     @property
     def _usual_take_off_m(self) -> float:
@@ -225,9 +233,7 @@ class Px4Autopilot(Aircraft):
 
     # --- targets --------------------------------------------------------------------------------
 
-    def reposition(
-        self, place: tuple[float | None, float | None, float | None], yaw_rad: float | None
-    ) -> str | None:
+    def reposition(self, place: Wish, yaw_rad: float | None) -> str | None:
         """DO_REPOSITION in Hold; None leaves a coordinate, or the heading, as it is.
 
         In another mode, or on the ground, nothing comes of it; the text is for a fence only.

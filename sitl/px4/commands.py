@@ -68,7 +68,7 @@ class Px4Commands(BaseCommands):
     def _take_off(self, request: Request) -> Reply:
         amsl_m = request.p[6]
         up_m = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        return self.answer(self._ap.take_off(up_m))
+        return self.answer(self._ap.take_off((*self._flat_or_none(request), up_m)))
 
     def _reposition(self, request: Request) -> Reply:
         place = request.place
