@@ -14,6 +14,7 @@ from sitl.px4.modes import Px4Mode, packed, wanted
 from sitl.px4.params import TABLE, bytewise, from_bytewise
 from sitl.setup import Setup
 from sitl.testing import Fleet
+from tests.hostile import bombard
 
 NAN = math.nan
 AMSL_M = 488.0
@@ -212,6 +213,14 @@ def test_a_height_that_is_not_above_the_sea_does_not_lift_it(sitl):
     sitl.run(12.0)
     assert sitl.truth.landed
     assert not sitl.truth.armed
+
+
+def test_a_take_off_to_nowhere_goes_there(sitl):
+    """Zeros for latitude and longitude are a place: in the Gulf of Guinea."""
+    assert sitl.command(ARM, 1) == ACCEPTED
+    assert sitl.command(TAKEOFF, 0, 0, 0, NAN, 0, 0, AMSL_M + 10.0) == ACCEPTED
+    sitl.run(15.0)
+    assert sitl.truth.position.lat_deg < LAT / 1e7 - 1e-4
 
 
 def test_reposition_is_amsl_whatever_the_frame(sitl):
@@ -489,6 +498,22 @@ def test_failure_injection_wants_its_parameter(sitl):
     take_off(sitl)
     assert sitl.command(420, mav.FAILURE_UNIT_SENSOR_GPS, mav.FAILURE_TYPE_OFF) == ACCEPTED
     sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=6.0)
+
+
+@pytest.mark.parametrize("flying", [False, True])
+def test_garbage(flying):
+    """On the ground any mode may be chosen by it, so only what matters is looked at."""
+    sitl = Fleet(Setup(autopilot="px4"))[0]
+    sitl.run(6.0)
+    if flying:
+        take_off(sitl)
+    outcome = bombard(sitl._vehicle, 200_000, seed=4, well_addressed=not flying)
+    assert outcome.crashes == []
+    assert sitl.truth.armed is flying
+    if flying:
+        assert outcome.changes == []
+    sitl._vehicle.receive(bytes(300))  # ends a frame that garbage may have begun
+    assert sitl.command(512, 148) == ACCEPTED
 
 
 def test_the_same_seed_gives_the_same_bytes():
