@@ -22,7 +22,6 @@ class VehicleSpec:
 
     system_id: int
     home: LatLon
-    autopilot: str = "ardupilot"
     home_yaw_deg: float = 0.0
     battery_wh: float = 60.0
     hover_power_w: float = 300.0
@@ -35,6 +34,7 @@ class VehicleSpec:
     max_accel_m_s2: float = 3.0
     max_tilt_deg: float = 30.0
     image_url_prefix: str = "sim://"
+    autopilot: str = "ardupilot"
 
     def __post_init__(self) -> None:
         problems = []

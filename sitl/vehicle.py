@@ -59,6 +59,8 @@ class SimVehicle:
         )
         self._battery = Battery(spec.battery_wh)
         self._error = PositionError(rng, spec.gps_sigma_m, spec.gps_tau_s)
+        if spec.autopilot not in FLAVOURS:
+            raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
         amsl_m = world.spec.origin_amsl_m
         flavour = FLAVOURS[spec.autopilot](
             Kit(spec, self._body, self._error, self._battery, world.plane, amsl_m, self._wind)

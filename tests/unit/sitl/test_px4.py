@@ -10,10 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import LatLon
 from sitl.px4.modes import Px4Mode, packed, wanted
 from sitl.px4.params import TABLE, bytewise, from_bytewise
 from sitl.setup import Setup
 from sitl.testing import Fleet
+from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.world import World, WorldSpec
 from tests.hostile import bombard
 
 NAN = math.nan
@@ -528,3 +531,9 @@ def test_the_same_seed_gives_the_same_bytes():
     first = flight()
     assert len(first) > 10_000
     assert first == flight()
+
+
+def test_an_autopilot_that_is_not_there():
+    home = LatLon(47.0, 8.0)
+    with pytest.raises(ValueError, match="there is ardupilot, px4"):
+        SimVehicle(VehicleSpec(1, home, autopilot="inav"), World(WorldSpec(home, 0.0, ())))
