@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from enum import IntEnum
 
-from sitl.control import Controller, Estimate, Limits
-from sitl.modes import Mode, Phase, landing_speed, return_height
+from sitl.control import Controller, Estimate
+from sitl.modes import Mode, Phase
 from sitl.params import Parameters
 from sitl.physics import Body, Command
 from sitl.shaping import Shaper
+from sitl.tuning import Tuning
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
 _CONTACT_S = 1.0  # standing for so long counts as landed
@@ -29,11 +31,20 @@ Place = tuple[float, float, float]
 class Motion:
     """What is flown now; the autopilot on top of it decides what that is."""
 
-    def __init__(self, body: Body, max_speed_m_s: float, max_accel_m_s2: float) -> None:
+    mode: IntEnum
+
+    def __init__(
+        self,
+        body: Body,
+        parameters: Parameters,
+        tuning: Tuning,
+        max_speed_m_s: float,
+        max_accel_m_s2: float,
+    ) -> None:
         self.body = body
-        self.parameters = Parameters()
+        self.parameters = parameters
+        self.tuning = tuning
         self.t_s = 0.0
-        self.mode = Mode.STABILIZE
         self.phase = Phase.LANDED
         self.estimate = Estimate(body.east, body.north)
         self.home: Place = (body.east, body.north, 0.0)
@@ -42,7 +53,7 @@ class Motion:
         self.velocity_target: Place | None = None
         self.hold: Place = (body.east, body.north, 0.0)
         self._airframe = (max_speed_m_s, max_accel_m_s2)
-        self._limits = Limits.of(self.parameters, *self._airframe)
+        self._limits = tuning.limits(*self._airframe)
         self._chase = self._limits
         self._speeds: dict[str, float] = {}
         self._limits_version = 0
@@ -92,9 +103,7 @@ class Motion:
         east, north = place[0] - self.estimate.east, place[1] - self.estimate.north
         if yaw_rad is not None:
             self._control.yaw_target = yaw_rad
-        elif (
-            math.hypot(east, north) > _TURN_TO_TARGET_M and self.parameters["WP_YAW_BEHAVIOR"] != 0
-        ):
+        elif math.hypot(east, north) > _TURN_TO_TARGET_M and self.tuning.turns_nose:
             self._control.yaw_target = math.atan2(east, north)
         self.target = self.hold = place
         self.velocity_target = None
@@ -119,10 +128,10 @@ class Motion:
         east, north, up = self.hold
         self._return_to = self._nearest_return()
         away = math.hypot(east - self._return_to[0], north - self._return_to[1])
-        height = return_height(self.parameters, away, up - self.home[2])
+        height = self.tuning.return_height_m(away, up - self.home[2])
         self.hold = (east, north, max(self.home[2] + height, self._return_to[2]))
-        if speed := self.parameters["RTL_SPEED"]:
-            self.set_speed("speed_m_s", speed / 100.0)
+        if speed := self.tuning.return_speed_m_s:
+            self.set_speed("speed_m_s", speed)
         self._enter(_RTL_CLIMB)
 
     def face(self, yaw_rad: float) -> None:
@@ -138,14 +147,14 @@ class Motion:
     # --- inside ---------------------------------------------------------------------------------
 
     def _nearest_return(self) -> Place:
-        """Home, or the rally point that is nearest (by RALLY_LIMIT_KM and RALLY_INCL_HOME)."""
-        now, limit_m = self.estimate, 1000.0 * self.parameters["RALLY_LIMIT_KM"]
+        """Home, or the rally point that is nearest."""
+        now, limit_m = self.estimate, self.tuning.rally_within_m
 
         def away(place: Place) -> float:
             return math.hypot(place[0] - now.east, place[1] - now.north)
 
         near = [p for p in self.rally if limit_m <= 0.0 or away(p) <= limit_m]
-        if not near or self.parameters["RALLY_INCL_HOME"]:
+        if not near or self.tuning.rally_or_home:
             near.append(self.home)
         return min(near, key=away)
 
@@ -177,14 +186,14 @@ class Motion:
             if away < 2 * _ARRIVED_M:
                 self._enter(_RTL_HOLD)
         elif phase is _RTL_HOLD:
-            if self.t_s - self._since_s >= self.parameters["RTL_LOIT_TIME"] / 1000.0:
+            if self.t_s - self._since_s >= self.tuning.return_hover_s:
                 self._end_return()
         elif self.velocity_target is not None and self.t_s >= self._velocity_until_s:
             self.velocity_target = None
             self.hold = self._stopping_point()
 
     def _end_return(self) -> None:
-        final_m = self.parameters["RTL_ALT_FINAL"] / 100.0
+        final_m = self.tuning.return_final_m
         if final_m > 0.0:
             self.hold = (self.hold[0], self.hold[1], self.home[2] + final_m)
             self._enter(_FLY)
@@ -196,7 +205,7 @@ class Motion:
         if self._limits_version != self.parameters.version:
             self._refresh_limits()
         now, limits, hold = self.estimate, self._limits, self.hold
-        jerk_m_s3 = self.parameters["PSC_JERK_XY"]
+        jerk_m_s3 = self.tuning.jerk_m_s3
         if self.velocity_target is not None or jerk_m_s3 <= 0.0 or not position:
             self._shaper.active = False
         if self.velocity_target is not None:
@@ -215,7 +224,7 @@ class Motion:
                 )
             climb = self._control.climb_towards(hold[2] - now.up, limits)
         if self.phase is _DESCEND:
-            climb = -landing_speed(self.parameters, limits, now.up - self.home[2])
+            climb = -self.tuning.landing_m_s(limits, now.up - self.home[2])
         elif self.mode == _LOITER:
             climb = -limits.descent_m_s  # no radio control: its throttle reads zero
         chase = self._chase if self._shaper.active else limits
@@ -226,7 +235,7 @@ class Motion:
         return command._replace(east_m_s2=0.0, north_m_s2=0.0)
 
     def _refresh_limits(self) -> None:
-        self._limits = replace(Limits.of(self.parameters, *self._airframe), **self._speeds)
+        self._limits = replace(self.tuning.limits(*self._airframe), **self._speeds)
         # what follows a shaped path needs more than the path itself uses
         self._chase = replace(self._limits, accel_m_s2=_CHASE_SHARE * self._limits.accel_m_s2)
         self._limits_version = self.parameters.version

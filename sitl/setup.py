@@ -11,11 +11,11 @@ from missions.errors import UavmapError
 from missions.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.camera import CameraSpec
+from sitl.flavours import FLAVOURS
 from sitl.ground import load_ground
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world import World, WorldSpec
 
-AUTOPILOTS = ("ardupilot",)
 _BETWEEN_M = 3.0  # from one vehicle's place of start to the next
 _A_ROW = 8
 _MOST = 100
@@ -86,10 +86,8 @@ class Setup:
     ready_after_s: float = 5.0
 
     def __post_init__(self) -> None:
-        if self.autopilot == "px4":
-            raise UavmapError("autopilot px4: this flavour is not there yet; there is ardupilot")
-        if self.autopilot not in AUTOPILOTS:
-            raise UavmapError(f"autopilot {self.autopilot!r}: there is {', '.join(AUTOPILOTS)}")
+        if self.autopilot not in FLAVOURS:
+            raise UavmapError(f"autopilot {self.autopilot!r}: there is {', '.join(FLAVOURS)}")
         if not 1 <= self.vehicles <= _MOST:
             raise UavmapError(f"vehicles: {self.vehicles} is not 1 to {_MOST}")
         if not 0.0 < self.speedup <= 1000.0:
@@ -128,6 +126,7 @@ class Setup:
                 SimVehicle(
                     VehicleSpec(
                         system_id=i + 1,
+                        autopilot=self.autopilot,
                         home=plane.to_wgs84(_BETWEEN_M * (i % _A_ROW), _BETWEEN_M * (i // _A_ROW)),
                         home_yaw_deg=home.yaw_deg,
                         battery_wh=self.battery_wh,

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geodesy import LocalPlane
 from sitl import layouts
-from sitl.autopilot import Autopilot
+from sitl.aircraft import Aircraft
 from sitl.layouts import int16, int32, uint16
 from sitl.modes import Mode, Phase
 from sitl.wire import Packed
@@ -68,7 +68,7 @@ class Telemetry:
 
     def __init__(
         self,
-        autopilot: Autopilot,
+        autopilot: Aircraft,
         plane: LocalPlane,
         amsl_m: float,
         wind: Callable[[], tuple[float, float]],
@@ -107,6 +107,11 @@ class Telemetry:
     def build(self, message_id: int) -> Packed | None:
         """The message, or None while there is nothing to say in it."""
         return self._builders[message_id]()
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
+        return self._boot_home
 
     @property
     def boot_ms(self) -> int:
@@ -226,7 +231,7 @@ class Telemetry:
         route = self._ap.route
         total = route.total
         state = int(route.progress) if total else mav.MISSION_STATE_NO_MISSION
-        return layouts.mission_current(route.current, total, state, int(self._ap.mode == _AUTO))
+        return layouts.mission_current(route.current, total, state, int(self._ap.in_mission))
 
     def fence_status(self) -> Packed | None:
         """FENCE_STATUS, while the fence is on."""

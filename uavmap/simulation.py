@@ -52,9 +52,17 @@ def true_roi(mission: Mission, grid: Grid) -> BaseGeometry:
 
 
 def make_vehicles(
-    mission: Mission, seed: int, *, start_s: float = 0.0, image_url_prefix: str = "sim://"
+    mission: Mission,
+    seed: int,
+    *,
+    autopilot: str | None = None,
+    start_s: float = 0.0,
+    image_url_prefix: str = "sim://",
 ) -> list[SimVehicle]:
-    """The simulated aircraft of a mission, in one world, as it is at mission time `start_s`."""
+    """The simulated aircraft of a mission, in one world, as it is at mission time `start_s`.
+
+    `autopilot` instead of the mission's, if given.
+    """
     sim, grid = mission.sim, Setting.of(mission).grid
 
     def drifted(ring: Sequence[LatLon]) -> tuple[LatLon, ...]:
@@ -96,6 +104,7 @@ def make_vehicles(
         SimVehicle(
             VehicleSpec(
                 system_id=number,
+                autopilot=autopilot or sim.autopilot,
                 home=home,
                 battery_wh=mission.battery.capacity_wh,
                 hover_power_w=mission.battery.hover_power_w,
@@ -231,6 +240,7 @@ async def serve_vehicles(
     mission: Mission,
     seed: int,
     *,
+    autopilot: str | None = None,
     speedup: float,
     tcp: bool,
     base_port: int | None,
@@ -238,7 +248,9 @@ async def serve_vehicles(
     on_ready: Callable[[list[str]], None],
 ) -> None:
     """The simulated aircraft of a mission on loopback sockets, until cancelled."""
-    vehicles = make_vehicles(mission, seed, image_url_prefix=_pictures_at(http_port))
+    vehicles = make_vehicles(
+        mission, seed, autopilot=autopilot, image_url_prefix=_pictures_at(http_port)
+    )
     await serve(
         vehicles,
         speedup=speedup,

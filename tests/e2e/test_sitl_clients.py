@@ -64,9 +64,11 @@ def run_client(script, address):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("tcp", [False, True])
-def test_mavsdk_flies_by_hand(tcp):
-    with vehicle(tcp=tcp) as sitl:
+@pytest.mark.parametrize(
+    ("autopilot", "tcp"), [("ardupilot", False), ("ardupilot", True), ("px4", False)]
+)
+def test_mavsdk_flies_by_hand(autopilot, tcp):
+    with vehicle(tcp=tcp, autopilot=autopilot) as sitl:
         seen = run_client("mavsdk_client.py", sitl.url)
         assert sitl.truth.landed
     assert seen["away_m"] == pytest.approx(15.0, abs=2.5)
@@ -83,6 +85,37 @@ def test_mavsdk_flies_a_mission():
     assert seen["download"] == [16, 22, 16, 20]
     assert seen["same"] is True
     assert seen["fence"] == 4
+    assert seen["back_m"] < 1.5
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_mavsdk_on_a_px4(tcp):
+    with vehicle(tcp=tcp, autopilot="px4") as sitl:
+        seen = run_client("mavsdk_px4_client.py", sitl.url)
+        assert sitl.truth.landed
+        assert not sitl.truth.armed
+    assert (seen["int_params"] > 15, seen["float_params"] > 15) == (True, True)
+    assert (seen["int"], seen["float"]) == (3, 8.0)
+    assert seen["download"] == [22, 16, 20]
+    assert seen["same"] is True
+    assert seen["fence"] == 4
+    assert seen["offboard_height_m"] == pytest.approx(10.0, abs=1.5)
+    assert seen["back_m"] < 1.5
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_pymavlink_on_a_px4(tcp):
+    with vehicle(tcp=tcp, autopilot="px4") as sitl:
+        seen = run_client("pymavlink_px4_client.py", pymavlink_address(sitl.url))
+        assert sitl.truth.landed
+        assert not sitl.truth.armed
+    assert seen["autopilot"] == 12
+    assert seen["parameters"] > 40
+    assert (seen["gf_action"], seen["take_off_alt"]) == (3, 8.0)
+    results = ("upload", "hold", "arm", "take_off", "reposition", "mission")
+    assert [seen[name] for name in results] == [0] * len(results)
+    assert seen["download"] == [16, 16, 21]
+    assert seen["reached"] == [0, 1, 2]
     assert seen["back_m"] < 1.5
 
 

@@ -19,9 +19,8 @@ HOME = "47.4,8.5,488,90"
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("--autopilot px4", "px4: this flavour is not there yet"),
-        (f"--home {HOME} --autopilot px4", "px4: this flavour is not there yet"),
-        ("--autopilot inav", "there is ardupilot"),
+        ("--autopilot inav", "there is ardupilot, px4"),
+        (f"--home {HOME} --autopilot inav", "there is ardupilot, px4"),
         ("--home here", "LAT,LON,AMSL,YAW"),
         ("--home 95,8", "latitude"),
         ("--home 47,8,nan", "LAT,LON,AMSL,YAW"),

@@ -89,7 +89,6 @@ class TestMarked:
 
 
 WRONG = {
-    "autopilot='px4'": "not there yet",
     "autopilot='inav'": "there is ardupilot",
     "vehicles=0": "vehicles: 0",
     "speedup=0": "speedup: 0",
