@@ -73,8 +73,9 @@ def test_mavsdk_flies_by_hand(tcp):
     assert seen["back_m"] == pytest.approx(0.0, abs=1.5)
 
 
-def test_mavsdk_flies_a_mission():
-    with vehicle() as sitl:
+@pytest.mark.parametrize("tcp", [False, True])
+def test_mavsdk_flies_a_mission(tcp):
+    with vehicle(tcp=tcp) as sitl:
         seen = run_client("mavsdk_mission_client.py", sitl.url)
         assert sitl.truth.landed
         assert not sitl.truth.armed
