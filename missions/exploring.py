@@ -12,7 +12,7 @@ from missions.orders import FlyTo, Look
 from missions.state import Errand, Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
-EXTRA_FRAMES = 3
+EXTRA_FRAMES = 6
 """A look may take so many times its frames before it gives up on a neighbour."""
 
 

@@ -216,7 +216,7 @@ class Motion:
         else:
             if jerk_m_s3 > 0.0 and position:
                 velocity = self._shaper.velocity_towards(
-                    (hold[0], hold[1]), now, limits, max(1.0, min(20.0, jerk_m_s3)), dt_s
+                    (hold[0], hold[1]), now, limits, _shaping_jerk(jerk_m_s3), dt_s
                 )
             else:
                 velocity = self._control.velocity_towards(
@@ -242,11 +242,19 @@ class Motion:
 
     def _stopping_point(self) -> Place:
         now = self.estimate
-        lag_s = math.hypot(now.v_east, now.v_north) / (2.0 * self._limits.accel_m_s2) + 0.3
         up = now.up + now.v_up * abs(now.v_up) / (2.0 * self._limits.accel_z_m_s2)
+        if self._shaper.active:
+            jerk_m_s3 = _shaping_jerk(self.parameters["PSC_JERK_XY"])
+            return (*self._shaper.stopping_point(self._limits, jerk_m_s3), up)
+        lag_s = math.hypot(now.v_east, now.v_north) / (2.0 * self._limits.accel_m_s2) + 0.3
         return now.east + now.v_east * lag_s, now.north + now.v_north * lag_s, up
 
     def _enter(self, phase: Phase) -> None:
         self.phase = phase
         self._since_s = self.t_s
         self._contact_s = 0.0
+
+
+def _shaping_jerk(parameter: float) -> float:
+    """PSC_JERK_XY, held to a range in which flying is possible."""
+    return max(1.0, min(20.0, parameter))

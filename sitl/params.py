@@ -61,7 +61,7 @@ _ROWS = (
     Parameter("LAND_SPEED_HIGH", 0, INT16),  # cm/s, 0: WPNAV_SPEED_DN
     Parameter("MIS_RESTART", 0, INT8),  # 1: from the beginning each time
     Parameter("MIS_TOTAL", 0, INT16, fixed=True),
-    Parameter("PSC_JERK_XY", 0.0, REAL32),  # m/s^3, 5 on a real one; 0: as directly as it can
+    Parameter("PSC_JERK_XY", 5.0, REAL32),  # m/s^3; 0: as directly as it can
     Parameter("PSC_POSXY_P", 1.0, REAL32),  # 1/s
     Parameter("PSC_POSZ_P", 1.0, REAL32),  # 1/s
     Parameter("RALLY_INCL_HOME", 1, INT8),

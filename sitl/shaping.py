@@ -70,3 +70,13 @@ class Shaper:
             v_east + limits.p_xy * (east - now.east),
             v_north + limits.p_xy * (north - now.north),
         )
+
+    def stopping_point(self, limits: Limits, jerk_m_s3: float) -> tuple[float, float]:
+        """Where (east, north) the path can come to rest without coming back."""
+        a_east, a_north = self._acceleration
+        # what is still gained until the acceleration is taken back
+        gain_s = math.hypot(a_east, a_north) / (2.0 * jerk_m_s3)
+        v_east, v_north = self._velocity[0] + a_east * gain_s, self._velocity[1] + a_north * gain_s
+        braking = _BRAKING_SHARE * limits.accel_m_s2
+        lag_s = math.hypot(v_east, v_north) / (2.0 * braking) + limits.accel_m_s2 / jerk_m_s3
+        return self._place[0] + v_east * lag_s, self._place[1] + v_north * lag_s

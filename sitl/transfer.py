@@ -127,6 +127,8 @@ class Transfer:
         if self._upload is not None:
             if self._upload.partner != partner:
                 return [_ack(m, _DENIED)]
+            if self._repeated(m, self._upload, now_s):
+                return [self._ask(self._upload, now_s)]
             self._break_off(self._upload)
         self._finished = None
         if m.count > _MOST[m.mission_type]:
@@ -140,6 +142,15 @@ class Transfer:
             self._changed(upload.kind)
         self._upload = upload
         return [self._ask(upload, now_s)]
+
+    def _repeated(self, m: Message, upload: _Upload, now_s: float) -> bool:
+        """Whether a count is a second copy of the one that began an upload.
+
+        A client whose items have just come does not begin again: that would lose them. After a
+        silence it may, and with other items; what has come is not mixed with those.
+        """
+        same = (m.mission_type, m.count) == (upload.kind, upload.count)
+        return same and now_s - upload.heard_s < self._retry_s
 
     def _ask(self, upload: _Upload, now_s: float) -> Message:
         upload.asked_s = now_s
