@@ -2,7 +2,7 @@
 # make test   set up, run every test
 # make check  set up, ruff, mypy --strict, import-linter
 # make setup  only .venv, whose bin/uavmap is the command
-# make lock   resolve requirements.txt anew (needs uv)
+# make lock   resolve the two requirements files anew (needs uv)
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -23,16 +23,20 @@ check: setup
 
 setup: .venv/ready
 
-.venv/ready: requirements.txt pyproject.toml
+.venv/ready: requirements.txt requirements-clients.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes \
+		-r requirements-clients.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
 lock:
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 		--extra dev pyproject.toml -o requirements.txt
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+		--no-deps --group clients -o requirements-clients.txt
 
 clean:
 	rm -rf .venv results

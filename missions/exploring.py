@@ -14,7 +14,7 @@ from missions.state import Errand, Phase, Setting, State, VehicleState
 from missions.tree import Tree
 from missions.units import Cell, GridPoint
 
-EXTRA_FRAMES = 3
+EXTRA_FRAMES = 6
 """A look may take so many times its frames before it gives up on a neighbour."""
 
 

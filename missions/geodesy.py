@@ -120,9 +120,8 @@ class LocalPlane:
         lat0 = math.radians(self.origin.lat_deg)
         dlat = math.radians(position.lat_deg) - lat0
         dlon = math.remainder(math.radians(position.lon_deg - self.origin.lon_deg), math.tau)
-        meridian, _ = _radii(lat0 + dlat / 2)
-        _, prime_vertical = _radii(lat0 + dlat)
-        east = prime_vertical * math.cos(lat0 + dlat) * dlon
+        meridian = _meridian_m(lat0 + dlat / 2)
+        east = _prime_vertical_m(lat0 + dlat) * math.cos(lat0 + dlat) * dlon
         # a parallel bends towards the pole, away from the tangent at the origin
         north = meridian * dlat + 0.5 * east * dlon * math.sin(lat0 + dlat)
         return east, north
@@ -132,15 +131,20 @@ class LocalPlane:
         lat0 = math.radians(self.origin.lat_deg)
         dlat, dlon = 0.0, 0.0
         for _ in range(4):
-            meridian, _unused = _radii(lat0 + dlat / 2)
-            _unused, prime_vertical = _radii(lat0 + dlat)
-            dlon = east_m / (prime_vertical * math.cos(lat0 + dlat))
-            dlat = (north_m - 0.5 * east_m * dlon * math.sin(lat0 + dlat)) / meridian
+            lat, last = lat0 + dlat, dlat
+            dlon = east_m / (_prime_vertical_m(lat) * math.cos(lat))
+            dlat = (north_m - 0.5 * east_m * dlon * math.sin(lat)) / _meridian_m(lat0 + dlat / 2)
+            if dlat == last:  # a further round would be the same
+                break
         lon = math.remainder(self.origin.lon_deg + math.degrees(dlon), 360.0)
         return LatLon(math.degrees(lat0 + dlat), lon)
 
 
-def _radii(lat_rad: float) -> tuple[float, float]:
-    """Radii of curvature (meridian, prime vertical) in metres."""
-    w2 = 1.0 - _E2 * math.sin(lat_rad) ** 2
-    return _A_M * (1.0 - _E2) / w2**1.5, _A_M / math.sqrt(w2)
+def _meridian_m(lat_rad: float) -> float:
+    """Radius of curvature along the meridian."""
+    return _A_M * (1.0 - _E2) / math.pow(1.0 - _E2 * math.sin(lat_rad) ** 2, 1.5)
+
+
+def _prime_vertical_m(lat_rad: float) -> float:
+    """Radius of curvature across it."""
+    return _A_M / math.sqrt(1.0 - _E2 * math.sin(lat_rad) ** 2)

@@ -248,6 +248,8 @@ _FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 class Sim(_Section):
     """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
 
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Whose behaviour the simulated vehicles have."""
     roi: tuple[SimRegion, ...] = ()
     roi_intensity: Annotated[Count, Field(ge=0, le=255)] = 85
     ground_intensity: Annotated[Count, Field(ge=0, le=255)] = 190

@@ -1,30 +1,29 @@
-"""What an ArduCopter decides: modes, arming, take-off, guided flight, missions, failsafes.
-
-It sees the world through an estimate of its position and moves it through `Body`. It speaks no
-MAVLink: requests are method calls that return None or the reason for a refusal.
-"""
+"""What an ArduCopter decides: modes, arming, take-off, guided flight, missions, failsafes."""
 
 from __future__ import annotations
 
+from sitl.aircraft import SEVERITY_INFO, Aircraft
 from sitl.battery import Battery
 from sitl.failsafes import Failsafes
 from sitl.fence import Fence, names
+from sitl.items import FENCE, MISSION, RALLY, Item
 from sitl.modes import UNARMABLE, Mode, Phase
-from sitl.motion import Motion
+from sitl.params import Parameters
 from sitl.physics import IDLE, Body, Command
-from sitl.route import Progress, Route
+from sitl.route import Progress
 from sitl.sensors import PositionError
-from sitl.transfer import Plans
+from sitl.tuning import CopterTuning
 
-_PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
-_HOME_SHARE = 0.5
+_LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
+_TOTALS = {MISSION: "MIS_TOTAL", FENCE: "FENCE_TOTAL", RALLY: "RALLY_TOTAL"}
 
-SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
 
+class Autopilot(Aircraft):
+    """An ArduCopter."""
 
-class Autopilot(Motion):
-    """One autopilot; `step` moves it on, the methods are what a pilot can ask for."""
+    mode: Mode
+    failsafes: Failsafes
 
     def __init__(
         self,
@@ -36,56 +35,35 @@ class Autopilot(Motion):
         max_speed_m_s: float,
         max_accel_m_s2: float,
     ) -> None:
-        super().__init__(body, max_speed_m_s, max_accel_m_s2)
-        self.error = error
-        self.battery = battery
-        self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
-        self.armed = False
-        self.radio_lost = False  # set by a fault; without one nobody holds a radio control
-        self.plans = Plans()
-        self.route = Route(self.plans.mission)
-        self.fence = Fence()
+        parameters = Parameters()
+        super().__init__(
+            body,
+            error,
+            battery,
+            parameters,
+            CopterTuning(parameters),
+            Fence(),
+            first_item=1,
+            ready_after_s=ready_after_s,
+            max_speed_m_s=max_speed_m_s,
+            max_accel_m_s2=max_accel_m_s2,
+        )
+        self.mode = Mode.STABILIZE
         self.failsafes = Failsafes()
-        self.texts: list[tuple[int, str]] = []
-        self.mode_changed = False
-        self.home_changed = False
-        self._ready_after_s = ready_after_s
-        self._home_known = False
+        self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START
-
-    # --- what it knows of itself ---------------------------------------------------------------
-
-    @property
-    def prearm_ok(self) -> bool:
-        """The prearm bit of SYS_STATUS."""
-        settled = self.t_s >= _PREARM_SHARE * self._ready_after_s
-        return settled and not (self.body.crashed or self.position_lost)
-
-    @property
-    def position_ok(self) -> bool:
-        """The navigation filter has an absolute position."""
-        return self.t_s >= self._ready_after_s and not self.failsafes.position_gone(self.t_s)
-
-    @property
-    def position_lost(self) -> bool:
-        """No satellites."""
-        return self.error.lost
-
-    @property
-    def home_known(self) -> bool:
-        """Satellite navigation has had a fix and home is set."""
-        return self._home_known
 
     @property
     def navigating(self) -> bool:
         """In the air in a mode that needs a position."""
         return self.armed and self.airborne and self.mode != Mode.STABILIZE
 
-    # --- what can be asked for ------------------------------------------------------------------
+    @property
+    def in_mission(self) -> bool:
+        """AUTO."""
+        return self.mode == Mode.AUTO
 
-    def say(self, severity: int, text: str) -> None:
-        """Tell whoever listens."""
-        self.texts.append((severity, text))
+    # --- what can be asked for ------------------------------------------------------------------
 
     def arm(self, force: bool = False) -> str | None:
         """Start the motors; the reason for a refusal, or None."""
@@ -255,40 +233,23 @@ class Autopilot(Motion):
         self.face(yaw_rad)
         return True
 
-    def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
-        """DO_SET_HOME."""
-        self.home = (east_m, north_m, up_m)
-        self._home_known = self.home_changed = True
+    def enable_fence(self, on: bool) -> None:
+        """FENCE_ENABLE."""
+        self.parameters.change("FENCE_ENABLE", float(on))
+
+    def count_items(self, kind: int, items: list[Item]) -> None:
+        """MIS_TOTAL, FENCE_TOTAL, RALLY_TOTAL."""
+        self.parameters.change(_TOTALS[kind], len(items))
 
     # --- time -----------------------------------------------------------------------------------
 
-    def step(self, wind: tuple[float, float], dt_s: float) -> None:
-        """One step of estimate, decision, control, physics and battery."""
-        self.t_s += dt_s
-        if not self._home_known and self.t_s >= _HOME_SHARE * self._ready_after_s:
-            self._home_known = self.home_changed = True
-        self.error.step(dt_s)
-        self._look()
+    def _watch_failsafes(self) -> None:
         self.failsafes.step(self)
-        if self.body.motors_on and self.battery.empty:
-            self.body.motors_on = False
-            self.say(SEVERITY_CRITICAL, "Battery 1 is empty")
-        command = self._decide(dt_s)
-        self.body.step(command, wind, dt_s)
-        if self.armed and not self.body.motors_on and self.body.on_ground:
-            self.disarm(force=True)
-
-    def _look(self) -> None:
-        body, error, now = self.body, self.error, self.estimate
-        now.east, now.north = body.east + error.east, body.north + error.north
-        now.up = body.up + error.up
-        now.v_east, now.v_north = body.v_east + error.v_east, body.v_north + error.v_north
-        now.v_up = body.v_up + error.v_up
 
     def _decide(self, dt_s: float) -> Command:
-        if self.mode == Mode.AUTO and self.armed and self._mission_started:
+        if self.mode == _AUTO and self.armed and self._mission_started:
             self.route.step(self)
-        if self.phase == Phase.LANDED:
+        if self.phase is _LANDED:
             if self.armed and (
                 self.mode in (Mode.RTL, Mode.LAND)
                 or self.t_s - self._since_s > self.parameters["DISARM_DELAY"]

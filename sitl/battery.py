@@ -20,13 +20,14 @@ class Battery:
 
     __slots__ = (
         "_dead_cells",
+        "_sag_v",
+        "_set_v",
         "_unnoticed_wh",
+        "_voltage_v",
         "capacity_wh",
         "consumed_mah",
         "energy_wh",
         "power_w",
-        "sag_v",
-        "set_v",
     )
 
     def __init__(self, capacity_wh: float) -> None:
@@ -36,19 +37,23 @@ class Battery:
         self.energy_wh = capacity_wh
         self.power_w = 0.0
         self.consumed_mah = 0.0
-        self.sag_v = 0.0  # a fault: the voltage is lower by so much
-        self.set_v = 0.0  # a fault: what the voltage at rest is, whatever the charge; 0 for none
+        self._sag_v = 0.0
+        self._set_v = 0.0
         self._dead_cells = 0
         self._unnoticed_wh = 0.0  # gone with a cell, but the autopilot only counts what flows
+        self._voltage_v: float | None = None  # asked for several times a step
 
     def draw(self, power_w: float, dt_s: float) -> None:
         """Take `power_w` for `dt_s`; an empty battery stays empty."""
         self.power_w = power_w
+        self._voltage_v = None
         if power_w <= 0.0:
             return
         hours = dt_s / 3600.0
         self.consumed_mah += 1000.0 * self.current_a * hours
-        self.energy_wh = max(0.0, self.energy_wh - power_w * hours)
+        left_wh = self.energy_wh - power_w * hours
+        self.energy_wh = left_wh if left_wh > 0.0 else 0.0
+        self._voltage_v = None
 
     def swap(self) -> None:
         """Put in a full pack; the autopilot's counters start again."""
@@ -57,6 +62,7 @@ class Battery:
         self.power_w = 0.0
         self._dead_cells = 0
         self._unnoticed_wh = 0.0
+        self._voltage_v = None
 
     def fail_cell(self) -> None:
         """A cell becomes a wire: its voltage and its share of the energy are gone."""
@@ -65,6 +71,13 @@ class Battery:
         self.energy_wh -= lost_wh
         self._unnoticed_wh += lost_wh
         self._dead_cells = min(CELLS - 1, self._dead_cells + 1)
+        self._voltage_v = None
+
+    def disturb(self, *, sag_v: float, set_v: float) -> None:
+        """Faults: the voltage is lower by `sag_v`; at rest it is `set_v`, if not 0, whatever the
+        charge."""
+        self._sag_v, self._set_v = sag_v, set_v
+        self._voltage_v = None
 
     @property
     def empty(self) -> bool:
@@ -89,10 +102,15 @@ class Battery:
     @property
     def voltage_v(self) -> float:
         """Open-circuit voltage by charge, less what the load drops."""
+        if self._voltage_v is None:
+            self._voltage_v = self._loaded_voltage()
+        return self._voltage_v
+
+    def _loaded_voltage(self) -> float:
         cells = CELLS - self._dead_cells
         charge = self.energy_wh / (self.capacity_wh * (cells / CELLS))
         rest = cells * (_CELL_EMPTY_V + (_CELL_FULL_V - _CELL_EMPTY_V) * charge)
-        rest = max(_LOWEST_V, (self.set_v or rest) - self.sag_v)
+        rest = max(_LOWEST_V, (self._set_v or rest) - self._sag_v)
         return rest - _RESISTANCE_OHM * self.power_w / rest
 
     @property

@@ -1,4 +1,4 @@
-"""MAV_CMD_* as an ArduCopter answers them: a table of commands, each a small function.
+"""MAV_CMD_*: a table of commands, each a small function.
 
 A function gets a `Request` and returns a `Reply`: the MAV_RESULT of the COMMAND_ACK and the
 messages that follow it.
@@ -7,13 +7,12 @@ messages that follow it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geodesy import LocalPlane
-from sitl.autopilot import Autopilot
-from sitl.flight_commands import FlightCommands
+from sitl.aircraft import Aircraft
+from sitl.base_commands import BaseCommands
 from sitl.payload import Payload
 from sitl.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request, statustext
 from sitl.streams import Streams
@@ -30,22 +29,26 @@ _CAMERA_MESSAGES = (
 
 
 class Commands:
-    """The commands of the autopilot and of its camera."""
+    """The commands of the autopilot and of its camera.
+
+    `default_s` has the messages that are streamed unasked, and their intervals.
+    """
 
     def __init__(
         self,
-        autopilot: Autopilot,
+        autopilot: Aircraft,
         telemetry: Telemetry,
         streams: Streams,
         payload: Payload,
-        plane: LocalPlane,
-        amsl_m: float,
+        flight: BaseCommands,
+        default_s: Mapping[int, float],
     ) -> None:
         self._ap = autopilot
         self._telemetry = telemetry
         self._streams = streams
         self._payload = payload
-        self.flight = FlightCommands(autopilot, plane, amsl_m)
+        self.flight = flight
+        self._default_s = default_s
         autopilot.route.camera = self._route_camera
         # asked first: the result of a command that a fault answers, None for all others
         self.intercept: Callable[[Request], int | None] | None = None
@@ -86,8 +89,9 @@ class Commands:
             return Reply(DENIED)
         if not math.isfinite(interval_us):
             return Reply(DENIED)
-        # 0 is the default rate, and by default nothing is streamed
         interval_s = interval_us / 1e6 if interval_us > 0.0 else None
+        if interval_us == 0.0:
+            interval_s = self._default_s.get(message_id)
         self._streams.set(message_id, interval_s, self._ap.t_s)
         return Reply(ACCEPTED)
 

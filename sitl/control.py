@@ -68,6 +68,11 @@ def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:
     return math.sqrt(2.0 * accel_m_s2 * (error - 0.5 * linear_m))
 
 
+def _within(value: float, most: float) -> float:
+    """A value held to `-most` to `most`."""
+    return most if value > most else -most if value < -most else value
+
+
 @dataclass(slots=True)
 class Estimate:
     """Where the autopilot believes to be: metres and m/s (east, north, up)."""
@@ -121,28 +126,26 @@ class Controller:
         dt_s: float,
     ) -> Command:
         """Thrust and turn rate for a wanted velocity; `body` gives what an IMU measures."""
-        d_east, d_north = velocity[0] - self._ref_east, velocity[1] - self._ref_north
+        east, north, up = self._ref_east, self._ref_north, self._ref_up
+        d_east, d_north = velocity[0] - east, velocity[1] - north
         step = math.hypot(d_east, d_north)
         room = limits.accel_m_s2 * dt_s
         if step > room:
             d_east *= room / step
             d_north *= room / step
-        self._ref_east += d_east
-        self._ref_north += d_north
-        room = limits.accel_z_m_s2 * dt_s
-        d_up = max(-room, min(room, climb_m_s - self._ref_up))
-        self._ref_up += d_up
+        d_up = _within(climb_m_s - up, limits.accel_z_m_s2 * dt_s)
+        self._ref_east, self._ref_north, self._ref_up = east, north, up = (
+            east + d_east, north + d_north, up + d_up,
+        )  # fmt: skip
         learn = -math.expm1(-dt_s / _WIND_TAU_S)
-        self._wind_east += (body.drag_east - self._wind_east) * learn
-        self._wind_north += (body.drag_north - self._wind_north) * learn
+        wind_east, wind_north = self._wind_east, self._wind_north
+        self._wind_east = wind_east = wind_east + (body.drag_east - wind_east) * learn
+        self._wind_north = wind_north = wind_north + (body.drag_north - wind_north) * learn
         lead = 1.0 / dt_s
-        up = d_up * lead + _CLIMB_GAIN_1_S * (self._ref_up - now.v_up)
         return Command(
-            d_east * lead + _VELOCITY_GAIN_1_S * (self._ref_east - now.v_east) - self._wind_east,
-            d_north * lead
-            + _VELOCITY_GAIN_1_S * (self._ref_north - now.v_north)
-            - self._wind_north,
-            max(-_MAX_VERTICAL_M_S2, min(_MAX_VERTICAL_M_S2, up)),
+            d_east * lead + _VELOCITY_GAIN_1_S * (east - now.v_east) - wind_east,
+            d_north * lead + _VELOCITY_GAIN_1_S * (north - now.v_north) - wind_north,
+            _within(d_up * lead + _CLIMB_GAIN_1_S * (up - now.v_up), _MAX_VERTICAL_M_S2),
             self._yaw_rate(body.heading, limits),
         )
 
@@ -150,5 +153,4 @@ class Controller:
         if self.yaw_target is None:
             return 0.0
         error = math.remainder(self.yaw_target - yaw_rad, math.tau)
-        limit = limits.yaw_rate_rad_s
-        return max(-limit, min(limit, _YAW_GAIN_1_S * error))
+        return _within(_YAW_GAIN_1_S * error, limits.yaw_rate_rad_s)

@@ -262,8 +262,10 @@ class Faults:
             glitch_m=self._sum("gps_glitch"),
             drift_m_s=self._sum("gps_drift"),
         )
-        battery.sag_v = sum(f.numbers[0] for f in self.active("battery_sag"))
-        battery.set_v = max((f.numbers[0] for f in self.active("battery_voltage")), default=0.0)
+        battery.disturb(
+            sag_v=sum(f.numbers[0] for f in self.active("battery_sag")),
+            set_v=max((f.numbers[0] for f in self.active("battery_voltage")), default=0.0),
+        )
         while self._cells_to_fail > 0:
             self._cells_to_fail -= 1
             battery.fail_cell()

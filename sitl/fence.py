@@ -81,6 +81,10 @@ class Fence:
         """FENCE_ENABLE."""
         return parameters["FENCE_ENABLE"] != 0.0
 
+    def floor_m(self, parameters: Parameters) -> float:
+        """Height above home that has to be passed once before it is watched."""
+        return parameters["FENCE_ALT_MIN"]
+
     def violations(
         self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
     ) -> int:
@@ -110,7 +114,7 @@ class Fence:
         if not (flying and self.enabled(parameters)):
             self.broken, self._risen = 0, False
             return 0
-        self._risen = self._risen or place[2] - home[2] > parameters["FENCE_ALT_MIN"]
+        self._risen = self._risen or place[2] - home[2] > self.floor_m(parameters)
         broken = self.violations(parameters, home, place, low=self._risen)
         fresh = broken & ~self.broken
         self.broken = broken

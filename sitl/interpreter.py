@@ -11,21 +11,20 @@ from collections.abc import Callable, Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.autopilot import Autopilot
+from sitl.aircraft import Aircraft
 from sitl.commands import Commands, Request
 from sitl.items import Item
-from sitl.modes import Mode
-from sitl.params import INDEX, TABLE
-from sitl.streams import Streams
-from sitl.telemetry import STREAM_GROUPS, Telemetry
+from sitl.params import Parameter
+from sitl.streams import STREAM_GROUPS, Streams
+from sitl.telemetry import Telemetry
 from sitl.transfer import Transfer
 from sitl.wire import Message, Packer
 
 AUTOPILOT, CAMERA = mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_COMP_ID_CAMERA
 
-_NO_POSITION = 0x7  # type_mask: ignore x, y, z
-_NO_VELOCITY = 0x38
-_NO_YAW = 0x400
+NO_POSITION = 0x7  # type_mask: ignore x, y, z
+NO_VELOCITY = 0x38
+NO_YAW = 0x400
 _FTP_NAK, _FTP_FAIL = 129, 1
 _READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
 _UNASKED = 65535  # index of a parameter that nobody has asked for
@@ -37,7 +36,7 @@ class Interpreter:
     def __init__(
         self,
         system_id: int,
-        autopilot: Autopilot,
+        autopilot: Aircraft,
         commands: Commands,
         streams: Streams,
         telemetry: Telemetry,
@@ -49,13 +48,7 @@ class Interpreter:
         self._streams = streams
         self._telemetry = telemetry
         self._reads = 0
-        self._transfer = Transfer(
-            autopilot.plans,
-            home=self._home_item,
-            running=lambda: autopilot.mode == Mode.AUTO and autopilot.armed,
-            changed=commands.flight.plans_changed,
-            say=autopilot.say,
-        )
+        self._transfer = self._make_transfer()
         self.autopilot_wire = Packer(system_id, AUTOPILOT)
         self.camera_wire = Packer(system_id, CAMERA)
         self._handlers: dict[str, Callable[[Message], bytes]] = {
@@ -74,6 +67,16 @@ class Interpreter:
             "MISSION_SET_CURRENT": self._set_current,
             **dict.fromkeys(self._transfer.handled, self._mission),
         }
+
+    def _make_transfer(self) -> Transfer:
+        ap = self._ap
+        return Transfer(
+            ap.plans,
+            home=self._home_item,
+            running=lambda: ap.in_mission and ap.armed,
+            changed=self._commands.flight.plans_changed,
+            say=ap.say,
+        )
 
     def handle(self, messages: Iterable[Message]) -> bytes:
         """Handle received messages; the immediate replies."""
@@ -137,12 +140,12 @@ class Interpreter:
         """Never acknowledged; outside guided flight dropped without a word."""
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
             return b""
-        if not m.type_mask & _NO_POSITION:
+        if not m.type_mask & NO_POSITION:
             target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
-            yaw = None if m.type_mask & _NO_YAW or not math.isfinite(m.yaw) else m.yaw
+            yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
             if target is not None:
                 self._ap.go_to(*target, yaw)
-        elif not m.type_mask & _NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
+        elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self._ap.go_with(m.vy, m.vx, -m.vz)
         return b""
 
@@ -191,7 +194,7 @@ class Interpreter:
     def _param_list(self, m: Message) -> bytes:
         if not self._ours(m):
             return b""
-        return b"".join(self._param_value(parameter.name) for parameter in TABLE)
+        return b"".join(self._param_value(p.name) for p in self._ap.parameters.table)
 
     def _param_read(self, m: Message) -> bytes:
         if not self._ours(m):
@@ -200,9 +203,10 @@ class Interpreter:
         if self._reads > _READS_A_STEP:
             return b""
         if m.param_index >= 0:
-            known = m.param_index < len(TABLE)
-            return self._param_value(TABLE[m.param_index].name) if known else b""
-        return self._param_value(m.param_id) if m.param_id in INDEX else b""
+            table = self._ap.parameters.table
+            known = m.param_index < len(table)
+            return self._param_value(table[m.param_index].name) if known else b""
+        return self._param_value(m.param_id) if m.param_id in self._ap.parameters else b""
 
     def _param_set(self, m: Message) -> bytes:
         """The new value is the answer; an unknown name or a NaN meets silence."""
@@ -211,13 +215,18 @@ class Interpreter:
         return self._param_value(m.param_id)
 
     def _param_value(self, name: str, told_index: int | None = None) -> bytes:
-        index = INDEX[name]
+        parameters = self._ap.parameters
+        parameter, index = parameters.by_name[name], parameters.index[name]
         return self.autopilot_wire.pack(
             mav.MAVLink_param_value_message(
-                name.encode("ascii"), self._ap.parameters[name], TABLE[index].type,
-                len(TABLE), index if told_index is None else told_index,
+                name.encode("ascii"), self._on_wire(parameter, parameters[name]), parameter.type,
+                len(parameters.table), index if told_index is None else told_index,
             )
         )  # fmt: skip
+
+    def _on_wire(self, parameter: Parameter, value: float) -> float:
+        """The field `param_value`: integers as numbers."""
+        return value
 
     # --- small talk -----------------------------------------------------------------------------
 

@@ -61,7 +61,7 @@ _ROWS = (
     Parameter("LAND_SPEED_HIGH", 0, INT16),  # cm/s, 0: WPNAV_SPEED_DN
     Parameter("MIS_RESTART", 0, INT8),  # 1: from the beginning each time
     Parameter("MIS_TOTAL", 0, INT16, fixed=True),
-    Parameter("PSC_JERK_XY", 0.0, REAL32),  # m/s^3, 5 on a real one; 0: as directly as it can
+    Parameter("PSC_JERK_XY", 5.0, REAL32),  # m/s^3; 0: as directly as it can
     Parameter("PSC_POSXY_P", 1.0, REAL32),  # 1/s
     Parameter("PSC_POSZ_P", 1.0, REAL32),  # 1/s
     Parameter("RALLY_INCL_HOME", 1, INT8),
@@ -104,7 +104,7 @@ _LARGEST = 3.4028234e38  # of a REAL32
 
 
 class Parameters:
-    """Values by name and by index, in alphabetical order.
+    """Values by name and by index, in the order of `table`, which is ArduCopter's.
 
     >>> parameters = Parameters()
     >>> parameters.set("RTL_ALT", 2000.7)
@@ -113,8 +113,11 @@ class Parameters:
     2000.0
     """
 
-    def __init__(self) -> None:
-        self._values = {p.name: float(p.default) for p in TABLE}
+    def __init__(self, table: tuple[Parameter, ...] = TABLE) -> None:
+        self.table = table
+        self.by_name = {p.name: p for p in table}
+        self.index = {p.name: i for i, p in enumerate(table)}
+        self._values = {p.name: float(p.default) for p in table}
         # raised at every change, so that what is derived from parameters can be cached
         self.version = 0
         # told of what a client has set: simulated faults
@@ -125,12 +128,15 @@ class Parameters:
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
     def set(self, name: str, value: float) -> bool:
         """Set as ArduPilot does: no range check, fractions of integers cut.
 
         False, and nothing changed, for an unknown name or a value that is not a finite number.
         """
-        parameter = BY_NAME.get(name)
+        parameter = self.by_name.get(name)
         if parameter is None or not math.isfinite(value):
             return False
         if not parameter.fixed:
@@ -141,12 +147,12 @@ class Parameters:
 
     def preset(self, name: str, value: float) -> None:
         """The autopilot's own knowledge, at the start: nobody is told."""
-        self._keep(BY_NAME[name], value)
+        self._keep(self.by_name[name], value)
 
     def change(self, name: str, value: float) -> None:
         """A change that no client has asked for: told with the index 65535."""
         before = self._values[name]
-        self._keep(BY_NAME[name], value)
+        self._keep(self.by_name[name], value)
         if self._values[name] != before and name not in self.untold:
             self.untold.append(name)
 
@@ -165,4 +171,3 @@ class Parameters:
 
 
 BY_NAME = {p.name: p for p in TABLE}
-INDEX = {p.name: i for i, p in enumerate(TABLE)}

@@ -7,7 +7,7 @@ messages, modes or where it should be: it is given a wanted thrust and turn rate
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 GRAVITY_M_S2 = 9.80665
 MAX_STEP_S = 0.05
@@ -25,8 +25,7 @@ _FULL_THRUST_M_S2 = 2.0 * GRAVITY_M_S2
 _TUMBLE_SINK_M_S2, _TUMBLE_RATE_RAD_S = 0.6 * GRAVITY_M_S2, 10.0
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(NamedTuple):
     """What the autopilot asks of the motors.
 
     `east_m_s2`, `north_m_s2`: horizontal thrust, which tilts the body. `up_m_s2`: thrust over
@@ -50,6 +49,10 @@ class Body:
     """
 
     __slots__ = (
+        "_lag_step_s",
+        "_thrust_share",
+        "_tilt_share",
+        "_yaw_share",
         "air_speed_m_s",
         "compass_rad",
         "crashed",
@@ -86,6 +89,8 @@ class Body:
         self.crashed = False
         self.motor_share = 1.0  # of its thrust that the weakest motor gives
         self.compass_rad = 0.0  # what the compass reads too much
+        self._lag_step_s = 0.0  # the length of step for which the shares of the lags hold
+        self._tilt_share = self._thrust_share = self._yaw_share = 0.0
 
     @property
     def heading(self) -> float:
@@ -115,19 +120,19 @@ class Body:
             self.v_east = self.v_north = self.v_up = 0.0
             self.drag_east = self.drag_north = self.air_speed_m_s = 0.0
             return
-        air_east, air_north = wind[0] - self.v_east, wind[1] - self.v_north
-        air_speed = math.hypot(air_east, air_north)
-        self.air_speed_m_s = air_speed
+        v_east, v_north, v_up = self.v_east, self.v_north, self.v_up
+        air_east, air_north = wind[0] - v_east, wind[1] - v_north
+        self.air_speed_m_s = air_speed = math.hypot(air_east, air_north)
         drag = _DRAG_LINEAR_1_S + _DRAG_QUADRATIC_1_M * air_speed
-        self.drag_east, self.drag_north = drag * air_east, drag * air_north
-        self.v_east += (self.thrust_east + self.drag_east) * dt_s
-        self.v_north += (self.thrust_north + self.drag_north) * dt_s
-        fall_drag = (_DRAG_LINEAR_1_S + _DRAG_QUADRATIC_1_M * abs(self.v_up)) * self.v_up
-        self.v_up += (self.thrust_up - fall_drag) * dt_s
-        self.east += self.v_east * dt_s
-        self.north += self.v_north * dt_s
-        self.up += self.v_up * dt_s
-        if self.up <= 0.0:
+        self.drag_east, self.drag_north = drag_east, drag_north = drag * air_east, drag * air_north
+        self.v_east = v_east = v_east + (self.thrust_east + drag_east) * dt_s
+        self.v_north = v_north = v_north + (self.thrust_north + drag_north) * dt_s
+        fall_drag = (_DRAG_LINEAR_1_S + _DRAG_QUADRATIC_1_M * abs(v_up)) * v_up
+        self.v_up = v_up = v_up + (self.thrust_up - fall_drag) * dt_s
+        self.east += v_east * dt_s
+        self.north += v_north * dt_s
+        self.up = up = self.up + v_up * dt_s
+        if up <= 0.0:
             self._touch()
         else:
             self.on_ground = False
@@ -163,16 +168,21 @@ class Body:
 
     def _turn(self, command: Command, dt_s: float) -> None:
         """Tilt, thrust and yaw follow their commands with first-order lags."""
-        east, north = command.east_m_s2, command.north_m_s2
+        if dt_s != self._lag_step_s:
+            self._lag_step_s = dt_s
+            self._tilt_share = -math.expm1(-dt_s / _TILT_TAU_S)
+            self._thrust_share = -math.expm1(-dt_s / _THRUST_TAU_S)
+            self._yaw_share = -math.expm1(-dt_s / _YAW_TAU_S)
+        east, north, up, yaw_rate = command
         wanted = math.hypot(east, north)
         if wanted > self.max_tilt_m_s2:
             east *= self.max_tilt_m_s2 / wanted
             north *= self.max_tilt_m_s2 / wanted
-        tilt = -math.expm1(-dt_s / _TILT_TAU_S)
+        tilt = self._tilt_share
         self.thrust_east += (east - self.thrust_east) * tilt
         self.thrust_north += (north - self.thrust_north) * tilt
-        self.thrust_up += (command.up_m_s2 - self.thrust_up) * -math.expm1(-dt_s / _THRUST_TAU_S)
-        self.yaw_rate += (command.yaw_rate_rad_s - self.yaw_rate) * -math.expm1(-dt_s / _YAW_TAU_S)
+        self.thrust_up += (up - self.thrust_up) * self._thrust_share
+        self.yaw_rate += (yaw_rate - self.yaw_rate) * self._yaw_share
         if not (self.on_ground and self.thrust_up <= 0.0):
             self.yaw = (self.yaw + self.yaw_rate * dt_s) % math.tau
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from sitl.control import Estimate
 from sitl.modes import Phase
-from sitl.params import Parameters
+from sitl.tuning import Tuning
 
 Place = tuple[float, float, float]
 
@@ -18,7 +18,7 @@ class Pilot(Protocol):
     phase: Phase
     estimate: Estimate
     hold: Place
-    parameters: Parameters
+    tuning: Tuning
 
     @property
     def airborne(self) -> bool: ...  # noqa: D102
@@ -34,5 +34,6 @@ class Pilot(Protocol):
     def go_home(self) -> None: ...  # noqa: D102
     def face(self, yaw_rad: float) -> None: ...  # noqa: D102
     def set_speed(self, kind: str, speed_m_s: float) -> None: ...  # noqa: D102
+    def enable_fence(self, on: bool) -> None: ...  # noqa: D102
     def say(self, severity: int, text: str) -> None: ...  # noqa: D102
     def mission_done(self) -> None: ...  # noqa: D102

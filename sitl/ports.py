@@ -20,7 +20,6 @@ _MAX_DATAGRAM = 1400
 _MAX_CLIENTS = 8
 _MAX_WAITING = 8  # TCP clients behind the one that is served
 _MAX_UNSENT = 1 << 18  # bytes that wait for a client; then frames are dropped
-_BANNER = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
 
 Address = tuple[str, int]
 
@@ -168,7 +167,7 @@ class TcpPort:
         self._vehicle.disconnect(self._link)
         self._link = self._vehicle.connect(trusted=True)
         self._served = connection
-        connection.transport.write(_BANNER)
+        connection.transport.write(self._vehicle.banner)
 
     def flush(self) -> None:
         """To the client, as far as it reads."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sitl.testing import Fleet, Vehicle
 
 _OPTIONS: tuple[tuple[str, type, str], ...] = (
-    ("autopilot", str, "flavour of the simulated vehicles: ardupilot"),
+    ("autopilot", str, "flavour of the simulated vehicles: ardupilot or px4"),
     ("vehicles", int, "vehicles in a fleet"),
     ("home", str, "where they start: LAT,LON,AMSL,YAW"),
     ("speedup", float, "times real time, on sockets"),

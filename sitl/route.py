@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from enum import Enum
+from enum import IntEnum
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -23,7 +23,7 @@ _SPEEDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
 Place = tuple[float, float, float]
 
 
-class Progress(Enum):
+class Progress(IntEnum):
     """How far a mission is; the values are MISSION_STATE's."""
 
     NOT_STARTED = 2
@@ -33,14 +33,16 @@ class Progress(Enum):
 
 
 class Route:
-    """The mission `plan` (item 0 is home) and how far it has been flown.
+    """The mission `plan` and how far it has been flown.
 
+    Items before `first` are not flown: an ArduPilot's item 0 is home.
     `locate` puts an item into the world's plane, `camera` takes the parameters of
     IMAGE_START_CAPTURE (interval, count) or None to stop.
     """
 
-    def __init__(self, plan: list[Item]) -> None:
+    def __init__(self, plan: list[Item], first: int = 1) -> None:
         self.plan = plan
+        self.first = first
         self.progress = Progress.NOT_STARTED
         self.current = 0
         self.reached: list[int] = []  # not yet told
@@ -59,14 +61,15 @@ class Route:
 
     @property
     def total(self) -> int:
-        """Items without home."""
-        return max(0, len(self.plan) - 1)
+        """Items that are flown."""
+        return max(0, len(self.plan) - self.first)
 
     @property
     def begins_with_takeoff(self) -> bool:
         """The navigation item that would be flown next is a take-off."""
-        start = self.current if self.progress == Progress.PAUSED else 1
-        following = (i.command for i in self.plan[max(1, start) :] if i.command in NAVIGATION)
+        start = self.current if self.progress == Progress.PAUSED else self.first
+        ahead = self.plan[max(self.first, start) :]
+        following = (item.command for item in ahead if item.command in NAVIGATION)
         return bool(next(following, None) == mav.MAV_CMD_NAV_TAKEOFF)
 
     # --- what can be asked for ------------------------------------------------------------------
@@ -75,7 +78,7 @@ class Route:
         """MISSION_SET_CURRENT; False when there is no such item. Home stands for the first."""
         if not 0 <= seq < len(self.plan):
             return False
-        seq = max(1, seq)
+        seq = max(self.first, seq)
         if seq >= len(self.plan):
             return False
         if self.progress == Progress.ACTIVE:
@@ -87,11 +90,11 @@ class Route:
 
     def begin(self, pilot: Pilot) -> None:
         """Start, or go on with the item that was being flown."""
-        fresh = self.progress != Progress.PAUSED or pilot.parameters["MIS_RESTART"] != 0.0
+        fresh = self.progress != Progress.PAUSED or pilot.tuning.mission_restarts
         if fresh:
             self.reset()
         self.progress = Progress.ACTIVE
-        self._search(1 if fresh else max(1, self.current), pilot)
+        self._search(self.first if fresh else max(self.first, self.current), pilot)
 
     def pause(self, pilot: Pilot) -> bool:
         """DO_PAUSE_CONTINUE: stay where it is, in AUTO; False when nothing is being flown."""
@@ -106,7 +109,7 @@ class Route:
         if self.progress != Progress.PAUSED:
             return False
         self.progress = Progress.ACTIVE
-        self._search(max(1, self.current), pilot)
+        self._search(max(self.first, self.current), pilot)
         return True
 
     def stop(self) -> None:
@@ -173,7 +176,7 @@ class Route:
     def _jump(self, index: int, item: Item) -> int:
         target, repeat = int(item.p[0]), int(item.p[1])
         done = self._jumps.get(index, 0)
-        if not 1 <= target < len(self.plan) or (repeat >= 0 and done >= repeat):
+        if not self.first <= target < len(self.plan) or (repeat >= 0 and done >= repeat):
             return index + 1
         self._jumps[index] = done + 1
         return target
@@ -238,10 +241,9 @@ class Route:
         return False
 
     def _arrived(self, pilot: Pilot) -> bool:
-        if self._arrived_s is None and self._goal is not None:
-            radius_m = pilot.parameters.positive("WPNAV_RADIUS", 5, 1000) / 100.0
-            if pilot.distance_to(self._goal) <= radius_m:
-                self._arrived_s = pilot.t_s
+        near_m = pilot.tuning.arrival_m
+        if self._arrived_s is None and self._goal and pilot.distance_to(self._goal) <= near_m:
+            self._arrived_s = pilot.t_s
         return self._arrived_s is not None
 
     # --- on the way -----------------------------------------------------------------------------
@@ -296,7 +298,7 @@ class Route:
             self._every_m = max(0.0, p[0])
             self._last_shot = None
         elif command == mav.MAV_CMD_DO_FENCE_ENABLE:
-            pilot.parameters.change("FENCE_ENABLE", float(p[0] == 1.0))
+            pilot.enable_fence(p[0] == 1.0)
 
     def _shoot_by_distance(self, pilot: Pilot) -> None:
         now = pilot.estimate

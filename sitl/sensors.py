@@ -25,12 +25,16 @@ class PositionError:
         "_at",
         "_drift",
         "_drifted",
+        "_follow",
         "_glitch",
+        "_keep",
+        "_kick",
         "_lost_s",
         "_noise",
         "_raw",
         "_rng",
         "_sigma",
+        "_step_s",
         "_tau_s",
         "_wander",
         "disturbed",
@@ -49,7 +53,9 @@ class PositionError:
         widened = sigma_m * math.sqrt((tau_s + _SMOOTHING_S) / tau_s)
         self._sigma = (widened, widened, widened / 3.0)
         self._tau_s = tau_s
-        self._raw = [0.0, 0.0, 0.0]
+        self._raw = (0.0, 0.0, 0.0)
+        self._step_s = 0.0  # the length of step for which the shares below hold
+        self._keep = self._kick = self._follow = 0.0
         self._noise: list[float] = []
         self._at = 0
         self.east = self.north = self.up = 0.0
@@ -86,26 +92,31 @@ class PositionError:
             # drawn in blocks: one call of numpy a step would cost more than the physics
             self._noise = self._rng.standard_normal(3 * _BLOCK).tolist()
             self._at = 0
-        keep = math.exp(-dt_s / self._tau_s)
-        kick = math.sqrt(1.0 - keep * keep)
-        for axis in range(3):
-            self._raw[axis] = (
-                keep * self._raw[axis] + kick * self._sigma[axis] * self._noise[self._at + axis]
-            )
-        self._at += 3
-        raw_east, raw_north = self._raw[0], self._raw[1]
+        if dt_s != self._step_s:
+            self._step_s = dt_s
+            self._keep = math.exp(-dt_s / self._tau_s)
+            self._kick = math.sqrt(1.0 - self._keep * self._keep)
+            self._follow = -math.expm1(-dt_s / _SMOOTHING_S) * _SMOOTHING_S
+        keep, kick, follow = self._keep, self._kick, self._follow
+        raw_east, raw_north, raw_up = self._raw
+        sigma_east, sigma_north, sigma_up = self._sigma
+        noise, at = self._noise, self._at
+        raw_east = keep * raw_east + kick * sigma_east * noise[at]
+        raw_north = keep * raw_north + kick * sigma_north * noise[at + 1]
+        raw_up = keep * raw_up + kick * sigma_up * noise[at + 2]
+        self._raw = (raw_east, raw_north, raw_up)
+        self._at = at + 3
         if self.disturbed:
             self._drifted[0] += self._drift[0] * dt_s
             self._drifted[1] += self._drift[1] * dt_s
             raw_east += self._glitch[0] + self._drifted[0]
             raw_north += self._glitch[1] + self._drifted[1]
-        self.v_east = (raw_east - self.east) / _SMOOTHING_S
-        self.v_north = (raw_north - self.north) / _SMOOTHING_S
-        self.v_up = (self._raw[2] - self.up) / _SMOOTHING_S
-        follow = -math.expm1(-dt_s / _SMOOTHING_S) * _SMOOTHING_S
-        self.east += follow * self.v_east
-        self.north += follow * self.v_north
-        self.up += follow * self.v_up
+        self.v_east = v_east = (raw_east - self.east) / _SMOOTHING_S
+        self.v_north = v_north = (raw_north - self.north) / _SMOOTHING_S
+        self.v_up = v_up = (raw_up - self.up) / _SMOOTHING_S
+        self.east += follow * v_east
+        self.north += follow * v_north
+        self.up += follow * v_up
 
     def _wander_off(self, dt_s: float) -> None:
         """Dead reckoning: ever faster away, height still known from the air's pressure."""

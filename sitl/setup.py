@@ -1,4 +1,4 @@
-"""A simulation without a mission: a home, vehicles, wind, a world from files."""
+"""What a simulation consists of: a home, vehicles, wind, a world; and how it is built."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from missions.errors import UavmapError
 from missions.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.camera import CameraSpec
+from sitl.flavours import FLAVOURS
 from sitl.ground import load_ground
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import World, WorldSpec
+from sitl.world import Patch, World, WorldSpec
 
-AUTOPILOTS = ("ardupilot",)
 _BETWEEN_M = 3.0  # from one vehicle's place of start to the next
 _A_ROW = 8
 _MOST = 100
+_MOST_WIND_M_S = 40.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +61,20 @@ class Home:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """A simulation; `build` makes its vehicles, numbered from 1, three metres apart.
+    """A simulation; `build` makes its vehicles, numbered from 1.
 
-    `world` are files of `sitl.ground`, `world_epsg` the coordinate system of a world file.
-    `speedup` and `tcp` count on sockets only. `ready_after_s`: from boot until arming is allowed.
+    They stand three metres apart, or at `places`, one each; `home` is the world's origin too.
+    `world` are files of `sitl.ground`, `world_epsg` the coordinate system of a world file;
+    `patches` are regions besides. `speedup` and `tcp` count on sockets only. `ready_after_s`: from
+    boot until arming is allowed. For the rest see `sitl.world.WorldSpec` and
+    `sitl.spec.VehicleSpec`.
     The same setup makes the same simulation. Raises `UavmapError` for what cannot be simulated.
     """
 
     autopilot: str = "ardupilot"
     vehicles: int = 1
     home: Home | str | Sequence[float] = field(default_factory=Home)
+    places: Sequence[LatLon] = ()
     speedup: float = 10.0
     seed: int = 0
     tcp: bool = False
@@ -78,28 +83,37 @@ class Setup:
     gust_m_s: float = 0.0
     world: Sequence[Path | str] = ()
     world_epsg: int | None = None
+    patches: Sequence[Patch] = ()
     drift_speed_m_s: float = 0.0
     drift_toward_deg: float = 0.0
+    roi_intensity: float = 85.0
+    ground_intensity: float = 190.0
+    texture: float = 14.0
+    sensor_noise: float = 4.0
+    illumination: float = 0.08
     camera: CameraSpec = field(default_factory=CameraSpec)
     battery_wh: float = 60.0
+    hover_power_w: float = 300.0
+    swap_after_s: float = 60.0
     gps_sigma_m: float = 0.3
+    gps_tau_s: float = 60.0
     ready_after_s: float = 5.0
 
     def __post_init__(self) -> None:
-        if self.autopilot == "px4":
-            raise UavmapError("autopilot px4: this flavour is not there yet; there is ardupilot")
-        if self.autopilot not in AUTOPILOTS:
-            raise UavmapError(f"autopilot {self.autopilot!r}: there is {', '.join(AUTOPILOTS)}")
+        if self.autopilot not in FLAVOURS:
+            raise UavmapError(f"autopilot {self.autopilot!r}: there is {', '.join(FLAVOURS)}")
         if not 1 <= self.vehicles <= _MOST:
             raise UavmapError(f"vehicles: {self.vehicles} is not 1 to {_MOST}")
+        if self.places and len(self.places) != self.vehicles:
+            raise UavmapError(f"vehicles: {self.vehicles} have {len(self.places)} places")
         if not 0.0 < self.speedup <= 1000.0:
             raise UavmapError(f"speedup: {self.speedup} is not above 0 and at most 1000")
         if not (isinstance(self.seed, int) and self.seed >= 0):
             raise UavmapError(f"seed: {self.seed} is not 0 or more")
-        if not (0.0 <= self.wind_speed_m_s <= 25.0 and math.isfinite(self.wind_from_deg)):
+        if not (0.0 <= self.wind_speed_m_s <= _MOST_WIND_M_S and math.isfinite(self.wind_from_deg)):
             raise UavmapError(
-                f"wind: {self.wind_speed_m_s} m/s from {self.wind_from_deg} is not 0 to 25 m/s "
-                "from a bearing"
+                f"wind: {self.wind_speed_m_s} m/s from {self.wind_from_deg} is not 0 to "
+                f"{_MOST_WIND_M_S:g} m/s from a bearing"
             )
         if not 0.0 <= self.gust_m_s <= 10.0:
             raise UavmapError(f"gusts: {self.gust_m_s} m/s is not 0 to 10")
@@ -107,38 +121,54 @@ class Setup:
     def build(self, image_url_prefix: str = "sim://") -> list[SimVehicle]:
         """The vehicles, in one world."""
         home = self.home if isinstance(self.home, Home) else Home.of(self.home)
-        ground = load_ground(self.world, self.world_epsg, home.position)
-        world = World(
-            WorldSpec(
-                home.position,
-                home.amsl_m,
-                ground.patches,
-                drift_speed_m_s=self.drift_speed_m_s,
-                drift_toward_deg=self.drift_toward_deg,
-                wind_speed_m_s=self.wind_speed_m_s,
-                wind_from_deg=self.wind_from_deg,
-                gust_m_s=self.gust_m_s,
-                seed=self.seed,
-                orthophoto=ground.orthophoto,
-            )
-        )
-        plane = LocalPlane(home.position)
+        world = World(self._world_spec(home))
         try:
             return [
                 SimVehicle(
                     VehicleSpec(
-                        system_id=i + 1,
-                        home=plane.to_wgs84(_BETWEEN_M * (i % _A_ROW), _BETWEEN_M * (i // _A_ROW)),
+                        system_id=number,
+                        autopilot=self.autopilot,
+                        home=place,
                         home_yaw_deg=home.yaw_deg,
                         battery_wh=self.battery_wh,
+                        hover_power_w=self.hover_power_w,
+                        swap_after_s=self.swap_after_s,
                         camera=self.camera,
                         gps_sigma_m=self.gps_sigma_m,
+                        gps_tau_s=self.gps_tau_s,
                         ready_after_s=self.ready_after_s,
                         image_url_prefix=image_url_prefix,
                     ),
                     world,
                 )
-                for i in range(self.vehicles)
+                for number, place in enumerate(self.places or self._rows(home), start=1)
             ]
         except ValueError as error:
             raise UavmapError(str(error)) from error
+
+    def _world_spec(self, home: Home) -> WorldSpec:
+        ground = load_ground(self.world, self.world_epsg, home.position)
+        return WorldSpec(
+            home.position,
+            home.amsl_m,
+            (*self.patches, *ground.patches),
+            drift_speed_m_s=self.drift_speed_m_s,
+            drift_toward_deg=self.drift_toward_deg,
+            wind_speed_m_s=self.wind_speed_m_s,
+            wind_from_deg=self.wind_from_deg,
+            gust_m_s=self.gust_m_s,
+            roi_intensity=self.roi_intensity,
+            ground_intensity=self.ground_intensity,
+            texture=self.texture,
+            sensor_noise=self.sensor_noise,
+            illumination=self.illumination,
+            seed=self.seed,
+            orthophoto=ground.orthophoto,
+        )
+
+    def _rows(self, home: Home) -> list[LatLon]:
+        plane = LocalPlane(home.position)
+        return [
+            plane.to_wgs84(_BETWEEN_M * (i % _A_ROW), _BETWEEN_M * (i // _A_ROW))
+            for i in range(self.vehicles)
+        ]

@@ -45,22 +45,23 @@ class Shaper:
             self.active = True
             self._place, self._velocity = (now.east, now.north), (now.v_east, now.v_north)
             self._acceleration = (0.0, 0.0)
-        (east, north), (v_east, v_north), (a_east, a_north) = (
-            self._place, self._velocity, self._acceleration,
-        )  # fmt: skip
+        east, north = self._place
+        v_east, v_north = self._velocity
+        a_east, a_north = self._acceleration
         rate_1_s = jerk_m_s3 / limits.accel_m_s2
         d_east, d_north = target[0] - east, target[1] - north
         distance = math.hypot(d_east, d_north)
         braking = _BRAKING_SHARE * limits.accel_m_s2
         speed = min(limits.speed_m_s, sqrt_controller(distance, _PLACE_SHARE * rate_1_s, braking))
         scale = speed / max(distance, 1e-9)
-        wanted = _held(
-            _SPEED_SHARE * rate_1_s * (d_east * scale - v_east),
-            _SPEED_SHARE * rate_1_s * (d_north * scale - v_north),
+        gain_1_s = _SPEED_SHARE * rate_1_s
+        wanted_east, wanted_north = _held(
+            gain_1_s * (d_east * scale - v_east),
+            gain_1_s * (d_north * scale - v_north),
             limits.accel_m_s2,
         )
-        step = _held(wanted[0] - a_east, wanted[1] - a_north, jerk_m_s3 * dt_s)
-        a_east, a_north = a_east + step[0], a_north + step[1]
+        j_east, j_north = _held(wanted_east - a_east, wanted_north - a_north, jerk_m_s3 * dt_s)
+        a_east, a_north = a_east + j_east, a_north + j_north
         v_east, v_north = v_east + a_east * dt_s, v_north + a_north * dt_s
         east, north = east + v_east * dt_s, north + v_north * dt_s
         self._place, self._velocity = (east, north), (v_east, v_north)
@@ -69,3 +70,13 @@ class Shaper:
             v_east + limits.p_xy * (east - now.east),
             v_north + limits.p_xy * (north - now.north),
         )
+
+    def stopping_point(self, limits: Limits, jerk_m_s3: float) -> tuple[float, float]:
+        """Where (east, north) the path can come to rest without coming back."""
+        a_east, a_north = self._acceleration
+        # what is still gained until the acceleration is taken back
+        gain_s = math.hypot(a_east, a_north) / (2.0 * jerk_m_s3)
+        v_east, v_north = self._velocity[0] + a_east * gain_s, self._velocity[1] + a_north * gain_s
+        braking = _BRAKING_SHARE * limits.accel_m_s2
+        lag_s = math.hypot(v_east, v_north) / (2.0 * braking) + limits.accel_m_s2 / jerk_m_s3
+        return self._place[0] + v_east * lag_s, self._place[1] + v_north * lag_s

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 from missions.units import LatLon
 from sitl.camera import CameraSpec
-from sitl.modes import Mode
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleSpec:
     """One vehicle.
 
+    `autopilot` is a name in `sitl.flavours`.
     `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
     crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
     position error. `image_url_prefix`: what the pictures' addresses begin with; the system id and
@@ -33,6 +34,7 @@ class VehicleSpec:
     max_accel_m_s2: float = 3.0
     max_tilt_deg: float = 30.0
     image_url_prefix: str = "sim://"
+    autopilot: str = "ardupilot"
 
     def __post_init__(self) -> None:
         problems = []
@@ -70,5 +72,5 @@ class VehicleTruth:
     landed: bool
     crashed: bool
     energy_wh: float
-    mode: Mode
+    mode: IntEnum
     swaps: int

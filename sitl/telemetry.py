@@ -11,11 +11,14 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geodesy import LocalPlane
-from sitl.autopilot import Autopilot
+from sitl import layouts
+from sitl.aircraft import Aircraft
+from sitl.layouts import int16, int32, uint16
 from sitl.modes import Mode, Phase
-from sitl.wire import Message
+from sitl.wire import Packed
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
+_AUTO = Mode.AUTO
 _GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
 
 # 3D gyro, accelerometer, compass, absolute pressure; the controllers; motors, AHRS, battery
@@ -23,10 +26,13 @@ _SENSORS = 0x0000_000F | 0x0000_FC00 | 0x0220_0000
 _GPS = mav.MAV_SYS_STATUS_SENSOR_GPS
 _GEOFENCE = mav.MAV_SYS_STATUS_GEOFENCE
 _PREARM = mav.MAV_SYS_STATUS_PREARM_CHECK
-_MOTORS = mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+_PRESENT = _SENSORS | _GPS | _GEOFENCE | _PREARM
+_PRESENT_AT_REST = _PRESENT & ~mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 
-_EKF_READY = 0x33F  # attitude, velocities, relative and absolute position, predictions
-_EKF_CONSTANT_POSITION = 0xA7  # no absolute position yet
+_SMALL = (0.01, 0.01, 0.01, 0.01, 0.0, 0.0)  # variances
+# attitude, velocities, relative and absolute position, predictions
+_EKF_READY = layouts.ekf_status_report(0x33F, *_SMALL)
+_EKF_CONSTANT_POSITION = layouts.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
 _TARGET_POSITION_ONLY = 0xFDF8
 _TARGET_VELOCITY_ONLY = 0xFDC7
 _CAPABILITIES = (
@@ -40,8 +46,10 @@ _CAPABILITIES = (
 )
 _VERSION_4_6_0 = (4 << 24) | (6 << 16) | (255)  # FIRMWARE_VERSION_TYPE_OFFICIAL
 
-_NAN4 = [math.nan] * 4
-_NO_CELLS = [65535] * 9
+_KEPT_PLACES = 16
+_NAN4 = (math.nan,) * 4
+_NO_CELLS = (65535,) * 9
+_NO_HASHES = (0,) * 24  # of the firmware, the middleware and the operating system
 
 _LANDED_STATE = {
     Phase.LANDED: mav.MAV_LANDED_STATE_ON_GROUND,
@@ -50,58 +58,17 @@ _LANDED_STATE = {
     Phase.DESCEND: mav.MAV_LANDED_STATE_LANDING,
 }
 
-# REQUEST_DATA_STREAM's groups
-STREAM_GROUPS = {
-    mav.MAV_DATA_STREAM_EXTENDED_STATUS: (
-        mav.MAVLINK_MSG_ID_SYS_STATUS,
-        mav.MAVLINK_MSG_ID_MISSION_CURRENT,
-        mav.MAVLINK_MSG_ID_GPS_RAW_INT,
-        mav.MAVLINK_MSG_ID_FENCE_STATUS,
-        mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
-    ),
-    mav.MAV_DATA_STREAM_POSITION: (
-        mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-        mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
-    ),
-    mav.MAV_DATA_STREAM_EXTRA1: (mav.MAVLINK_MSG_ID_ATTITUDE,),
-    mav.MAV_DATA_STREAM_EXTRA2: (mav.MAVLINK_MSG_ID_VFR_HUD,),
-    mav.MAV_DATA_STREAM_EXTRA3: (
-        mav.MAVLINK_MSG_ID_SYSTEM_TIME,
-        mav.MAVLINK_MSG_ID_BATTERY_STATUS,
-        mav.MAVLINK_MSG_ID_WIND,
-        mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-    ),
-}
-
-
-def _clamp(value: float, low: int, high: int) -> int:
-    rounded = round(value)
-    return low if rounded < low else high if rounded > high else rounded
-
-
-def _int16(value: float) -> int:
-    return _clamp(value, -32768, 32767)
-
-
-def _uint16(value: float) -> int:
-    return _clamp(value, 0, 65535)
-
-
-def _int32(value: float) -> int:
-    return _clamp(value, -(2**31), 2**31 - 1)
-
-
 IDENTITY = (0x5541, 0x534D)
 """vendor_id and product_id in AUTOPILOT_VERSION: a client that knows them knows that nobody stands
 beside the propellers."""
 
 
 class Telemetry:
-    """Builds messages from an autopilot whose plane has its origin at `amsl_m`."""
+    """Builds messages, packed, from an autopilot whose plane has its origin at `amsl_m`."""
 
     def __init__(
         self,
-        autopilot: Autopilot,
+        autopilot: Aircraft,
         plane: LocalPlane,
         amsl_m: float,
         wind: Callable[[], tuple[float, float]],
@@ -111,9 +78,8 @@ class Telemetry:
         self._amsl_m = amsl_m
         self._wind = wind
         self._boot_home = autopilot.home
-        self._placed = (math.nan, math.nan)
-        self._place_e7 = (0, 0)
-        self._builders: dict[int, Callable[[], Message | None]] = {
+        self._places: dict[tuple[float, float], tuple[int, int]] = {}
+        self._builders: dict[int, Callable[[], Packed | None]] = {
             mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
             mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
             mav.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
@@ -138,9 +104,14 @@ class Telemetry:
         """Whether this autopilot can send such a message."""
         return message_id in self._builders
 
-    def build(self, message_id: int) -> Message | None:
+    def build(self, message_id: int) -> Packed | None:
         """The message, or None while there is nothing to say in it."""
         return self._builders[message_id]()
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
+        return self._boot_home
 
     @property
     def boot_ms(self) -> int:
@@ -149,13 +120,17 @@ class Telemetry:
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
-        if (east_m, north_m) != self._placed:  # several messages of one moment ask for it
+        # several messages of one moment tell the same place, and a target stays for long
+        found = self._places.get((east_m, north_m))
+        if found is None:
+            if len(self._places) >= _KEPT_PLACES:
+                self._places.clear()
             position = self._plane.to_wgs84(east_m, north_m)
-            self._placed = (east_m, north_m)
-            self._place_e7 = (_int32(position.lat_deg * 1e7), _int32(position.lon_deg * 1e7))
-        return (*self._place_e7, _int32((self._amsl_m + up_m) * 1000.0))
+            found = int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7)
+            self._places[east_m, north_m] = found
+        return found[0], found[1], int32((self._amsl_m + up_m) * 1000.0)
 
-    def heartbeat(self) -> Message:
+    def heartbeat(self) -> Packed:
         """HEARTBEAT."""
         ap = self._ap
         base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -171,15 +146,13 @@ class Telemetry:
             status = mav.MAV_STATE_CRITICAL
         elif ap.airborne or ap.t_s < _CLAIMS_ACTIVE_S:
             status = mav.MAV_STATE_ACTIVE
-        return mav.MAVLink_heartbeat_message(
+        return layouts.heartbeat(
             mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, base, int(ap.mode), status, 3
         )
 
-    def sys_status(self) -> Message:
+    def sys_status(self) -> Packed:
         """SYS_STATUS, with the prearm bit that says ready (or not)."""
         ap = self._ap
-        present = _SENSORS | _GPS | _GEOFENCE | _PREARM
-        enabled = present if ap.armed else present & ~_MOTORS
         health = _SENSORS
         if not ap.fence.broken:
             health |= _GEOFENCE
@@ -188,154 +161,150 @@ class Telemetry:
         if ap.prearm_ok:
             health |= _PREARM
         battery = ap.battery
-        return mav.MAVLink_sys_status_message(
-            present, enabled, health, 100,
-            _uint16(battery.voltage_v * 1000.0), _int16(battery.current_a * 100.0),
+        return layouts.sys_status(
+            _PRESENT, _PRESENT if ap.armed else _PRESENT_AT_REST, health, 100,
+            uint16(battery.voltage_v * 1000.0), int16(battery.current_a * 100.0),
             battery.remaining_percent, 0, 0, 0, 0, 0, 0,
         )  # fmt: skip
 
-    def battery_status(self) -> Message:
+    def battery_status(self) -> Packed:
         """BATTERY_STATUS: mAh, hectojoules, percent."""
         battery = self._ap.battery
-        return mav.MAVLink_battery_status_message(
+        return layouts.battery_status(
             0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
-            [_uint16(battery.voltage_v * 1000.0), *_NO_CELLS], _int16(battery.current_a * 100.0),
-            _int32(battery.consumed_mah), _int32(battery.consumed_wh * 36.0),
+            uint16(battery.voltage_v * 1000.0), *_NO_CELLS, int16(battery.current_a * 100.0),
+            int32(battery.consumed_mah), int32(battery.consumed_wh * 36.0),
             battery.remaining_percent, 0, self._ap.failsafes.charge_state,
         )  # fmt: skip
 
-    def system_time(self) -> Message:
+    def system_time(self) -> Packed:
         """SYSTEM_TIME; the date is not known."""
-        return mav.MAVLink_system_time_message(0, self.boot_ms)
+        return layouts.system_time(0, self.boot_ms)
 
-    def gps_raw_int(self) -> Message:
+    def gps_raw_int(self) -> Packed:
         """GPS_RAW_INT; no fix until home is known."""
         ap = self._ap
         if not ap.home_known or ap.position_lost:
-            return mav.MAVLink_gps_raw_int_message(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0)
+            return layouts.gps_raw_int(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
         now = ap.estimate
         lat, lon, amsl = self.place(now.east, now.north, now.up)
         course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
-        return mav.MAVLink_gps_raw_int_message(
+        return layouts.gps_raw_int(
             int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
-            _uint16(100.0 * math.hypot(now.v_east, now.v_north)), _uint16(course * 100.0) % 36000,
+            uint16(100.0 * math.hypot(now.v_east, now.v_north)), uint16(course * 100.0) % 36000,
             10, amsl, 300, 300,
         )  # fmt: skip
 
-    def attitude(self) -> Message:
+    def attitude(self) -> Packed:
         """ATTITUDE."""
         body = self._ap.body
         roll, pitch = body.roll_pitch
         yaw = math.remainder(body.heading, math.tau)
-        return mav.MAVLink_attitude_message(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
+        return layouts.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 
-    def local_position_ned(self) -> Message | None:
+    def local_position_ned(self) -> Packed | None:
         """LOCAL_POSITION_NED around the place of booting."""
         if not self._ap.home_known:
             return None
         now, (east, north, up) = self._ap.estimate, self._boot_home
-        return mav.MAVLink_local_position_ned_message(
+        return layouts.local_position_ned(
             self.boot_ms, now.north - north, now.east - east, up - now.up,
             now.v_north, now.v_east, -now.v_up,
         )  # fmt: skip
 
-    def global_position_int(self) -> Message:
+    def global_position_int(self) -> Packed:
         """GLOBAL_POSITION_INT; zeros until there is a fix."""
         ap = self._ap
-        heading = _uint16(math.degrees(ap.body.heading) * 100.0) % 36000
+        heading = uint16(math.degrees(ap.body.heading) * 100.0) % 36000
         if not ap.home_known:
-            return mav.MAVLink_global_position_int_message(
-                self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading
-            )
+            return layouts.global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
         now = ap.estimate
         lat, lon, amsl = self.place(now.east, now.north, now.up)
-        return mav.MAVLink_global_position_int_message(
-            self.boot_ms, lat, lon, amsl, _int32((now.up - ap.home[2]) * 1000.0),
-            _int16(now.v_north * 100.0), _int16(now.v_east * 100.0), _int16(-now.v_up * 100.0),
+        return layouts.global_position_int(
+            self.boot_ms, lat, lon, amsl, int32((now.up - ap.home[2]) * 1000.0),
+            int16(now.v_north * 100.0), int16(now.v_east * 100.0), int16(-now.v_up * 100.0),
             heading,
         )  # fmt: skip
 
-    def mission_current(self) -> Message:
+    def mission_current(self) -> Packed:
         """MISSION_CURRENT; the total leaves out home."""
         route = self._ap.route
-        state = route.progress.value if route.total else mav.MISSION_STATE_NO_MISSION
-        return mav.MAVLink_mission_current_message(
-            route.current, route.total, state, int(self._ap.mode == Mode.AUTO)
-        )
+        total = route.total
+        state = int(route.progress) if total else mav.MISSION_STATE_NO_MISSION
+        return layouts.mission_current(route.current, total, state, int(self._ap.in_mission))
 
-    def fence_status(self) -> Message | None:
+    def fence_status(self) -> Packed | None:
         """FENCE_STATUS, while the fence is on."""
         ap = self._ap
         if not ap.fence.enabled(ap.parameters):
             return None
         fence = ap.fence
-        return mav.MAVLink_fence_status_message(
-            int(fence.broken != 0), _uint16(fence.count), fence.breach_type,
+        return layouts.fence_status(
+            int(fence.broken != 0), uint16(fence.count), fence.breach_type,
             round(fence.at_s * 1000.0) & 0xFFFFFFFF,
         )  # fmt: skip
 
-    def gps_global_origin(self) -> Message | None:
+    def gps_global_origin(self) -> Packed | None:
         """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
         if not self._ap.home_known:
             return None
-        return mav.MAVLink_gps_global_origin_message(*self.place(*self._boot_home))
+        return layouts.gps_global_origin(*self.place(*self._boot_home))
 
-    def vfr_hud(self) -> Message:
+    def vfr_hud(self) -> Packed:
         """VFR_HUD."""
         body, now = self._ap.body, self._ap.estimate
-        return mav.MAVLink_vfr_hud_message(
+        return layouts.vfr_hud(
             body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
-            _int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
+            int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
             self._amsl_m + now.up, now.v_up,
         )  # fmt: skip
 
-    def position_target(self) -> Message | None:
+    def position_target(self) -> Packed | None:
         """POSITION_TARGET_GLOBAL_INT: the guided target that was accepted, AMSL."""
         ap = self._ap
         if ap.target is not None:
             lat, lon, _ = self.place(*ap.target)
-            return mav.MAVLink_position_target_global_int_message(
+            return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
                 self._amsl_m + ap.target[2], *([0.0] * 8),
             )  # fmt: skip
         if ap.velocity_target is not None:
             east, north, up = ap.velocity_target
-            return mav.MAVLink_position_target_global_int_message(
+            return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_VELOCITY_ONLY, 0, 0, 0.0,
                 north, east, -up, *([0.0] * 5),
             )  # fmt: skip
         return None
 
-    def autopilot_version(self) -> Message:
+    def autopilot_version(self) -> Packed:
         """AUTOPILOT_VERSION of an ArduCopter 4.6, with the simulator's own vendor and product."""
-        return mav.MAVLink_autopilot_version_message(
-            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, *IDENTITY, 0
+        return layouts.autopilot_version(
+            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, *_NO_HASHES, *IDENTITY, 0
         )
 
-    def wind(self) -> Message:
+    def wind(self) -> Packed:
         """WIND: where it comes from, degrees, and its speed."""
         east, north = self._wind()
         coming_from = math.degrees(math.atan2(-east, -north))
-        return mav.MAVLink_wind_message(coming_from, math.hypot(east, north), 0.0)
+        return layouts.wind(coming_from, math.hypot(east, north), 0.0)
 
-    def ekf_status_report(self) -> Message:
+    def ekf_status_report(self) -> Packed:
         """EKF_STATUS_REPORT: constant position mode until ready."""
-        flags = _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
-        return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0, 0.0)
+        return _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
 
-    def home_position(self) -> Message | None:
+    def home_position(self) -> Packed | None:
         """HOME_POSITION, once known; arming moves it."""
         ap = self._ap
         if not ap.home_known:
             return None
         east, north, up = ap.home
         boot_east, boot_north, boot_up = self._boot_home
-        return mav.MAVLink_home_position_message(
+        return layouts.home_position(
             *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
-            _NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),
+            *_NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),
         )  # fmt: skip
 
-    def extended_sys_state(self) -> Message:
+    def extended_sys_state(self) -> Packed:
         """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
         state = _LANDED_STATE.get(self._ap.phase, mav.MAV_LANDED_STATE_IN_AIR)
-        return mav.MAVLink_extended_sys_state_message(mav.MAV_VTOL_STATE_MC, state)
+        return layouts.extended_sys_state(mav.MAV_VTOL_STATE_MC, state)

@@ -3,7 +3,8 @@
 A pure state machine: messages and the time in, messages out. The vehicle drives an upload: it
 asks for each item, again after a second, and gives up when nothing has come for eight. What has
 come of a mission until then stays: a stalled upload leaves a truncated mission behind, as on the
-real one. A fence takes effect only when it is complete.
+real one. A fence takes effect only when it is complete. (This is ArduPilot's way; what PX4 does
+otherwise are arguments of `Transfer`.)
 """
 
 from __future__ import annotations
@@ -53,19 +54,24 @@ class Transfer:
 
     `home` gives the present home as an item, `running` whether the mission is being flown,
     `changed` is told the kind of a list that has changed, `say` a severity and a text.
-    `ask_int` asks with MISSION_REQUEST_INT instead of MISSION_REQUEST.
+    `ask_int` asks with MISSION_REQUEST_INT instead of MISSION_REQUEST. Without a `home` item 0 is
+    an item as any other; `whole`: a list takes effect only when it is complete, as fences always.
+    `check` gives the MAV_MISSION_RESULT for an item of a list.
     """
 
     def __init__(
         self,
         plans: Plans,
         *,
-        home: Callable[[], Item],
+        home: Callable[[], Item] | None,
         running: Callable[[], bool],
         changed: Callable[[int], None],
         say: Callable[[int, str], None],
         ask_int: bool = False,
         retry_s: float = _RETRY_S,
+        give_up_s: float = _GIVE_UP_S,
+        whole: bool = False,
+        check: Callable[[int, Item], int] = check,
     ) -> None:
         self._plans = plans
         self._home = home
@@ -74,6 +80,9 @@ class Transfer:
         self._say = say
         self._ask_int = ask_int
         self._retry_s = retry_s
+        self._give_up_s = give_up_s
+        self._at_once = () if whole else (MISSION, RALLY)  # these change while they arrive
+        self._check = check
         self._upload: _Upload | None = None
         self._finished: tuple[int, int, tuple[int, int]] | None = None
         self._handlers: dict[str, Callable[[Message, float], list[Message]]] = {
@@ -102,7 +111,7 @@ class Transfer:
         upload = self._upload
         if upload is None:
             return []
-        if now_s - upload.heard_s >= _GIVE_UP_S - _SOON_S:
+        if now_s - upload.heard_s >= self._give_up_s - _SOON_S:
             self._break_off(upload)
             self._say(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
             result = mav.MAV_MISSION_OPERATION_CANCELLED
@@ -118,6 +127,8 @@ class Transfer:
         if self._upload is not None:
             if self._upload.partner != partner:
                 return [_ack(m, _DENIED)]
+            if self._repeated(m, self._upload, now_s):
+                return [self._ask(self._upload, now_s)]
             self._break_off(self._upload)
         self._finished = None
         if m.count > _MOST[m.mission_type]:
@@ -126,11 +137,20 @@ class Transfer:
         if m.count == 0:
             self._keep(upload)
             return [_ack(m, OK)]
-        if upload.kind != FENCE:
+        if upload.kind in self._at_once:
             self._plans.items[upload.kind].clear()
             self._changed(upload.kind)
         self._upload = upload
         return [self._ask(upload, now_s)]
+
+    def _repeated(self, m: Message, upload: _Upload, now_s: float) -> bool:
+        """Whether a count is a second copy of the one that began an upload.
+
+        A client whose items have just come does not begin again: that would lose them. After a
+        silence it may, and with other items; what has come is not mixed with those.
+        """
+        same = (m.mission_type, m.count) == (upload.kind, upload.count)
+        return same and now_s - upload.heard_s < self._retry_s
 
     def _ask(self, upload: _Upload, now_s: float) -> Message:
         upload.asked_s = now_s
@@ -155,11 +175,11 @@ class Transfer:
         if m.seq > expected:
             return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
         item = Item.of(m)
-        result = check(upload.kind, item)
+        result = self._check(upload.kind, item)
         if result == OK:
             upload.received.append(item)
             upload.heard_s = now_s
-            if upload.kind != FENCE:
+            if upload.kind in self._at_once:
                 self._plans.items[upload.kind].append(item)
             if len(upload.received) < upload.count:
                 return [self._ask(upload, now_s)]
@@ -174,7 +194,7 @@ class Transfer:
     def _break_off(self, upload: _Upload) -> None:
         """What has come of a mission or of rally points stays."""
         self._upload = None
-        if upload.kind != FENCE:
+        if upload.kind in self._at_once:
             self._changed(upload.kind)
 
     def _keep(self, upload: _Upload) -> int:
@@ -196,7 +216,7 @@ class Transfer:
 
     def _request(self, m: Message, _now_s: float) -> list[Message]:
         items = self._plans.items[m.mission_type]
-        if m.mission_type == MISSION and m.seq == 0:
+        if m.mission_type == MISSION and m.seq == 0 and self._home is not None:
             item = self._home()
         elif m.seq < len(items):
             item = items[m.seq]

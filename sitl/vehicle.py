@@ -15,13 +15,12 @@ from dataclasses import replace
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.autopilot import Autopilot
 from sitl.battery import Battery
 from sitl.camera import Shot
 from sitl.commands import Commands, Request, statustext
 from sitl.faults import Faults
+from sitl.flavours import FLAVOURS, Kit
 from sitl.injection import SIM_PARAMETERS, inject
-from sitl.interpreter import Interpreter
 from sitl.links import Link
 from sitl.payload import Exposure, Payload
 from sitl.physics import MAX_STEP_S, Body
@@ -30,7 +29,6 @@ from sitl.signing import Signing
 from sitl.spec import VehicleSpec, VehicleTruth
 from sitl.spoil import Spoiler
 from sitl.streams import Streams
-from sitl.telemetry import Telemetry
 from sitl.wire import Message
 from sitl.world import World
 
@@ -61,27 +59,31 @@ class SimVehicle:
         )
         self._battery = Battery(spec.battery_wh)
         self._error = PositionError(rng, spec.gps_sigma_m, spec.gps_tau_s)
-        self._ap = Autopilot(
-            self._body,
-            self._error,
-            self._battery,
-            ready_after_s=spec.ready_after_s,
-            max_speed_m_s=spec.max_speed_m_s,
-            max_accel_m_s2=spec.max_accel_m_s2,
-        )
+        if spec.autopilot not in FLAVOURS:
+            raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
         amsl_m = world.spec.origin_amsl_m
-        self._telemetry = Telemetry(self._ap, world.plane, amsl_m, self._wind)
+        flavour = FLAVOURS[spec.autopilot](
+            Kit(spec, self._body, self._error, self._battery, world.plane, amsl_m, self._wind)
+        )
+        self._flavour = flavour
+        self._ap = flavour.aircraft
+        self._telemetry = flavour.telemetry
         self._streams = Streams()
+        for message_id, interval_s in flavour.default_s.items():
+            self._streams.set(message_id, interval_s, 0.0)
         prefix = f"{spec.image_url_prefix}{spec.system_id}/"
         self._payload = Payload(spec.camera, world, self._telemetry, prefix, self._expose)
         commands = Commands(
-            self._ap, self._telemetry, self._streams, self._payload, world.plane, amsl_m
+            self._ap,
+            self._telemetry,
+            self._streams,
+            self._payload,
+            flavour.flight,
+            flavour.default_s,
         )
         commands.intercept = self._intercept
         self._ap.parameters.watch = self._parameter_set
-        self._interpreter = Interpreter(
-            spec.system_id, self._ap, commands, self._streams, self._telemetry
-        )
+        self._interpreter = flavour.interpreter(commands, self._streams)
         self._next_heartbeat_s = 0.0
         self._next_timesync_s = 0.0
         self._resting_s = 0.0
@@ -137,8 +139,9 @@ class SimVehicle:
         self._links.remove(link)
 
     def set_speedup(self, times: float) -> None:
-        """Note in SIM_SPEEDUP how fast this vehicle's time is made to pass."""
-        self._ap.parameters.preset("SIM_SPEEDUP", times)
+        """Note in SIM_SPEEDUP, where there is one, how fast this vehicle's time is made to pass."""
+        if "SIM_SPEEDUP" in self._ap.parameters:
+            self._ap.parameters.preset("SIM_SPEEDUP", times)
 
     def image(self, url: str) -> bytes | None:
         """The JPEG announced under a `file_url`; None when unknown or too old."""
@@ -149,6 +152,11 @@ class SimVehicle:
         """Change what the addresses of further pictures begin with."""
         self.spec = replace(self.spec, image_url_prefix=prefix)
         self._payload.url_prefix = f"{prefix}{self.spec.system_id}/"
+
+    @property
+    def banner(self) -> bytes:
+        """What a TCP client is greeted with."""
+        return self._flavour.banner
 
     @property
     def truth(self) -> VehicleTruth:
@@ -206,12 +214,14 @@ class SimVehicle:
         self._signing.set_up(bytes(m.secret_key), m.initial_timestamp)
 
     def _small_step(self, dt_s: float) -> bytes:
-        self.fail.step(self._ap.t_s + dt_s, self._error, self._battery, self._body)
-        self._ap.radio_lost = self.fail.rc_lost
-        self._ap.step(self._wind(), dt_s)
+        ap, fail = self._ap, self.fail
+        fail.step(ap.t_s + dt_s, self._error, self._battery, self._body)
+        ap.radio_lost = fail.rc_lost
+        ap.step(self._wind(), dt_s)
         self._spend(dt_s)
-        now_s = self._ap.t_s + _SOON_S
-        sent = bytearray(self._interpreter.step() + self._announce())
+        t_s = ap.t_s
+        now_s = t_s + _SOON_S
+        sent = self._interpreter.step() + self._announce()
         wire = self._interpreter.autopilot_wire
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s += _HEARTBEAT_S
@@ -219,20 +229,20 @@ class SimVehicle:
             sent += self._interpreter.camera_wire.pack(self._payload.heartbeat())
             if now_s >= self._next_timesync_s:
                 self._next_timesync_s += _TIMESYNC_S
-                sent += wire.pack(mav.MAVLink_timesync_message(0, round(self._ap.t_s * 1e9)))
-        for message_id in self._streams.due(self._ap.t_s):
-            message = self._telemetry.build(message_id)
-            if message is not None:
-                sent += wire.pack(message)
-        if self.fail.camera_stalled:
-            return bytes(sent)
-        picture = self._payload.step(self._ap.t_s)
+                sent += wire.pack(mav.MAVLink_timesync_message(0, round(t_s * 1e9)))
+        if due := self._streams.due(t_s):
+            messages = map(self._telemetry.build, due)
+            sent += b"".join([wire.pack(message) for message in messages if message is not None])
+        if fail.camera_stalled:
+            return sent
+        picture = self._payload.step(t_s)
         if picture is not None:
             sent += self._interpreter.camera_wire.pack(picture)
-            sent += wire.pack(self._payload.feedback)
-            if self.fail.picture:
-                self._spoiler.note(picture.file_url, self.fail.picture)
-        return bytes(sent)
+            if self._flavour.camera_feedback:
+                sent += wire.pack(self._payload.feedback)
+            if fail.picture:
+                self._spoiler.note(picture.file_url, fail.picture)
+        return sent
 
     def _announce(self) -> bytes:
         """What is told at once, unasked: a new mode, a new home, status texts."""
@@ -241,7 +251,7 @@ class SimVehicle:
             return b""
         wire = self._interpreter.autopilot_wire
         sent = bytearray()
-        if ap.mode_changed:
+        if ap.mode_changed and self._flavour.tells_mode_at_once:
             sent += wire.pack(self._telemetry.heartbeat())
         if ap.home_changed and ap.home_known:
             sent += wire.pack(self._telemetry.gps_global_origin())

@@ -3,45 +3,63 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 # pymavlink carries no types; this is the one name for its messages
 Message: TypeAlias = Any
+# a payload that needs no message object: message id, CRC_EXTRA, the fields
+Packed: TypeAlias = tuple[int, int, bytes]
 
 _V1, _V2 = mav.PROTOCOL_MARKER_V1, mav.PROTOCOL_MARKER_V2
 _BYTES = [bytes((value,)) for value in range(256)]
-_HEAD = struct.Struct("<6BHB")  # behind the marker
+# behind the marker: size, both flags, sequence, system and component, message id
+_head = struct.Struct("<BHBHHB").pack
+
+
+def _x25(data: bytes) -> int:
+    crc: int = mav.x25crc(data).crc
+    return crc
+
+
+# pymavlink's own C function, which it may come without
+_checksum: Callable[[bytes], int] = getattr(mav, "mcrf4xx", None) or _x25
 
 
 class Packer:
     """Frames of one component, numbered in sequence."""
 
     def __init__(self, system_id: int, component_id: int) -> None:
-        self._address = (system_id, component_id)
+        self._address = system_id | component_id << 8
         self._sequence = 0
         self._message_id = 0
 
     def pack(self, message: Message) -> bytes:
-        """The bytes of a message, with this component's address and next sequence number."""
-        # half the time of a simulation went into framing: pymavlink lays out the payload, and
-        # hands it to its `_pack`, in whose place `_frame` builds the same bytes faster
+        """The frame of a message or `Packed`, with this address and the next sequence number."""
+        if type(message) is tuple:
+            return self._frame(*message)
+        # pymavlink lays out the payload and hands it to its `_pack`, which is several times
+        # slower than `_frame`
         self._message_id = type(message).id  # some messages have a field of that name
-        message._pack = self._frame
+        message._pack = self._take
         packed: bytes = message.pack(None)
         del message._pack
         return packed
 
-    def _frame(self, _: object, crc_extra: int, payload: bytes, **__: object) -> bytes:
+    def _take(self, _: object, crc_extra: int, payload: bytes, **__: object) -> bytes:
+        return self._frame(self._message_id, crc_extra, payload)
+
+    def _frame(self, message_id: int, crc_extra: int, payload: bytes) -> bytes:
         payload = payload.rstrip(b"\0") or b"\0"
-        sequence, number = self._sequence, self._message_id
+        sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
-        size = len(payload)
-        body = _HEAD.pack(size, 0, 0, sequence, *self._address, number & 0xFFFF, number >> 16)
+        body = _head(
+            len(payload), 0, sequence, self._address, message_id & 0xFFFF, message_id >> 16
+        )
         body += payload
-        crc: int = mav.x25crc(body + _BYTES[crc_extra]).crc
-        return b"\xfd" + body + crc.to_bytes(2, "little")
+        return b"\xfd" + body + _checksum(body + _BYTES[crc_extra]).to_bytes(2, "little")
 
 
 def cut(frames: bytes) -> list[bytes]:

@@ -90,7 +90,10 @@ class _Swell:
 
     def at(self, t_s: float) -> float:
         """Value at a time; zero mean, unit variance."""
-        return sum([a * math.sin(w * t_s + f) for a, w, f in self.waves])
+        sin, value = math.sin, 0.0
+        for amplitude, rate, phase in self.waves:
+            value += amplitude * sin(rate * t_s + phase)
+        return value
 
 
 class World:

@@ -13,7 +13,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.params import TABLE
 from sitl.vehicle import SimVehicle
 
 RANGES = {
@@ -201,5 +200,6 @@ def condition(vehicle: SimVehicle) -> dict[str, Any]:
     truth = vehicle.truth
     east, north = vehicle.world.plane.to_plane(truth.position)
     place = (round(east), round(north), round(truth.height_m))
-    values = {p.name: vehicle._ap.parameters[p.name] for p in TABLE}
+    parameters = vehicle._ap.parameters
+    values = {p.name: parameters[p.name] for p in parameters.table}
     return {"mode": truth.mode, "armed": truth.armed, "place": place, **values}

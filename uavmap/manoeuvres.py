@@ -30,7 +30,6 @@ from missions.orders import (
 from missions.units import Cell, GridPoint
 from uavmap.eyes import Eyes, Frames
 from uavmap.link.session import Session
-from uavmap.link.view import GUIDED, LAND, RTL
 from uavmap.simulation import SIMULATOR_IDENTITY
 from uavmap.watch import Watch
 
@@ -45,6 +44,8 @@ DRIFT_RESEND_S: Final = 0.5
 CLIMB_TOLERANCE_M: Final = 0.4
 STOP_RADIUS_M: Final = 0.7
 PASS_RADIUS_M: Final = 2.0
+HOME_S: Final = 5.0
+"""A position above the home that arming has set comes within this time."""
 GROUND_S: Final = 15.0
 """A vehicle that is told to land and has not left the ground says so within this time."""
 FULL: Final = 0.9
@@ -86,7 +87,7 @@ class Manoeuvres:
             case Land():
                 await self._land()
             case ReturnToLaunch():
-                self._watch.commanded = RTL
+                self._watch.commanded = (self._view.kind.rtl,)
                 await self._session.command(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
             case AwaitBattery():
                 await self._await_battery()
@@ -98,22 +99,27 @@ class Manoeuvres:
     async def _take_off(self, order: TakeOff) -> None:
         if not await self._session.until(lambda: self._view.ready_to_arm, READY_S):
             raise LinkError(f"not ready to arm within {READY_S:g} s{self._view.recent_texts()}")
+        kind = self._view.kind
         for attempt in range(ARM_TRIES):
             try:
-                self._watch.commanded = GUIDED
-                await self._session.command(
-                    mav.MAV_CMD_DO_SET_MODE, mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, GUIDED
-                )
+                self._watch.commanded = kind.ours
+                await self._session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
                 await self._session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
                 break
             except LinkError:
                 if attempt == ARM_TRIES - 1:
                     raise
                 await asyncio.sleep(ARM_PAUSE_S)
-        await self._session.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, order.height_m)
+        if kind.amsl:  # arming has moved home, and the height is to be above the new one
+            armed_s = asyncio.get_running_loop().time()
+            await self._session.until(lambda: self._view.position_s > armed_s, HOME_S)
+        blank = kind.blank
+        _, wire_m = kind.place(order.height_m, self._view.home_amsl_m)
+        await self._session.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, blank, blank, blank, wire_m)
         reached = order.height_m - CLIMB_TOLERANCE_M
         if not await self._session.until(
-            lambda: self._view.height_m >= reached, 60.0 + 3.0 * order.height_m
+            lambda: self._view.height_m >= reached and self._view.mode == kind.follows,
+            60.0 + 3.0 * order.height_m,
         ):
             raise LinkError(f"did not climb to {order.height_m:g} m{self._view.recent_texts()}")
         self._watch.report(Airborne(self._watch.number, self._watch.t_s()))
@@ -163,13 +169,14 @@ class Manoeuvres:
             )
             self._paced_in = changes
         position = self._grid.position(point)
+        frame, wire_m = self._view.kind.place(height_m, self._view.home_amsl_m)
         await self._session.command_at(
             mav.MAV_CMD_DO_REPOSITION,
-            mav.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+            frame,
             (-1.0, 0.0, 0.0, float("nan")),
             position.lat_deg,
             position.lon_deg,
-            height_m,
+            wire_m,
         )
 
     async def _sweep(self, order: Sweep) -> None:
@@ -205,7 +212,7 @@ class Manoeuvres:
             await asyncio.sleep(0)
 
     async def _land(self) -> None:
-        self._watch.commanded = LAND
+        self._watch.commanded = (self._view.kind.land,)
         await self._session.command(mav.MAV_CMD_NAV_LAND)
         # touch-down and disarming are watched for all the time; but a take-off that was called
         # off in time never left the ground

@@ -29,6 +29,7 @@ from missions.state import Phase, Setting, State, VehicleState
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
+_OURS: Final = "GUIDED (a PX4: HOLD)"
 
 _DOING: Final = {
     TakeOff: "taking off",
@@ -187,10 +188,10 @@ def _cells(state: State) -> str:
 def _remarkable(event: Event) -> str:
     """What the operator has to know at once."""
     match event:
-        case Overridden(vehicle=number, mode="GUIDED"):
-            return f"vehicle {number} was put into GUIDED while it landed: it is the pilot's now"
+        case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
+            return f"vehicle {number} was put into {mode} while it landed: it is the pilot's now"
         case Overridden(vehicle=number, mode=mode):
-            return f"vehicle {number} is in {mode}, not by us: hands off until it is in GUIDED"
+            return f"vehicle {number} is in {mode}, not by us: hands off until it is in {_OURS}"
         case Released(vehicle=number):
             return f"vehicle {number} is ours again"
         case LinkLost(vehicle=number):

@@ -26,10 +26,10 @@ from missions.units import GridPoint, LatLon
 from sitl.camera import CameraSpec
 from sitl.faults import Faults
 from sitl.server import serve
-from sitl.setup import Setup
+from sitl.setup import Home, Setup
 from sitl.telemetry import IDENTITY
-from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import Patch, World, WorldSpec
+from sitl.vehicle import SimVehicle
+from sitl.world import Patch
 from uavmap.link.session import Session
 
 STEP_S = 0.05
@@ -51,65 +51,73 @@ def true_roi(mission: Mission, grid: Grid) -> BaseGeometry:
     )
 
 
-def make_vehicles(
-    mission: Mission, seed: int, *, start_s: float = 0.0, image_url_prefix: str = "sim://"
-) -> list[SimVehicle]:
-    """The simulated aircraft of a mission, in one world, as it is at mission time `start_s`."""
+def setup_of(
+    mission: Mission, seed: int, *, autopilot: str | None = None, start_s: float = 0.0
+) -> Setup:
+    """The simulation of a mission, its world as it is at mission time `start_s`.
+
+    `autopilot` instead of the mission's, if given.
+    """
     sim, grid = mission.sim, Setting.of(mission).grid
+    places = homes(mission)
 
     def drifted(ring: Sequence[LatLon]) -> tuple[LatLon, ...]:
         return tuple(grid.position(grid.to_fixed(grid.fixed(p), start_s)) for p in ring)
 
-    world = World(
-        WorldSpec(
-            origin=mission.home,
-            origin_amsl_m=mission.start.amsl_m,
-            patches=tuple(
-                Patch(
-                    drifted(positions(region.polygon)),
-                    tuple(drifted(positions(hole)) for hole in region.holes),
-                )
-                for region in sim.roi
-            ),
-            drift_speed_m_s=mission.drift.speed_m_s,
-            drift_toward_deg=mission.drift.toward_deg,
-            wind_speed_m_s=mission.wind.speed_m_s,
-            wind_from_deg=mission.wind.from_deg,
-            gust_m_s=sim.gust_m_s,
-            roi_intensity=sim.roi_intensity,
-            ground_intensity=sim.ground_intensity,
-            texture=sim.texture,
-            sensor_noise=sim.sensor_noise,
-            illumination=sim.illumination,
-            seed=seed,
-        )
+    return Setup(
+        autopilot=autopilot or sim.autopilot,
+        vehicles=len(places),
+        home=Home(mission.home.lat_deg, mission.home.lon_deg, mission.start.amsl_m),
+        places=places,
+        seed=seed,
+        wind_speed_m_s=mission.wind.speed_m_s,
+        wind_from_deg=mission.wind.from_deg,
+        gust_m_s=sim.gust_m_s,
+        patches=tuple(
+            Patch(
+                drifted(positions(region.polygon)),
+                tuple(drifted(positions(hole)) for hole in region.holes),
+            )
+            for region in sim.roi
+        ),
+        drift_speed_m_s=mission.drift.speed_m_s,
+        drift_toward_deg=mission.drift.toward_deg,
+        roi_intensity=sim.roi_intensity,
+        ground_intensity=sim.ground_intensity,
+        texture=sim.texture,
+        sensor_noise=sim.sensor_noise,
+        illumination=sim.illumination,
+        camera=CameraSpec(
+            hfov_deg=mission.camera.hfov_deg,
+            width_px=mission.camera.width_px,
+            height_px=mission.camera.height_px,
+            fixed=mission.camera.mounting == "fixed",
+            yaw_deg=mission.camera.yaw_deg,
+            min_interval_s=min(mission.camera.interval_s, 0.2),
+        ),
+        battery_wh=mission.battery.capacity_wh,
+        hover_power_w=mission.battery.hover_power_w,
+        swap_after_s=sim.swap_s,
+        gps_sigma_m=sim.gps_sigma_m,
+        gps_tau_s=sim.gps_tau_s,
     )
-    camera = CameraSpec(
-        hfov_deg=mission.camera.hfov_deg,
-        width_px=mission.camera.width_px,
-        height_px=mission.camera.height_px,
-        fixed=mission.camera.mounting == "fixed",
-        yaw_deg=mission.camera.yaw_deg,
-        min_interval_s=min(mission.camera.interval_s, 0.2),
-    )
-    vehicles = [
-        SimVehicle(
-            VehicleSpec(
-                system_id=number,
-                home=home,
-                battery_wh=mission.battery.capacity_wh,
-                hover_power_w=mission.battery.hover_power_w,
-                swap_after_s=sim.swap_s,
-                camera=camera,
-                gps_sigma_m=sim.gps_sigma_m,
-                gps_tau_s=sim.gps_tau_s,
-                image_url_prefix=image_url_prefix,
-            ),
-            world,
-        )
-        for number, home in enumerate(homes(mission), start=1)
-    ]
-    for fault in sim.faults:
+
+
+def make_vehicles(
+    mission: Mission,
+    seed: int,
+    *,
+    autopilot: str | None = None,
+    start_s: float = 0.0,
+    image_url_prefix: str = "sim://",
+) -> list[SimVehicle]:
+    """The simulated aircraft of a mission, with the faults that it plans for them.
+
+    `autopilot` instead of the mission's, if given.
+    """
+    setup = setup_of(mission, seed, autopilot=autopilot, start_s=start_s)
+    vehicles = setup.build(image_url_prefix)
+    for fault in mission.sim.faults:
         if fault.vehicle <= len(vehicles):
             _schedule(vehicles[fault.vehicle - 1].fail, fault, start_s)
     return vehicles
@@ -231,6 +239,7 @@ async def serve_vehicles(
     mission: Mission,
     seed: int,
     *,
+    autopilot: str | None = None,
     speedup: float,
     tcp: bool,
     base_port: int | None,
@@ -238,7 +247,9 @@ async def serve_vehicles(
     on_ready: Callable[[list[str]], None],
 ) -> None:
     """The simulated aircraft of a mission on loopback sockets, until cancelled."""
-    vehicles = make_vehicles(mission, seed, image_url_prefix=_pictures_at(http_port))
+    vehicles = make_vehicles(
+        mission, seed, autopilot=autopilot, image_url_prefix=_pictures_at(http_port)
+    )
     await serve(
         vehicles,
         speedup=speedup,

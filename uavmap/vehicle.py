@@ -22,6 +22,7 @@ from missions.grid import Grid
 from missions.mission_file import Mission
 from missions.orders import Order
 from uavmap.eyes import Eyes
+from uavmap.link.autopilots import AUTOPILOTS
 from uavmap.link.session import Message, Session
 from uavmap.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.watch import Report, Watch
@@ -30,14 +31,6 @@ HEARTBEAT_S: Final = 1.0
 LINK_LOST_S: Final = 5.0
 LINK_GIVEN_UP_S: Final = 120.0
 ANSWER_S: Final = 10.0
-
-_STREAMS: Final = {
-    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
-    mav.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
-    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
-    mav.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
-    mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 1.0,
-}
 
 
 class MavlinkVehicle:
@@ -85,12 +78,13 @@ class MavlinkVehicle:
                 f"{self.name}: no vehicle answered within {ANSWER_S:g} s; is it switched on, and "
                 "is this the URL that it speaks to?"
             )
-        if view.autopilot != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        if view.autopilot not in AUTOPILOTS:
+            flown = " and ".join(kind.name for kind in AUTOPILOTS.values())
             raise LinkError(
                 f"{self.name}: the autopilot is none that this version can fly "
-                f"(MAV_AUTOPILOT {view.autopilot}); it flies ArduPilot copters"
+                f"(MAV_AUTOPILOT {view.autopilot}); it flies {flown} copters"
             )
-        for message_id, rate_hz in _STREAMS.items():
+        for message_id, rate_hz in view.kind.streams.items():
             await session.message_interval(message_id, rate_hz)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         begin_s = asyncio.get_running_loop().time()

@@ -15,7 +15,7 @@ from missions.events import Connected, Event, Landed, Overridden, Released, Trac
 from missions.grid import Grid
 from missions.units import GridPoint
 from uavmap.link.session import Message
-from uavmap.link.view import GUIDED, VehicleView
+from uavmap.link.view import VehicleView
 
 Report = Callable[[Event], None]
 
@@ -34,7 +34,8 @@ _OFF_GROUND: Final = (
 class Watch:
     """The state of a vehicle that matters to the mission, and the events that follow from it.
 
-    `commanded` is the mode that we asked for last; every other is somebody else's.
+    `commanded` are the modes that follow from what we asked for last; every other is somebody
+    else's, and so is each while a failsafe flies.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class Watch:
         self.name = name
         self.now_s = now_s
         self.report: Report = lambda event: None
-        self.commanded = GUIDED
+        self.commanded: tuple[int, ...] = ()
         self.connected = False
         self.was_airborne = False
         self.mode_changes = 0
@@ -60,7 +61,7 @@ class Watch:
         self._capacity_wh = capacity_wh
         self._grid = grid
         self._mode: int | None = None
-        self._armed = False
+        self._armed = self._failsafe = False
         self._overridden = False
         self._tracked_s = float("-inf")
 
@@ -75,17 +76,21 @@ class Watch:
 
     def _watch_mode(self) -> None:
         """The pilot has the last word: a mode that we did not ask for ends our say."""
-        mode, armed = self._view.mode, self._view.armed
-        if not self.connected or (mode, armed) == (self._mode, self._armed):
+        view, kind = self._view, self._view.kind
+        mode, armed, failsafe = view.mode, view.armed, view.failsafe
+        before = self._mode
+        if not self.connected or (mode, armed, failsafe) == (before, self._armed, self._failsafe):
             return
-        turned, self._mode, self._armed = mode != self._mode, mode, armed
+        turned = mode != before
+        self._mode, self._armed, self._failsafe = mode, armed, failsafe
         self.mode_changes += turned
         if self._overridden:
-            if turned and mode == GUIDED and self._view.armed:
+            given = turned and mode == kind.follows and before not in kind.by_itself
+            if given and armed and not failsafe:
                 self._overridden = False
-                self.commanded = GUIDED
+                self.commanded = (kind.follows,)
                 self.report(Released(self.number, self.t_s(), self.position(), self._height_m()))
-        elif mode != self.commanded and self._view.armed:
+        elif armed and (failsafe or mode not in self.commanded):
             self._overridden = True
             self.report(Overridden(self.number, self.t_s(), self._view.mode_name))
 
@@ -114,9 +119,10 @@ class Watch:
         airborne = view.armed and view.landed_state != mav.MAV_LANDED_STATE_ON_GROUND
         self.connected = True
         self.mode_changes += 1
-        self._mode, self._armed = view.mode, view.armed
+        self._mode, self._armed, self._failsafe = view.mode, view.armed, view.failsafe
         self.was_airborne = airborne
-        ours = view.mode == GUIDED
+        ours = view.mode in view.kind.ours and not view.failsafe
+        self.commanded = self.commanded or view.kind.ours
         self._overridden = airborne and not ours
         home = self._grid.fixed(view.home) if view.home is not None else GridPoint(0.0, 0.0)
         self.report(

@@ -168,10 +168,13 @@ def free_ports(vehicles: int) -> tuple[int, int]:
 
 
 @contextlib.contextmanager
-def simulator(name: str, *, speedup: float, vehicles: int = 1) -> Iterator[list[str]]:
+def simulator(
+    name: str, *, speedup: float, vehicles: int = 1, autopilot: str = "ardupilot"
+) -> Iterator[list[str]]:
     """`uavmap sitl` in a process of its own; its URLs."""
     port, http_port = free_ports(vehicles)
     arguments = ["sitl", "--mission", mission(name), "--speedup", speedup, "--vehicles", vehicles]
+    arguments += ["--autopilot", autopilot]
     with started(*arguments, "--port", port, "--http-port", http_port) as process:
         lines: queue.Queue[str] = queue.Queue()
         assert process.stdout is not None

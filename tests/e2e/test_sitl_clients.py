@@ -1,10 +1,7 @@
 """Unmodified clients on real sockets, each in a process of its own: MAVSDK, pymavlink, MAVProxy.
 
-MAVProxy is no dependency of the project. It runs when `mavproxy.py` is on the path or named in
-UAVMAP_MAVPROXY, as after
-
-    python3 -m venv mavproxy && mavproxy/bin/pip install MAVProxy==1.8.75
-    UAVMAP_MAVPROXY=$PWD/mavproxy/bin/mavproxy.py pytest tests/e2e/test_sitl_clients.py
+`make setup` puts MAVProxy beside the interpreter. Without it, UAVMAP_MAVPROXY may name another
+`mavproxy.py`.
 """
 
 from __future__ import annotations
@@ -14,6 +11,7 @@ import json
 import os
 import queue
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -28,10 +26,12 @@ from tests.e2e.rig import PATIENCE_S, environment
 
 HERE = Path(__file__).parent
 SPEEDUP = 8.0
-MAVPROXY = os.environ.get("UAVMAP_MAVPROXY") or shutil.which("mavproxy.py")
+MAVPROXY = os.environ.get("UAVMAP_MAVPROXY") or shutil.which(
+    "mavproxy.py", path=Path(sys.executable).parent
+)
 
 needs_mavproxy = pytest.mark.skipif(
-    MAVPROXY is None, reason="no mavproxy.py on the path, nor in UAVMAP_MAVPROXY"
+    MAVPROXY is None, reason="no mavproxy.py beside the interpreter, nor in UAVMAP_MAVPROXY"
 )
 
 
@@ -64,17 +64,20 @@ def run_client(script, address):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("tcp", [False, True])
-def test_mavsdk_flies_by_hand(tcp):
-    with vehicle(tcp=tcp) as sitl:
+@pytest.mark.parametrize(
+    ("autopilot", "tcp"), [("ardupilot", False), ("ardupilot", True), ("px4", False)]
+)
+def test_mavsdk_flies_by_hand(autopilot, tcp):
+    with vehicle(tcp=tcp, autopilot=autopilot) as sitl:
         seen = run_client("mavsdk_client.py", sitl.url)
         assert sitl.truth.landed
     assert seen["away_m"] == pytest.approx(15.0, abs=2.5)
     assert seen["back_m"] == pytest.approx(0.0, abs=1.5)
 
 
-def test_mavsdk_flies_a_mission():
-    with vehicle() as sitl:
+@pytest.mark.parametrize("tcp", [False, True])
+def test_mavsdk_flies_a_mission(tcp):
+    with vehicle(tcp=tcp) as sitl:
         seen = run_client("mavsdk_mission_client.py", sitl.url)
         assert sitl.truth.landed
         assert not sitl.truth.armed
@@ -83,6 +86,37 @@ def test_mavsdk_flies_a_mission():
     assert seen["download"] == [16, 22, 16, 20]
     assert seen["same"] is True
     assert seen["fence"] == 4
+    assert seen["back_m"] < 1.5
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_mavsdk_on_a_px4(tcp):
+    with vehicle(tcp=tcp, autopilot="px4") as sitl:
+        seen = run_client("mavsdk_px4_client.py", sitl.url)
+        assert sitl.truth.landed
+        assert not sitl.truth.armed
+    assert (seen["int_params"] > 15, seen["float_params"] > 15) == (True, True)
+    assert (seen["int"], seen["float"]) == (3, 8.0)
+    assert seen["download"] == [22, 16, 20]
+    assert seen["same"] is True
+    assert seen["fence"] == 4
+    assert seen["offboard_height_m"] == pytest.approx(10.0, abs=1.5)
+    assert seen["back_m"] < 1.5
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_pymavlink_on_a_px4(tcp):
+    with vehicle(tcp=tcp, autopilot="px4") as sitl:
+        seen = run_client("pymavlink_px4_client.py", pymavlink_address(sitl.url))
+        assert sitl.truth.landed
+        assert not sitl.truth.armed
+    assert seen["autopilot"] == 12
+    assert seen["parameters"] > 40
+    assert (seen["gf_action"], seen["take_off_alt"]) == (3, 8.0)
+    results = ("upload", "hold", "arm", "take_off", "reposition", "mission")
+    assert [seen[name] for name in results] == [0] * len(results)
+    assert seen["download"] == [16, 16, 21]
+    assert seen["reached"] == [0, 1, 2]
     assert seen["back_m"] < 1.5
 
 
@@ -114,6 +148,7 @@ class MavProxy:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            start_new_session=True,
         )
         self._lines = queue.Queue()
         self.said = []
@@ -123,6 +158,7 @@ class MavProxy:
     def _read(self):
         for line in self._process.stdout:
             self._lines.put(line.rstrip())
+        self._lines.put(None)
 
     def say(self, text):
         self._process.stdin.write(text + "\n")
@@ -135,19 +171,20 @@ class MavProxy:
             try:
                 line = self._lines.get(timeout=max(0.0, end_s - time.monotonic()))
             except queue.Empty:
+                line = None
+            if line is None:  # it has taken too long, or has ended
                 pytest.fail(f"MAVProxy did not say {text!r} but:\n" + "\n".join(self.said))
             self.said.append(line)
             if text in line:
                 return line
 
     def close(self):
-        self._process.stdin.close()
-        self._process.terminate()
-        try:
-            self._process.wait(10.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        """End it, and whatever it may have started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
         self._reader.join()
         self._process.stdout.close()
 

@@ -13,13 +13,21 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
+from missions import arena
 from missions.arena import Comms
 from missions.errors import RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS, Explorer
 from missions.metric import Metric
 from missions.roi import KINDS, MAX_CELLS, Roi, grown
 from missions.units import LatLon
+from uavmap.animation import film_of_run
 from uavmap.cli.common import INTERRUPTED, number_type, seed_number
+from uavmap.cli.pictures import (
+    add_picture_options,
+    check_pictures,
+    wants_pictures,
+    write_pictures,
+)
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 from uavmap.roi_files import load_rois
@@ -36,6 +44,7 @@ examples:
   uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
   uavmap simulate --roi lake.geojson --cell-m 10 --start 46.7,-92.0 --robots 3
   uavmap simulate --roi eden:120:7 --drift 0.4,90 --speed 1 --comms meeting
+  uavmap simulate --roi eden:300:2 --robots 5 --animate five.gif --tree five.svg
 
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
 Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
@@ -79,6 +88,7 @@ def add_parser(commands: Any) -> None:
         default=Comms.SHARED.value,
         help="who knows what the others saw: all at once, or only who meets (default shared)",
     )
+    add_picture_options(parser, several=True)
     add("--out", metavar="DIR", help=f"write {_SUMMARY} into this folder, too")
     add("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(run=run)
@@ -89,7 +99,10 @@ def run(options: argparse.Namespace) -> int:
     explorers = _explorers(options.strategy)
     terms = Terms(options.robots, _metric(options.speed, options.drift), Comms(options.comms))
     out = _free(options.out)
+    check_pictures(options)
     rois = _rois(options)
+    if options.index >= len(rois):
+        raise RoiError(f"--index {options.index}: there are {len(rois)} ROIs, counted from 0")
     done: list[Trial] = []
     code = 0
     try:
@@ -108,7 +121,19 @@ def run(options: argparse.Namespace) -> int:
         sys.stdout.write(text)
     else:
         _table(done, explorers, terms)
+    if wants_pictures(options) and code == 0:
+        _pictures(options, rois[options.index], explorers[0], terms)
     return code
+
+
+def _pictures(options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms) -> None:
+    """One run again, to be looked at."""
+    shown = arena.run(
+        explorer, roi.cells, roi.start, terms.robots, metric=terms.metric, comms=terms.comms
+    )
+    robots = f"{terms.robots} robot" + "s" * (terms.robots > 1)
+    film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {robots}")
+    write_pictures(options, film, shown.tree, lambda text: print(text, file=sys.stderr))
 
 
 def _run(

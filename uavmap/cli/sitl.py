@@ -47,8 +47,7 @@ def add_parser(commands: Any) -> None:
     add(
         "--autopilot",
         metavar="FLAVOUR",
-        default="ardupilot",
-        help="ardupilot (default); px4 is not there yet",
+        help="ardupilot or px4 (default: the mission's, or ardupilot)",
     )
     add("--vehicles", metavar="N", type=vehicle_count, help="how many vehicles")
     add("--seed", metavar="S", type=seed_number, default=1, help="of the simulation")
@@ -105,7 +104,8 @@ _Serving = Callable[[Callable[[list[str]], None]], Coroutine[Any, Any, None]]
 
 def _by_mission(options: argparse.Namespace) -> _Serving:
     """The vehicles and the world of a mission."""
-    setup_without_mission(autopilot=options.autopilot)  # says what it thinks of the flavour
+    if options.autopilot is not None:
+        setup_without_mission(autopilot=options.autopilot)  # says what it thinks of the flavour
     source = load_source(options.mission or "runway")
     plan = FlightPlan(
         source.source,
@@ -121,6 +121,7 @@ def _by_mission(options: argparse.Namespace) -> _Serving:
     return lambda on_ready: serve_vehicles(
         mission,
         options.seed,
+        autopilot=options.autopilot,
         speedup=options.speedup,
         tcp=options.tcp,
         base_port=options.port,
@@ -133,7 +134,7 @@ def _by_home(options: argparse.Namespace) -> _Serving:
     """Vehicles over an empty meadow, or over what some files say."""
     speed_m_s, from_deg = _wind(options.wind)
     setup = setup_without_mission(
-        autopilot=options.autopilot,
+        autopilot=options.autopilot or "ardupilot",
         vehicles=options.vehicles or 1,
         home=options.home,
         speedup=options.speedup,

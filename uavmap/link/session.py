@@ -157,6 +157,7 @@ class Session:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
             queue = self._acks[command] = asyncio.Queue()
+            ack: Message | None = None
             try:
                 for confirmation in range(ACK_TRIES):
                     self.send(message(confirmation))
@@ -166,12 +167,14 @@ class Session:
                     if ack.result == mav.MAV_RESULT_ACCEPTED:
                         return
                     await self._hear_why()
-                    raise CommandRefusedError(
-                        f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"
-                        + self.view.recent_texts()
-                    )
+                    break
             finally:
                 del self._acks[command]
+        if ack is not None:
+            raise CommandRefusedError(
+                f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"
+                + self.view.recent_texts()
+            )
         raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
 
     async def _ack(self, queue: asyncio.Queue[Message]) -> Message | None:

@@ -9,24 +9,10 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
+from uavmap.link.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
 
 Message = Any
 
-GUIDED: Final = 4
-RTL: Final = 6
-LAND: Final = 9
-MODE_NAMES: Final = {
-    0: "STABILIZE",
-    2: "ALT_HOLD",
-    3: "AUTO",
-    4: "GUIDED",
-    5: "LOITER",
-    6: "RTL",
-    9: "LAND",
-    16: "POSHOLD",
-    17: "BRAKE",
-    21: "SMART_RTL",
-}
 _NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
 """What gimbals, cameras and companions say in their heartbeats."""
 PREARM_BIT: Final = 0x10000000
@@ -47,9 +33,13 @@ class VehicleView:
     heard_s: float = float("-inf")
     mode: int | None = None
     armed: bool = False
+    failsafe: bool = False
+    """The autopilot flies by itself, whatever the mode."""
     position: LatLon | None = None
     position_s: float = float("-inf")
     height_m: float = 0.0
+    home_amsl_m: float = 0.0
+    """What `height_m` is above, over the sea."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     boot_offset_s: float | None = None
     """Loop time minus the vehicle's own time since boot."""
@@ -83,6 +73,11 @@ class VehicleView:
         return True
 
     @property
+    def kind(self) -> Autopilot:
+        """How it is flown; `connect` refuses those that are not known."""
+        return AUTOPILOTS.get(self.autopilot or 0, ARDUPILOT)
+
+    @property
     def ready_to_arm(self) -> bool:
         """The prearm bit alone turns true before the position is usable."""
         absolute = bool(self.ekf_flags & EKF_ABSOLUTE) and not self.ekf_flags & EKF_CONSTANT
@@ -104,7 +99,8 @@ class VehicleView:
         """The mode in the autopilot's words."""
         if self.mode is None:
             return "unknown"
-        return MODE_NAMES.get(self.mode, f"mode {self.mode}")
+        name = self.kind.mode_names.get(self.mode, f"mode {self.mode}")
+        return f"{name} by a failsafe" if self.failsafe else name
 
     def remaining_wh(self, capacity_wh: float) -> float | None:
         """What is left in the battery, the lower of what two messages say; None if unknown."""
@@ -132,6 +128,8 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     view.autopilot = message.autopilot
     view.mode = message.custom_mode
     view.armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+    critical = message.system_status == mav.MAV_STATE_CRITICAL
+    view.failsafe = critical and view.kind.tells_failsafe
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -140,6 +138,7 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     view.position = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.position_s = now_s
     view.height_m = message.relative_alt / 1000.0
+    view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     offset_s = now_s - message.time_boot_ms / 1000.0
     # the message that travelled fastest tells the offset best; a restart shifts it by seconds
@@ -191,6 +190,7 @@ _HANDLERS: Final = {
     "BATTERY_STATUS": _battery,
     "EXTENDED_SYS_STATE": _extended,
     "EKF_STATUS_REPORT": _ekf,
+    "ESTIMATOR_STATUS": _ekf,  # the flags are the same
     "AUTOPILOT_VERSION": _version,
     "STATUSTEXT": _text,
 }

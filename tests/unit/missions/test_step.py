@@ -139,7 +139,7 @@ def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service
     assert order.cell == suspect
     t_s = service.now_s
     service.post(Arrived(1, t_s, service.setting.grid.centre_of(suspect)))
-    assert service.order() == Look(suspect, 15, 12.0)
+    assert service.order() == Look(suspect, 30, 12.0)
     for i in range(5):
         service.post(frame(1, t_s + 1 + i, suspect, suspect, Cell(0, 7)))
     assert service.state.tree is not None

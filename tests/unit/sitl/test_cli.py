@@ -19,9 +19,8 @@ HOME = "47.4,8.5,488,90"
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("--autopilot px4", "px4: this flavour is not there yet"),
-        (f"--home {HOME} --autopilot px4", "px4: this flavour is not there yet"),
-        ("--autopilot inav", "there is ardupilot"),
+        ("--autopilot inav", "there is ardupilot, px4"),
+        (f"--home {HOME} --autopilot inav", "there is ardupilot, px4"),
         ("--home here", "LAT,LON,AMSL,YAW"),
         ("--home 95,8", "latitude"),
         ("--home 47,8,nan", "LAT,LON,AMSL,YAW"),
@@ -31,7 +30,7 @@ HOME = "47.4,8.5,488,90"
         ("--world a.geojson", "--world needs --home"),
         ("--world-crs 32632", "--world-crs needs --home"),
         (f"--home {HOME} --wind 3", "SPEED,FROM"),
-        (f"--home {HOME} --wind 300,0", "0 to 25 m/s"),
+        (f"--home {HOME} --wind 300,0", "0 to 40 m/s"),
         (f"--home {HOME} --world nowhere.geojson", "nowhere.geojson: No such file"),
         (f"--home {HOME} --world nowhere.png", "nowhere.png: no such file"),
         ("--mission nowhere", "nowhere"),

@@ -31,8 +31,11 @@ class Radio:
                 message = self.inbox.pop(0)
                 if message.get_type() in kinds:
                     return message
-            self.inbox += self.into.parse_buffer(self.vehicle.step(0.05)) or []
+            self.step()
         return None
+
+    def step(self):
+        self.inbox += self.into.parse_buffer(self.vehicle.step(0.05)) or []
 
     def upload(self, items):
         """How it ended, as far as the client knows."""
@@ -132,6 +135,30 @@ def test_other_bad_radios(make_client, bad):
     ended, fetched, kept = fly_through(make_client, 1, **bad)
     assert ended == GOOD
     assert places(fetched) == places(kept) == places(survey())
+
+
+def test_late_copies_of_the_count_cost_no_items(make_client):
+    """The radio holds copies of the count back until the first item has come."""
+    client = make_client()
+    client.run(6.0)
+    radio = Radio(client.vehicle)
+    begin = mav.MAVLink_mission_count_message(1, 1, COUNT, 0)
+    radio.say(begin)
+    client.vehicle.fail.link(delay_s=0.05, way="down")
+    client.vehicle.fail.link(duplicate=1.0, reorder=1.0, way="up", for_s=0.08)
+    radio.step()
+    radio.say(begin)
+    radio.step()
+    items, asked = survey(), []
+    while (m := radio.wait(("MISSION_REQUEST", "MISSION_ACK"), 2.0)) is not None:
+        if m.get_type() == "MISSION_ACK":
+            break
+        asked.append(m.seq)
+        radio.say(items[m.seq])
+    assert m is not None
+    assert m.type == mav.MAV_MISSION_ACCEPTED
+    assert asked.count(0) == 1
+    assert places(radio.download()) == places(items)
 
 
 @pytest.mark.parametrize("seed", range(3))

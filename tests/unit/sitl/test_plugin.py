@@ -89,9 +89,9 @@ class TestMarked:
 
 
 WRONG = {
-    "autopilot='px4'": "not there yet",
     "autopilot='inav'": "there is ardupilot",
     "vehicles=0": "vehicles: 0",
+    "vehicles=3, places=[None]": "3 have 1 places",
     "speedup=0": "speedup: 0",
     "seed=-1": "seed: -1",
     "home='Zurich'": "LAT,LON,AMSL,YAW",

@@ -258,7 +258,7 @@ def test_conditions_hold_back_what_follows(planner):
     first = next(t for t, _, n in at if n == 1)
     second = next(north for _, north, n in at if n == 2)
     assert first - begun == pytest.approx(4.0, abs=0.2)
-    assert second == pytest.approx(50.0, abs=0.5)
+    assert second == pytest.approx(50.0, abs=0.8)  # where the next look at it falls, at speed
 
 
 def test_pausing_in_auto(planner):
@@ -269,7 +269,7 @@ def test_pausing_in_auto(planner):
     client.run(12.0)
     assert client.result(193, 0) == 0
     assert planner.current.mission_state == PAUSED
-    client.run(4.0)
+    client.run(6.0)
     where = client.where
     client.run(4.0)
     assert client.where == pytest.approx(where, abs=0.2)

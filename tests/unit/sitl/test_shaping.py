@@ -11,7 +11,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 @pytest.fixture
 def client(make_client):
     client = make_client(world={"wind_speed_m_s": 3.0, "wind_from_deg": 45.0})
-    client.send(mav.MAVLink_param_set_message(1, 1, b"PSC_JERK_XY", 5.0, 9))
     client.take_off()
     return client
 
@@ -35,6 +34,7 @@ def test_arrives_and_stays(client, distance_m):
 
 def test_starts_more_gently(client, make_client):
     direct = make_client()
+    direct.send(mav.MAVLink_param_set_message(1, 1, b"PSC_JERK_XY", 0.0, 9))
     direct.take_off()
     after = []
     for one in (client, direct):
@@ -43,6 +43,19 @@ def test_starts_more_gently(client, make_client):
         one.run(1.0)
         after.append(one.where[0] - begin)
     assert 0.2 < after[0] < 0.8 * after[1]
+
+
+@pytest.mark.parametrize("speed_m_s", [2.0, 8.0])
+def test_stops_without_coming_back(client, speed_m_s):
+    client.send(mav.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 100.0 * speed_m_s, 9))
+    client.target(200.0, 0.0, 12.0)
+    client.run(12.0)
+    begin = client.where[0]
+    client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_BRAKE)
+    along = []
+    client.run(15.0, lambda: along.append(client.where[0] - begin))
+    assert along[-1] < 2.0 * speed_m_s + speed_m_s**2 / 4.0
+    assert max(along) - along[-1] < 1.0
 
 
 def test_a_new_target_on_the_way_and_another_mode(client):

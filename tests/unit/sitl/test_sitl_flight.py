@@ -17,6 +17,7 @@ from sitl.physics import Body, Command
 @pytest.mark.parametrize("distance_m", [0.5, 4.0, 20.0, 80.0])
 def test_reaches_a_target_without_passing_it(make_client, distance_m):
     client = make_client()
+    client.send(mav.MAVLink_param_set_message(1, 1, b"PSC_JERK_XY", 0.0, 9))
     client.take_off()
     furthest, fastest = 0.0, 0.0
 

@@ -120,6 +120,32 @@ def test_second_copies_do_not_disturb(client):
     assert client.send(item(2))[0].type == ACCEPTED
 
 
+def test_a_second_copy_of_the_count_does_not_begin_again(client):
+    client.send(count(3))
+    client.send(item(0))
+    client.run(0.9)
+    (request,) = client.send(count(3))
+    assert (request.get_type(), request.seq) == ("MISSION_REQUEST", 1)
+    client.send(item(1, x=371000000))
+    assert client.send(item(2))[0].type == ACCEPTED
+    assert [m.x for m in download(client)[1:]] == [371000000, 372000000]
+
+
+@pytest.mark.parametrize("begin", [count(4), count(3, RALLY)])
+def test_another_count_begins_again(client, begin):
+    client.send(count(3))
+    client.send(item(0))
+    (request,) = client.send(begin)
+    assert (request.seq, request.mission_type) == (0, begin.mission_type)
+
+
+def test_after_a_silence_the_same_count_begins_again(client):
+    client.send(count(2))
+    client.send(item(0))
+    client.run(1.1)
+    assert client.send(count(2))[0].seq == 0
+
+
 @pytest.mark.parametrize(
     ("bad", "result"),
     [

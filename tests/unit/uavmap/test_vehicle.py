@@ -43,11 +43,10 @@ from sitl.modes import Mode
 from tests.unit.uavmap.flights import Flight, Message, fly, small_mission, under_way
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
-from uavmap.link.view import GUIDED
 from uavmap.vehicle import ANSWER_S, LINK_GIVEN_UP_S
 
 UP_M = 12.0
-LOITER, RTL, LAND = int(Mode.LOITER), int(Mode.RTL), int(Mode.LAND)
+GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.LAND))
 
 
 def to(east_m: float, north_m: float, *, stop: bool = True) -> FlyTo:
@@ -419,8 +418,8 @@ def test_another_autopilot_is_refused_by_name() -> None:
 
     async def main() -> None:
         other = mav.MAVLink(None, srcSystem=1, srcComponent=1)
-        flight.session.feed(heartbeat(autopilot=mav.MAV_AUTOPILOT_PX4).pack(other))
-        with pytest.raises(LinkError, match=r"MAV_AUTOPILOT 12.*flies ArduPilot"):
+        flight.session.feed(heartbeat(autopilot=mav.MAV_AUTOPILOT_PPZ).pack(other))
+        with pytest.raises(LinkError, match=r"MAV_AUTOPILOT 9.*flies ArduPilot and PX4"):
             await flight.driver.connect()
 
     run(main(), VirtualClock())

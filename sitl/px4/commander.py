@@ -1,0 +1,188 @@
+"""Arming and modes of a PX4: who may change them, and what follows from a change."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from sitl.aircraft import SEVERITY_INFO, Aircraft
+from sitl.battery import Battery
+from sitl.fence import names
+from sitl.modes import Phase
+from sitl.params import Parameters
+from sitl.physics import Body
+from sitl.px4.failsafes import CRITICAL, Px4Failsafes
+from sitl.px4.fence import Px4Fence
+from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
+from sitl.px4.offboard import Setpoints
+from sitl.px4.params import TABLE
+from sitl.px4.tuning import Px4Tuning
+from sitl.sensors import PositionError
+
+Wish = tuple[float | None, float | None, float | None]
+"""East, north, up; None where it is left open."""
+
+
+class Commander(Aircraft):
+    """Whether a PX4 arms, and which mode it is in."""
+
+    mode: Px4Mode
+    failsafes: Px4Failsafes
+
+    def __init__(
+        self,
+        body: Body,
+        error: PositionError,
+        battery: Battery,
+        *,
+        system_id: int,
+        ready_after_s: float,
+        max_speed_m_s: float,
+        max_accel_m_s2: float,
+    ) -> None:
+        parameters = Parameters(TABLE)
+        super().__init__(
+            body,
+            error,
+            battery,
+            parameters,
+            Px4Tuning(parameters),
+            Px4Fence(),
+            first_item=0,
+            ready_after_s=ready_after_s,
+            max_speed_m_s=max_speed_m_s,
+            max_accel_m_s2=max_accel_m_s2,
+        )
+        parameters.preset("BAT1_CAPACITY", battery.capacity_mah)
+        parameters.preset("MAV_SYS_ID", system_id)
+        self.mode = Px4Mode.HOLD
+        self.failsafes = Px4Failsafes()
+        self.setpoints = Setpoints()
+        self._after_disarming = Px4Mode.HOLD
+        self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
+        self._has_flown = False  # since it was armed
+        self._climbs_first = False  # a mission that does not begin with a take-off
+
+    # --- what it knows of itself ---------------------------------------------------------------
+
+    @property
+    def in_mission(self) -> bool:
+        """AUTO.MISSION."""
+        return self.mode == Px4Mode.MISSION
+
+    @property
+    def prearm_ok(self) -> bool:
+        """The prearm bit of SYS_STATUS: the checks pass."""
+        return self.prearm_refusal() is None
+
+    def prearm_refusal(self) -> str | None:
+        """What the checks before arming object to, or None."""
+        if self.body.crashed:
+            return "Preflight Fail: crash detected"
+        if not self.position_ok:
+            return "Preflight Fail: no global position"
+        if self.battery.empty or self.failsafes.charge_state >= CRITICAL:
+            return "Preflight Fail: low battery"
+        now = self.estimate
+        here = (now.east, now.north, now.up)
+        if broken := self.fence.violations(self.parameters, here, here):
+            return f"Preflight Fail: outside the geofence ({names(broken)})"
+        return None
+
+    # --- arming ---------------------------------------------------------------------------------
+
+    def arm(self, force: bool = False) -> str | None:
+        """Start the motors; in Takeoff and Mission it takes off with that."""
+        if self.armed:
+            return None
+        if self.body.crashed or self.battery.empty:
+            return f"Arming denied! {self.prearm_refusal()}"
+        if not force:
+            refusal = self.prearm_refusal() or self._mode_refusal(self.mode)
+            if refusal is not None:
+                return f"Arming denied! {refusal}"
+            if self.mode in UNARMABLE:
+                return f"Arming denied! Mode {self.mode.name} prevents arming"
+        self.armed = self.body.motors_on = True
+        self._has_flown = False
+        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
+        self.home_changed = True
+        self._control.reset()
+        self._enter(Phase.LANDED)
+        self.say(SEVERITY_INFO, "Armed by external command")
+        self._begin_mode()
+        return None
+
+    def disarm(self, force: bool = False) -> str | None:
+        """Stop the motors; in the air only by force, and then it falls."""
+        if not self.armed:
+            return None
+        if self.airborne and not force:
+            return "Disarming denied! Not landed"
+        self._stop_motors("external command")
+        return None
+
+    def _stop_motors(self, why: str) -> None:
+        self.armed = self.body.motors_on = False
+        self.target = self.velocity_target = None
+        self._climbs_first = False
+        self._take_off_to = (None, None, None)
+        self.route.stop()
+        self._enter(Phase.LANDED)
+        self.failsafes.taken_over()
+        self.say(SEVERITY_INFO, f"Disarmed by {why}")
+        self._change(self._after_disarming)
+
+    # --- modes ----------------------------------------------------------------------------------
+
+    def set_mode(self, mode: Px4Mode) -> str | None:
+        """The pilot's wish. Disarmed every mode can be chosen, and arming looks at it."""
+        if self.armed and (reason := self._mode_refusal(mode)) is not None:
+            return f"{mode.name} not possible: {reason}"
+        self.failsafes.taken_over()
+        if mode not in UNARMABLE:
+            self._after_disarming = mode
+        if mode != self.mode:
+            self._change(mode)
+        return None
+
+    def fail_to(self, mode: Px4Mode) -> None:
+        """A failsafe's; without a position it comes down where it is."""
+        if not self.position_ok:
+            mode = Px4Mode.LAND
+        if mode != self.mode:
+            self._change(mode)
+
+    def _mode_refusal(self, mode: Px4Mode) -> str | None:
+        if mode in BY_HAND:
+            return "no manual control"
+        if mode != Px4Mode.LAND and not self.position_ok:
+            return "no global position"
+        if mode == Px4Mode.MISSION and self.route.total == 0:
+            return "no valid mission"
+        if mode == Px4Mode.OFFBOARD and not self.setpoints.fresh(self.t_s):
+            return "no offboard signal"
+        return None
+
+    def _change(self, mode: Px4Mode) -> None:
+        if mode == self.mode:
+            return
+        if self.in_mission:
+            self.route.stop()
+        self.mode = mode
+        self.mode_changed = True
+        self.target = self.velocity_target = None
+        self._climbs_first = False
+        self._speeds.clear()
+        self._limits_version = -1
+        if self.phase == Phase.SPOOL:
+            self._enter(Phase.LANDED)
+        if self.airborne:
+            self._control.yaw_target = None
+            self.hold = self._stopping_point()
+            self._enter(Phase.FLY)
+        if self.armed:
+            self._begin_mode()
+
+    @abstractmethod
+    def _begin_mode(self) -> None:
+        """What the mode does of itself, armed."""

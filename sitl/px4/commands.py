@@ -1,0 +1,117 @@
+"""MAV_CMD_* that fly a PX4.
+
+Refusals are TEMPORARILY_REJECTED with a text. The altitude of every command is above sea level,
+whatever the frame of a COMMAND_INT says: PX4 does not look at it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.geodesy import LocalPlane
+from sitl.base_commands import HIGHEST_M, BaseCommands
+from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.modes import Px4Mode, wanted
+from sitl.reply import ACCEPTED, DENIED, UNSUPPORTED, Reply, Request, statustext
+
+_FORCE = 21196.0
+_LEFT_AS_IT_IS = 2**31 - 1
+_NAN_AS_INT = 0x7FF80000
+_GLOBAL: int = mav.MAV_FRAME_GLOBAL
+
+
+class Px4Commands(BaseCommands):
+    """A PX4's."""
+
+    refused: int = mav.MAV_RESULT_TEMPORARILY_REJECTED
+
+    def __init__(self, autopilot: Px4Autopilot, plane: LocalPlane, amsl_m: float) -> None:
+        super().__init__(autopilot, plane, amsl_m)
+        self._ap = autopilot
+        self.table.update({
+            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
+            mav.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Px4Mode.LAND),
+            mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._mode(Px4Mode.RTL),
+            mav.MAV_CMD_DO_REPOSITION: self._reposition,
+            mav.MAV_CMD_MISSION_START: self._mission_start,
+            mav.MAV_CMD_DO_SET_HOME: self._set_home_amsl,
+        })  # fmt: skip
+
+    def _arm_disarm(self, request: Request) -> Reply:
+        force = request.p[1] == _FORCE
+        if request.p[0] == 1.0:
+            return self.answer(self._ap.arm(force))
+        if request.p[0] == 0.0:
+            return self.answer(self._ap.disarm(force))
+        return Reply(UNSUPPORTED)
+
+    def _set_mode(self, request: Request) -> Reply:
+        base, main, sub = request.integer(1), request.integer(2), request.integer(3)
+        if base is None or main is None or not base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return self.answer("Unsupported mode")
+        mode = wanted(main & 0xFF, (sub or 0) & 0xFF)
+        return self.answer("Unsupported mode") if mode is None else self._mode(mode)
+
+    def set_mode(self, number: int) -> Reply:
+        """SET_MODE: main mode and sub-mode in one number."""
+        mode = wanted(number >> 16 & 0xFF, number >> 24 & 0xFF)
+        return self.answer("Unsupported mode") if mode is None else self._mode(mode)
+
+    def _mode(self, mode: Px4Mode) -> Reply:
+        return self.answer(self._ap.set_mode(mode))
+
+    def _take_off(self, request: Request) -> Reply:
+        amsl_m = request.p[6]
+        up_m = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        return self.answer(self._ap.take_off((*self._flat_or_none(request), up_m)))
+
+    def _reposition(self, request: Request) -> Reply:
+        place = request.place
+        if place is not None and place[1:] == (_NAN_AS_INT, _NAN_AS_INT):
+            return Reply(DENIED)
+        if (request.integer(2) or 0) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+            refusal = self._ap.set_mode(Px4Mode.HOLD)
+            if refusal is not None:
+                return self.answer("Reposition command rejected")
+        east, north = self._flat_or_none(request)
+        amsl_m, speed_m_s, yaw_rad = request.p[6], request.p[0], request.p[3]
+        up = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        text = self._ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
+        if text is not None:
+            return Reply(ACCEPTED, (statustext(mav.MAV_SEVERITY_CRITICAL, text),))
+        if math.isfinite(speed_m_s) and speed_m_s > 0.0:
+            self._ap.set_speed("speed_m_s", speed_m_s)
+        return Reply(ACCEPTED)
+
+    def _flat_or_none(self, request: Request) -> tuple[float | None, float | None]:
+        """East and north of a command's place, None where it leaves them."""
+        if request.place is None:
+            lat_deg, lon_deg = request.p[4], request.p[5]
+            if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+                return None, None
+            return self._flat(round(lat_deg * 1e7), round(lon_deg * 1e7))
+        _, lat_e7, lon_e7 = request.place
+        if abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
+            return None, None
+        return self._flat(lat_e7, lon_e7)
+
+    def _mission_start(self, request: Request) -> Reply:
+        first = request.p[0]
+        total = self._ap.route.total
+        if total == 0:
+            return Reply(DENIED, self.answer("Mission start denied! No valid mission").messages)
+        if not (math.isfinite(first) and -1.0 <= first < total):
+            return Reply(DENIED)
+        if first > 0.0:
+            self._ap.route.jump_to(int(first), self._ap)
+        return self.answer(self._ap.start_mission())
+
+    def _set_home_amsl(self, request: Request) -> Reply:
+        if request.place is not None:
+            request = replace(request, place=(_GLOBAL, *request.place[1:]))
+        return self._set_home(request)

@@ -1,0 +1,117 @@
+"""What a PX4 makes of messages otherwise: bytewise parameters, setpoints, its mission protocol."""
+
+from __future__ import annotations
+
+import math
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.commands import Commands
+from sitl.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
+from sitl.params import INT32, Parameter
+from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.items import check
+from sitl.px4.params import bytewise, from_bytewise
+from sitl.streams import Streams
+from sitl.telemetry import Telemetry
+from sitl.transfer import Transfer
+from sitl.wire import Message
+
+_RETRY_S, _GIVE_UP_S = 0.25, 5.0
+
+
+class Px4Interpreter(Interpreter):
+    """A PX4's end of the link."""
+
+    def __init__(
+        self,
+        system_id: int,
+        autopilot: Px4Autopilot,
+        commands: Commands,
+        streams: Streams,
+        telemetry: Telemetry,
+    ) -> None:
+        super().__init__(system_id, autopilot, commands, streams, telemetry)
+        self._px4 = autopilot
+        self._handlers["SET_POSITION_TARGET_LOCAL_NED"] = self._local_target
+        del self._handlers["REQUEST_DATA_STREAM"]
+
+    def _make_transfer(self) -> Transfer:
+        ap = self._ap
+
+        def complain(severity: int, text: str) -> None:
+            if severity < mav.MAV_SEVERITY_INFO:  # it does not tell when all is well
+                ap.say(severity, text)
+
+        return Transfer(
+            ap.plans,
+            home=None,
+            running=lambda: False,
+            changed=self._commands.flight.plans_changed,
+            say=complain,
+            ask_int=True,
+            retry_s=_RETRY_S,
+            give_up_s=_GIVE_UP_S,
+            whole=True,
+            check=check,
+        )
+
+    def _heartbeat(self, m: Message) -> bytes:
+        if m.type == mav.MAV_TYPE_GCS:
+            self._ap.failsafes.hear_station(self._ap.t_s)
+        return b""
+
+    # --- setpoints ------------------------------------------------------------------------------
+
+    def _position_target(self, m: Message) -> bytes:
+        if self._is_setpoint(m):
+            self._px4.setpoints.hear(self._ap.t_s)
+        return super()._position_target(m)
+
+    def _local_target(self, m: Message) -> bytes:
+        """SET_POSITION_TARGET_LOCAL_NED, around the place of booting; BODY_NED for velocities."""
+        if not self._is_setpoint(m):
+            return b""
+        self._px4.setpoints.hear(self._ap.t_s)
+        if not m.type_mask & NO_POSITION:
+            if m.coordinate_frame == mav.MAV_FRAME_LOCAL_NED:
+                east, north, up = self._telemetry.origin
+                yaw = None if m.type_mask & NO_YAW else m.yaw
+                self._ap.go_to(east + m.y, north + m.x, up - m.z, yaw)
+        elif not m.type_mask & NO_VELOCITY:
+            v_north, v_east = m.vx, m.vy
+            if m.coordinate_frame == mav.MAV_FRAME_BODY_NED:
+                heading = self._ap.body.heading
+                v_north = m.vx * math.cos(heading) - m.vy * math.sin(heading)
+                v_east = m.vx * math.sin(heading) + m.vy * math.cos(heading)
+            self._ap.go_with(v_east, v_north, -m.vz)
+        return b""
+
+    def _is_setpoint(self, m: Message) -> bool:
+        """For this vehicle, and of finite numbers only."""
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
+            return False
+        numbers = [m.vx, m.vy, m.vz, m.afx, m.afy, m.afz, m.yaw]
+        if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+            numbers += [m.x, m.y, m.z]
+        return all(map(math.isfinite, numbers))
+
+    # --- parameters -----------------------------------------------------------------------------
+
+    def _param_set(self, m: Message) -> bytes:
+        """The new value is the answer; an unknown name is told, another type meets silence."""
+        if not self._ours(m):
+            return b""
+        parameter = self._ap.parameters.by_name.get(m.param_id)
+        if parameter is None:
+            self._ap.say(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
+            return b""
+        if m.param_type != parameter.type:
+            return b""
+        value = from_bytewise(m.param_value) if parameter.type == INT32 else m.param_value
+        if not self._ap.parameters.set(m.param_id, value):
+            return b""
+        return self._param_value(m.param_id)
+
+    def _on_wire(self, parameter: Parameter, value: float) -> float:
+        return bytewise(int(value)) if parameter.type == INT32 else value

@@ -1,0 +1,61 @@
+"""PX4's modes: a main mode and, for the automatic ones, a sub-mode."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+MAIN_AUTO = 4
+SUB_MISSION = 4
+
+
+def packed(main: int, sub: int = 0) -> int:
+    """`custom_mode` of a HEARTBEAT and of SET_MODE.
+
+    >>> packed(4, 3) == Px4Mode.HOLD
+    True
+    """
+    return (main & 0xFF) << 16 | (sub & 0xFF) << 24
+
+
+class Px4Mode(IntEnum):
+    """What a HEARTBEAT says in `custom_mode`."""
+
+    MANUAL = 1 << 16
+    ALTITUDE = 2 << 16
+    POSITION = 3 << 16
+    ACRO = 5 << 16
+    OFFBOARD = 6 << 16
+    STABILIZED = 7 << 16
+    TAKEOFF = 4 << 16 | 2 << 24
+    HOLD = 4 << 16 | 3 << 24
+    MISSION = 4 << 16 | 4 << 24
+    RTL = 4 << 16 | 5 << 24
+    LAND = 4 << 16 | 6 << 24
+
+    @property
+    def automatic(self) -> bool:
+        """One of the main mode AUTO."""
+        return self >> 16 & 0xFF == MAIN_AUTO
+
+
+BY_HAND = (
+    Px4Mode.MANUAL,
+    Px4Mode.ALTITUDE,
+    Px4Mode.POSITION,
+    Px4Mode.ACRO,
+    Px4Mode.STABILIZED,
+)
+"""These need a radio control, which nobody holds here."""
+UNARMABLE = (Px4Mode.RTL, Px4Mode.LAND)
+
+
+def wanted(main: int, sub: int) -> Px4Mode | None:
+    """The mode that DO_SET_MODE asks for; AUTO without a sub-mode is the mission.
+
+    >>> wanted(4, 0).name, wanted(6, 0).name, wanted(4, 99)
+    ('MISSION', 'OFFBOARD', None)
+    """
+    try:
+        return Px4Mode(packed(main, (sub or SUB_MISSION) if main == MAIN_AUTO else 0))
+    except ValueError:
+        return None

@@ -1,0 +1,89 @@
+"""The parameters of the simulated PX4: those that change what it does or that clients ask for.
+
+Names, defaults and types (there are only INT32 and REAL32) are those of PX4 1.15 on a multicopter.
+Integers travel bytewise: their four bytes lie in the float field `param_value`.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from sitl.params import INT32, REAL32, Parameter
+
+_ROWS = (
+    Parameter("BAT1_CAPACITY", -1.0, REAL32),  # mAh, set to the pack's at the start
+    Parameter("BAT1_N_CELLS", 6, INT32, fixed=True),
+    Parameter("BAT1_V_EMPTY", 3.3, REAL32),  # V a cell: below it the pack counts as empty
+    Parameter("BAT_CRIT_THR", 0.07, REAL32),  # share of the charge
+    Parameter("BAT_EMERGEN_THR", 0.05, REAL32),
+    Parameter("BAT_LOW_THR", 0.15, REAL32),
+    Parameter("CAL_ACC0_ID", 1310988, INT32, fixed=True),  # not 0: calibrated
+    Parameter("CAL_GYRO0_ID", 1310988, INT32, fixed=True),
+    Parameter("CAL_MAG0_ID", 197388, INT32, fixed=True),
+    Parameter("COM_DISARM_LAND", 2.0, REAL32),  # s, 0: never
+    Parameter("COM_DISARM_PRFLT", 10.0, REAL32),  # s, 0: never
+    Parameter("COM_DL_LOSS_T", 10, INT32),  # s
+    Parameter("COM_FAIL_ACT_T", 5.0, REAL32),  # s of Hold before a failsafe acts
+    Parameter("COM_LOW_BAT_ACT", 0, INT32),  # 0 warn, 2 land, 3 return when critical
+    Parameter("COM_OBL_RC_ACT", 0, INT32),  # 0-2 by hand, 3 return, 4 land, 5 hold, 6, 7 motors off
+    Parameter("COM_OF_LOSS_T", 1.0, REAL32),  # s
+    Parameter("COM_RCL_EXCEPT", 0, INT32),  # 1 mission, 2 hold, 4 offboard
+    Parameter("COM_TAKEOFF_ACT", 0, INT32),  # 0 hold, 1 mission
+    Parameter("EKF2_NOAID_TOUT", 5000000, INT32),  # us
+    Parameter("GF_ACTION", 2, INT32),  # 0, 1 warn, 2 hold, 3 return, 4 motors off, 5 land
+    Parameter("GF_MAX_HOR_DIST", 0.0, REAL32),  # m, 0: none
+    Parameter("GF_MAX_VER_DIST", 0.0, REAL32),  # m, 0: none
+    Parameter("MAV_SYS_ID", 1, INT32, fixed=True),
+    Parameter("MAV_TYPE", 2, INT32, fixed=True),
+    Parameter("MIS_TAKEOFF_ALT", 2.5, REAL32),  # m
+    Parameter("MPC_ACC_HOR", 3.0, REAL32),  # m/s^2
+    Parameter("MPC_ACC_UP_MAX", 4.0, REAL32),  # m/s^2
+    Parameter("MPC_LAND_ALT1", 10.0, REAL32),  # m: from here slower
+    Parameter("MPC_LAND_ALT2", 5.0, REAL32),  # m: from here at MPC_LAND_SPEED
+    Parameter("MPC_LAND_SPEED", 0.7, REAL32),
+    Parameter("MPC_TKO_SPEED", 1.5, REAL32),
+    Parameter("MPC_XY_CRUISE", 5.0, REAL32),
+    Parameter("MPC_XY_P", 0.95, REAL32),
+    Parameter("MPC_XY_VEL_MAX", 12.0, REAL32),
+    Parameter("MPC_YAWRAUTO_MAX", 45.0, REAL32),  # degrees/s
+    Parameter("MPC_YAW_MODE", 0, INT32),  # 0, 3, 4: the nose towards the waypoint
+    Parameter("MPC_Z_P", 1.0, REAL32),
+    Parameter("MPC_Z_VEL_MAX_DN", 1.5, REAL32),
+    Parameter("MPC_Z_VEL_MAX_UP", 3.0, REAL32),
+    Parameter("MPC_Z_V_AUTO_DN", 1.5, REAL32),
+    Parameter("MPC_Z_V_AUTO_UP", 3.0, REAL32),
+    Parameter("NAV_ACC_RAD", 2.0, REAL32),  # m
+    Parameter("NAV_DLL_ACT", 0, INT32),  # 0 none, 1 hold, 2 return, 3 land, 5, 6 motors off
+    Parameter("NAV_RCL_ACT", 2, INT32),  # the same
+    Parameter("RTL_CONE_ANG", 45, INT32),  # degrees from the vertical, 0: no cone
+    Parameter("RTL_DESCEND_ALT", 10.0, REAL32),  # m
+    Parameter("RTL_LAND_DELAY", 0.0, REAL32),  # s, -1: stay above home
+    Parameter("RTL_RETURN_ALT", 30.0, REAL32),  # m
+    Parameter("RTL_TYPE", 0, INT32),
+    Parameter("SYS_AUTOSTART", 10016, INT32, fixed=True),
+    Parameter("SYS_FAILURE_EN", 0, INT32),  # 1: MAV_CMD_INJECT_FAILURE is obeyed
+)
+
+TABLE = tuple(sorted(_ROWS, key=lambda parameter: parameter.name))
+
+_INT, _FLOAT = struct.Struct("<i"), struct.Struct("<f")
+
+
+def bytewise(value: int) -> float:
+    """The float whose four bytes are those of an integer.
+
+    >>> bytewise(1)
+    1.401298464324817e-45
+    """
+    found: float = _FLOAT.unpack(_INT.pack(value))[0]
+    return found
+
+
+def from_bytewise(value: float) -> int:
+    """The other way round; not-a-numbers are integers, too.
+
+    >>> from_bytewise(bytewise(-1))
+    -1
+    """
+    found: int = _INT.unpack(_FLOAT.pack(value))[0]
+    return found

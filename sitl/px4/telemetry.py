@@ -1,0 +1,137 @@
+"""A PX4's state as MAVLink messages: what differs from the others, and what it streams unasked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.geodesy import LocalPlane
+from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.modes import Px4Mode
+from sitl.telemetry import IDENTITY, Telemetry
+from sitl.wire import Message
+
+_VERSION_1_15_4 = (1 << 24) | (15 << 16) | (4 << 8) | 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
+_CAPABILITIES = (
+    mav.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    | mav.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mav.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+)
+_AUTO = (
+    mav.MAV_MODE_FLAG_AUTO_ENABLED
+    | mav.MAV_MODE_FLAG_STABILIZE_ENABLED
+    | mav.MAV_MODE_FLAG_GUIDED_ENABLED
+)
+_BY_HAND = mav.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mav.MAV_MODE_FLAG_STABILIZE_ENABLED
+_ESTIMATOR_GOOD = 0x33F  # attitude, velocities, relative and absolute position, predictions
+_ESTIMATOR_NO_POSITION = 0xA7
+
+DEFAULT_HZ = {
+    mav.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+    mav.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
+    mav.MAVLINK_MSG_ID_ATTITUDE: 10.0,
+    mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 5.0,
+    mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 1.0,
+    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
+    mav.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+    mav.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+    mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 1.0,
+    mav.MAVLINK_MSG_ID_ALTITUDE: 1.0,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
+    mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+    mav.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+}
+"""What a link to a ground station carries without a request, as PX4's mode "normal" has it."""
+
+DEFAULT_S = {int(message_id): 1.0 / hz for message_id, hz in DEFAULT_HZ.items()}
+
+
+class Px4Telemetry(Telemetry):
+    """Builds a PX4's messages."""
+
+    def __init__(
+        self,
+        autopilot: Px4Autopilot,
+        plane: LocalPlane,
+        amsl_m: float,
+        wind: Callable[[], tuple[float, float]],
+    ) -> None:
+        super().__init__(autopilot, plane, amsl_m, wind)
+        for message_id in (
+            mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+            mav.MAVLINK_MSG_ID_WIND,
+            mav.MAVLINK_MSG_ID_FENCE_STATUS,
+        ):
+            del self._builders[message_id]
+        self._builders |= {
+            mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self.estimator_status,
+            mav.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
+            mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self.attitude_quaternion,
+            mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position_when_known,
+        }
+
+    def heartbeat(self) -> Message:
+        """HEARTBEAT."""
+        ap = self._ap
+        assert isinstance(ap.mode, Px4Mode)
+        base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if ap.mode.automatic:
+            base |= _AUTO
+        elif ap.mode == Px4Mode.OFFBOARD:
+            base |= mav.MAV_MODE_FLAG_STABILIZE_ENABLED
+        else:
+            base |= _BY_HAND
+        status = mav.MAV_STATE_STANDBY
+        if ap.armed:
+            base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
+            status = mav.MAV_STATE_CRITICAL if ap.failsafes.active else mav.MAV_STATE_ACTIVE
+        return mav.MAVLink_heartbeat_message(
+            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4, base, int(ap.mode), status, 3
+        )
+
+    def autopilot_version(self) -> Message:
+        """AUTOPILOT_VERSION of a PX4 1.15, with the simulator's own vendor and product."""
+        return mav.MAVLink_autopilot_version_message(
+            _CAPABILITIES, _VERSION_1_15_4, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, *IDENTITY, 0
+        )
+
+    def estimator_status(self) -> Message:
+        """ESTIMATOR_STATUS: no absolute position until ready."""
+        flags = _ESTIMATOR_GOOD if self._ap.position_ok else _ESTIMATOR_NO_POSITION
+        return mav.MAVLink_estimator_status_message(
+            round(self._ap.t_s * 1e6), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.5
+        )
+
+    def altitude(self) -> Message:
+        """ALTITUDE: over the sea, the origin and home; the terrain is not known."""
+        up, amsl = self._ap.estimate.up, self._amsl_m + self._ap.estimate.up
+        return mav.MAVLink_altitude_message(
+            round(self._ap.t_s * 1e6), amsl, amsl, up - self._boot_home[2],
+            up - self._ap.home[2], math.nan, math.nan,
+        )  # fmt: skip
+
+    def attitude_quaternion(self) -> Message:
+        """ATTITUDE_QUATERNION, from the body to north, east and down."""
+        body = self._ap.body
+        roll, pitch = body.roll_pitch
+        cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
+        cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
+        cy, sy = math.cos(body.heading / 2.0), math.sin(body.heading / 2.0)
+        return mav.MAVLink_attitude_quaternion_message(
+            self.boot_ms,
+            cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy,
+            0.0, 0.0, body.yaw_rate,
+        )  # fmt: skip
+
+    def _position_when_known(self) -> Message | None:
+        return self.global_position_int() if self._ap.home_known else None

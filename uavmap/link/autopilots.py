@@ -1,0 +1,105 @@
+"""What differs between the autopilots that are flown: modes, heights on the wire, streams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+_STREAMS: Final = {
+    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
+    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+    mav.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Autopilot:
+    """One autopilot, as its driver has to know it.
+
+    It obeys targets in the mode `follows`. `ours` are the modes in which a vehicle that flies when
+    we connect is ours; `by_itself` those that it leaves for `follows` without the pilot.
+    """
+
+    name: str
+    follows: int
+    rtl: int
+    land: int
+    ours: tuple[int, ...]
+    by_itself: tuple[int, ...]
+    mode_names: Mapping[int, str]
+    streams: Mapping[int, float]
+    """Message ids and rates, Hz."""
+    follow_params: tuple[float, ...]
+    """Of MAV_CMD_DO_SET_MODE for `follows`."""
+    amsl: bool
+    """Whether heights of commands are above the sea, or else above home."""
+    blank: float
+    """A parameter of a command that says nothing."""
+    tells_failsafe: bool
+    """Whether system_status CRITICAL means that a failsafe flies, in whatever mode."""
+
+    def place(self, height_m: float, home_amsl_m: float) -> tuple[int, float]:
+        """Frame and height on the wire of a command for `height_m` above home.
+
+        >>> PX4.place(12.0, home_amsl_m=488.0), ARDUPILOT.place(12.0, home_amsl_m=488.0)
+        ((0, 500.0), (3, 12.0))
+        """
+        if self.amsl:
+            return mav.MAV_FRAME_GLOBAL, home_amsl_m + height_m
+        return mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m
+
+
+ARDUPILOT: Final = Autopilot(
+    name="ArduPilot",
+    follows=4,
+    rtl=6,
+    land=9,
+    ours=(4,),
+    by_itself=(),
+    mode_names={
+        0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND",
+        16: "POSHOLD", 17: "BRAKE", 21: "SMART_RTL",
+    },
+    streams={**_STREAMS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 1.0},
+    follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4),
+    amsl=False,
+    blank=0.0,
+    tells_failsafe=False,
+)  # fmt: skip
+
+
+def _px4(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+_TAKEOFF, _HOLD, _MISSION = _px4(4, 2), _px4(4, 3), _px4(4, 4)
+
+PX4: Final = Autopilot(
+    name="PX4",
+    follows=_HOLD,
+    rtl=_px4(4, 5),
+    land=_px4(4, 6),
+    ours=(_HOLD, _TAKEOFF),
+    by_itself=(_TAKEOFF, _MISSION),
+    mode_names={
+        _px4(1): "MANUAL", _px4(2): "ALTITUDE", _px4(3): "POSITION", _px4(5): "ACRO",
+        _px4(6): "OFFBOARD", _px4(7): "STABILIZED", _TAKEOFF: "TAKEOFF", _HOLD: "HOLD",
+        _MISSION: "MISSION", _px4(4, 5): "RTL", _px4(4, 6): "LAND",
+    },
+    streams={**_STREAMS, mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0},
+    follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4, 3),
+    amsl=True,
+    blank=math.nan,
+    tells_failsafe=True,
+)  # fmt: skip
+
+AUTOPILOTS: Final = {
+    mav.MAV_AUTOPILOT_ARDUPILOTMEGA: ARDUPILOT,
+    mav.MAV_AUTOPILOT_PX4: PX4,
+}
+"""By HEARTBEAT.autopilot."""
