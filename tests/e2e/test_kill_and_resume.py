@@ -66,7 +66,7 @@ def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
 def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     whole = bodies(speck.folder)
     folder = tmp_path / "out"
-    stopped = begin_and_stop(folder, len(whole) // 2, signal.SIGINT)
+    stopped = begin_and_stop(folder, len(whole) // 4, signal.SIGINT)
     assert stopped is not None
     assert stopped.code == 130
     assert stopped.out == ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,8 @@ def test_a_mission_in_one_process(tiny, tiny_px4, tmp_path):
     assert len(roi_cells(tmp_path / "one") ^ roi_cells(tiny.folder)) <= 2
     assert bodies(tmp_path / "one") == bodies(tmp_path / "two")
     log = mavutil.mavlink_connection(str(tmp_path / "one" / "flight.tlog"))
-    beat = log.recv_match(type="HEARTBEAT", condition="HEARTBEAT.autopilot!=8")
+    with contextlib.closing(log.f):
+        beat = log.recv_match(type="HEARTBEAT", condition="HEARTBEAT.autopilot!=8")
     assert beat.autopilot == mav.MAV_AUTOPILOT_PX4
 
 

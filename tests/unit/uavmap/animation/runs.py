@@ -34,11 +34,14 @@ def tree_until(run_: Run, roi: set[Cell], t: float) -> Tree:
     def depth(cell: Cell) -> int:
         return tree.vertices[cell].depth
 
+    def away(cell: Cell) -> int:
+        return (cell.east - START.east) ** 2 + (cell.north - START.north) ** 2
+
     arrivals: dict[float, set[Cell]] = {}
     for leg in run_.legs:
         if leg.end_t <= t:
             arrivals.setdefault(leg.end_t, set()).add(leg.end)
     for _, cells in sorted(arrivals.items()):
-        for cell in sorted(cells, key=lambda c: (depth(c), c)):
+        for cell in sorted(cells, key=lambda c: (depth(c), -away(c), c)):
             tree = look(tree, cell, roi)
     return tree
