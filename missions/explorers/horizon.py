@@ -17,7 +17,6 @@ from missions.bounds import rdfs_bound_moves
 from missions.explorers.interface import Decision, Situation
 from missions.explorers.retreat import Retreat
 from missions.explorers.sites import LARGE_TEAM, Ground, Sites, step_cost
-from missions.tree import Tree
 from missions.units import Cell
 
 
@@ -40,6 +39,7 @@ class Outlook:
 class Horizon:
     """The planner. `until` is a time after which it retreats in any case.
 
+    >>> from missions.tree import Tree
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
     >>> Horizon().decide(Situation(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, (1, 2))).moves
     {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}

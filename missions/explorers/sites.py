@@ -15,8 +15,8 @@ from missions.metric import Metric
 from missions.tree import Tree
 from missions.units import Cell
 
-MOVES = 3000
-"""Attempts of the local search at each step."""
+MOVES, MOVES_EACH = 3000, 100
+"""Attempts of the local search at each step, at most and for each node."""
 HEAT = 0.02
 """How much dearer an attempt may make the whole at first."""
 LARGE_TEAM = 3
@@ -131,7 +131,7 @@ class Sites:
         tree, metric = situation.tree, situation.metric
         unlooked = np.flatnonzero(ground.picture[ground.cells] != kernels.LOOKED)
         taken = set(places.values())
-        nodes = tuple(c for c in (ground.cell(i) for i in unlooked) if c not in taken)
+        nodes = tuple(c for c in (ground.cell(int(i)) for i in unlooked) if c not in taken)
         cells = (*nodes, *places.values(), tree.root)
         numbers = np.array([ground.number(cell) for cell in cells], np.int32)
         if metric.straight:
@@ -153,10 +153,12 @@ class Sites:
             row[: len(nodes)] = nodes
         looks = self.metric.look / step_cost(self.metric)
         weight = UNSEEN_LARGE_TEAM if len(self.places) >= LARGE_TEAM else UNSEEN
-        loads = looks + weight * (1.0 + looks) * self.unseen[: len(self.nodes)]
+        unseen = self.unseen[: len(self.nodes)].astype(np.float64)
+        loads = looks + weight * (1.0 + looks) * unseen
         lengths = np.array([len(nodes) for nodes in rows], np.int32)
+        moves = min(MOVES, MOVES_EACH * len(self.nodes))
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
-        routes, counts = kernels.arrange(self.legs, loads, before, lengths, MOVES, HEAT, seed)
+        routes, counts = kernels.arrange(self.legs, loads, before, lengths, moves, HEAT, seed)
         return {
             r: tuple(self.nodes[node] for node in route[:count])
             for r, route, count in zip(self.places, routes, counts, strict=True)

@@ -17,7 +17,7 @@ UNLOOKED, LOOKED, IMAGINED = 1, 2, 3
 def unobserved(picture: Picture, width: int, cell: int) -> bool:
     """Whether nobody can say of a cell if it is ROI: not known, and next to none that was looked
     from."""
-    return (
+    return bool(
         picture[cell] == 0
         and picture[cell + width] != LOOKED
         and picture[cell + 1] != LOOKED
@@ -29,7 +29,9 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
 @kernel
 def imagine(picture: Picture, width: int) -> None:
     """Add the unobserved cells next to unlooked ones to the picture, as if they were ROI."""
-    for cell in np.flatnonzero(picture == UNLOOKED):
+    unlooked = np.flatnonzero(picture == UNLOOKED)
+    for i in range(unlooked.size):
+        cell = int(unlooked[i])
         for there in (cell + width, cell + 1, cell - width, cell - 1):
             if unobserved(picture, width, there):
                 picture[there] = IMAGINED

@@ -35,7 +35,7 @@ def price(legs: Floats, loads: Floats, route: Ints, count: int, robot: int) -> f
         length += legs[last, node] + loads[node]
         last = node
     length += legs[last, legs.shape[0] - 1] + 1.0
-    return length * length * length * length * length * length
+    return float(length * length * length * length * length * length)
 
 
 @kernel
