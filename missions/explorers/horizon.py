@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from missions.bounds import rdfs_bound_moves
 from missions.explorers.interface import Decision, Situation
 from missions.explorers.retreat import Retreat
-from missions.explorers.sites import LARGE_TEAM, Ground, Sites, step_cost
+from missions.explorers.sites import SMALL_TEAM, Ground, Sites, step_cost
 from missions.units import Cell
 
 
@@ -80,18 +80,21 @@ def _ahead(
     """
     tree, at, robots = situation.tree, situation.at, situation.robots
     goals: dict[int, Cell] = {}
-    if set(robots) != set(at):
+    together = set(robots) == set(at)
+    if not together:
         goals = {
             r: goal
             for r, goal in outlook.goals.items()
             if r in at and goal in tree and not tree.has_looked(goal)
         }
+    if tree.is_explored(tree.root):
+        goals.update(dict.fromkeys(robots, tree.root))
     asked = [r for r in robots if r not in goals]
     routes = outlook.routes
     wide = ground
     if asked:
-        small = len(at) < LARGE_TEAM and not situation.metric.straight
-        wide = Ground.of(tree, imagined=True) if small else ground
+        small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
+        wide = Ground.of(tree, imagined=True) if small else ground  # nobody keeps to a mere guess
         sites = Sites.of(situation, wide, {**at, **goals})
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():

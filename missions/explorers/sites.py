@@ -19,10 +19,12 @@ MOVES, MOVES_EACH = 3000, 100
 """Attempts of the local search at each step, at most and for each node."""
 HEAT = 0.02
 """How much dearer an attempt may make the whole at first."""
-LARGE_TEAM = 3
-"""From so many robots on, only known cells are nodes, and an unobserved one weighs more."""
-UNSEEN, UNSEEN_LARGE_TEAM = 1.0, 1.5
-"""What an unobserved cell counts for, in steps."""
+SMALL_TEAM = 4
+"""Up to so many robots plan with nooks as if they were ROI: cells between known ones."""
+UNSEEN, UNSEEN_BY_MANY = 1.0, 1.5
+"""What an unobserved cell adds to a tour on average, in steps: up to two robots, and more."""
+BEHIND = 4.0
+"""What an unobserved cell might well add to a tour, in steps; a team cares, as it can share."""
 DEPTH, OCCUPIED = 0.6, 3.0
 """A robot without a route follows to where it is deep, and not where others go."""
 _MARGIN = 3
@@ -43,7 +45,7 @@ class Ground:
 
     @classmethod
     def of(cls, tree: Tree, *, imagined: bool = False) -> Ground:
-        """The vertices of a tree; with `imagined` the unobserved cells next to them as well."""
+        """The vertices of a tree; with `imagined` the nooks between them as well."""
         # numba takes a second to import, so the kernels are imported where they are needed
         from missions.kernels import ground as kernels  # noqa: PLC0415
 
@@ -152,13 +154,16 @@ class Sites:
         for row, nodes in zip(before, rows, strict=True):
             row[: len(nodes)] = nodes
         looks = self.metric.look / step_cost(self.metric)
-        weight = UNSEEN_LARGE_TEAM if len(self.places) >= LARGE_TEAM else UNSEEN
+        weight = UNSEEN if len(self.places) <= 2 else UNSEEN_BY_MANY
         unseen = self.unseen[: len(self.nodes)].astype(np.float64)
         loads = looks + weight * (1.0 + looks) * unseen
+        behind = BEHIND * (1.0 + looks) * unseen * (len(self.places) > 1)
         lengths = np.array([len(nodes) for nodes in rows], np.int32)
         moves = min(MOVES, MOVES_EACH * len(self.nodes))
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
-        routes, counts = kernels.arrange(self.legs, loads, before, lengths, moves, HEAT, seed)
+        routes, counts = kernels.arrange(
+            self.legs, loads, behind, before, lengths, moves, HEAT, seed
+        )
         return {
             r: tuple(self.nodes[node] for node in route[:count])
             for r, route, count in zip(self.places, routes, counts, strict=True)

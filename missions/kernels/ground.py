@@ -28,12 +28,17 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
 
 @kernel
 def imagine(picture: Picture, width: int) -> None:
-    """Add the unobserved cells next to unlooked ones to the picture, as if they were ROI."""
+    """Add the nooks to the picture, as if they were ROI: unobserved cells with at least two
+    neighbours that are in it."""
     unlooked = np.flatnonzero(picture == UNLOOKED)
     for i in range(unlooked.size):
-        cell = int(unlooked[i])
-        for there in (cell + width, cell + 1, cell - width, cell - 1):
-            if unobserved(picture, width, there):
+        for side in range(4):
+            there = int(unlooked[i]) + (width, 1, -width, -1)[side]
+            beside = 0
+            for step in (width, 1, -width, -1):
+                if picture[there + step] != 0:
+                    beside += 1
+            if beside > 1 and unobserved(picture, width, there):
                 picture[there] = IMAGINED
 
 

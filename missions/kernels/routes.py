@@ -3,8 +3,9 @@
 Sites are numbered: 0 .. K-1 the nodes to visit, K .. K+R-1 the robots, K+R home. A route leads from
 its robot through its nodes and home; its length is the sum of its legs and of its nodes' loads.
 Minimised is the sum of (length + 1)^6 over the robots: nearly the longest, yet never blind to the
-others. `routes` has a row of nodes for each robot, `counts` says how many of a row are meant,
-`costs` what each route costs.
+others; and a part of the same of the tours that would end up longer, as more is found behind a
+node. So what is uncertain comes early on a route. `routes` has a row of nodes for each robot,
+`counts` says how many of a row are meant, `costs` what each route costs.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from missions.kernels.jit import kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+SHARE = 0.3
+"""How much a tour that goes on behind a node counts, beside the tour as it is known."""
+
 
 @kernel
 def draw(state: int) -> int:
@@ -25,22 +29,38 @@ def draw(state: int) -> int:
 
 
 @kernel
-def price(legs: Floats, loads: Floats, route: Ints, count: int, robot: int) -> float:
-    """What the route of a robot costs: (length + 1)^6."""
-    nodes = loads.size
-    length = 0.0
-    last = nodes + robot
+def sixth(length: float) -> float:
+    """What a tour of a length costs: (length + 1)^6."""
+    square = (length + 1.0) * (length + 1.0)
+    return square * square * square
+
+
+@kernel
+def price(
+    legs: Floats, loads: Floats, behind: Floats, route: Ints, count: int, robot: int
+) -> float:
+    """What the route of a robot costs."""
+    last, home = loads.size + robot, legs.shape[0] - 1
+    length, cost = 0.0, 0.0
     for place in range(count):
         node = route[place]
-        length += legs[last, node] + loads[node]
+        length += legs[last, node]
+        if behind[node] > 0.0:
+            cost += SHARE * sixth(length + legs[node, home] + behind[node])
+        length += loads[node]
         last = node
-    length += legs[last, legs.shape[0] - 1] + 1.0
-    return float(length * length * length * length * length * length)
+    return cost + sixth(length + legs[last, home])
 
 
 @kernel
 def insert(
-    legs: Floats, loads: Floats, routes: Ints, counts: Ints, costs: Floats, node: int
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    routes: Ints,
+    counts: Ints,
+    costs: Floats,
+    node: int,
 ) -> None:
     """Put a node where it costs least."""
     trial = np.empty(loads.size + 1, np.int32)
@@ -50,7 +70,7 @@ def insert(
         trial[1 : count + 1] = routes[robot, :count]
         for place in range(count + 1):
             trial[place] = node
-            cost = price(legs, loads, trial, count + 1, robot) - costs[robot]
+            cost = price(legs, loads, behind, trial, count + 1, robot) - costs[robot]
             if cost < best:
                 best, best_robot, best_place = cost, robot, place
             if place < count:
@@ -114,6 +134,7 @@ def _take(
 def improve(
     legs: Floats,
     loads: Floats,
+    behind: Floats,
     routes: Ints,
     counts: Ints,
     costs: Floats,
@@ -169,10 +190,10 @@ def improve(
             left = _reversed(routes[mine], count, min(i, j), max(i, j - 1), a)
         else:
             continue
-        cost, other_cost = price(legs, loads, a, left, mine), 0.0
+        cost, other_cost = price(legs, loads, behind, a, left, mine), 0.0
         gain = cost - costs[mine]
         if mine != theirs:
-            other_cost = price(legs, loads, b, right, theirs)
+            other_cost = price(legs, loads, behind, b, right, theirs)
             gain += other_cost - costs[theirs]
         if gain < allowed:
             total += gain
@@ -185,13 +206,22 @@ def improve(
 
 @kernel
 def arrange(
-    legs: Floats, loads: Floats, last: Ints, last_counts: Ints, moves: int, heat: float, state: int
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    last: Ints,
+    last_counts: Ints,
+    moves: int,
+    heat: float,
+    state: int,
 ) -> tuple[Ints, Ints]:
     """Routes through all nodes, and how many nodes each has.
 
     Args:
         legs: cost from site to site, (K+R+1, K+R+1), symmetric.
         loads: what a node costs besides, (K,).
+        behind: how much longer a tour might get by what lies behind a node, (K,); 0 where nothing
+            does.
         last: routes to start from, (R, any); nodes that they lack are put where they cost least.
         last_counts: how many nodes of each row of `last` are meant, (R,).
         moves: attempts of the local search.
@@ -207,10 +237,10 @@ def arrange(
         for place in range(counts[robot]):
             routes[robot, place] = last[robot, place]
             placed[last[robot, place]] = True
-        costs[robot] = price(legs, loads, routes[robot], counts[robot], robot)
+        costs[robot] = price(legs, loads, behind, routes[robot], counts[robot], robot)
     for node in range(nodes):
         if not placed[node]:
-            insert(legs, loads, routes, counts, costs, node)
+            insert(legs, loads, behind, routes, counts, costs, node)
     if nodes > 1:
-        improve(legs, loads, routes, counts, costs, moves, heat, state)
+        improve(legs, loads, behind, routes, counts, costs, moves, heat, state)
     return routes, counts

@@ -96,9 +96,9 @@ def bound_of(result: Run, robots: int) -> float:
     return rdfs_bound_moves(len(result.tree), result.tree.depth, robots)
 
 
-@pytest.mark.parametrize("block", range(6))
+@pytest.mark.parametrize("block", range(4))
 def test_twice_the_bound_of_algorithm_1_is_kept(block: int) -> None:
-    for seed in range(40 * block, 40 * block + 40):
+    for seed in range(28 * block, 28 * block + 28):
         roi, robots, _ = roi_of(seed)
         result = run(Horizon(), roi, START, robots)
         explored(result, roi)
@@ -107,10 +107,10 @@ def test_twice_the_bound_of_algorithm_1_is_kept(block: int) -> None:
         assert result.makespan <= bound + 1e-9
 
 
-@pytest.mark.parametrize("block", range(6))
+@pytest.mark.parametrize("block", range(4))
 def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block: int) -> None:
     retreats = 0
-    for seed in range(1000 + 40 * block, 1040 + 40 * block):
+    for seed in range(1000 + 28 * block, 1028 + 28 * block):
         roi, robots, rng = roi_of(seed)
         watched = Watched(Horizon(until=float(rng.integers(0, 1 + 2 * len(roi) // robots))))
         result = run(watched, roi, START, robots)  # type: ignore[arg-type]
@@ -118,7 +118,7 @@ def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block: 
         if watched.home_by is not None:
             retreats += 1
             assert result.makespan <= watched.home_by + bound_of(result, robots) + 1e-9
-    assert retreats > 20
+    assert retreats > 14
 
 
 @pytest.mark.parametrize("block", range(4))
@@ -127,7 +127,7 @@ def test_a_planner_that_dithers_is_stopped_in_time(
 ) -> None:
     """With goals drawn at random the planner is hopeless; its promise holds all the same."""
     retreats = 0
-    for seed in range(2000 + 40 * block, 2040 + 40 * block):
+    for seed in range(2000 + 28 * block, 2028 + 28 * block):
         roi, robots, rng = roi_of(seed)
 
         def at_random(
@@ -226,6 +226,6 @@ def test_a_team_shares_a_cross() -> None:
 
 
 def test_pockets_are_closed_on_the_way() -> None:
-    """A rectangle with an even side has a tour through every cell once; not knowing costs little."""
+    """A rectangle with an even side has a tour through every cell once; not knowing costs a bit."""
     roi = {Cell(e, n) for e in range(8) for n in range(6)}
     assert run(Horizon(), roi, START, 1).makespan <= 54
