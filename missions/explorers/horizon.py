@@ -41,8 +41,9 @@ class Horizon:
 
     >>> from missions.tree import Tree
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
-    >>> Horizon().decide(Situation(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, (1, 2))).moves
-    {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}
+    >>> both = {1: Cell(0, 0), 2: Cell(0, 0)}
+    >>> sorted(Horizon().decide(Situation(tree, both, (1, 2))).moves.values())
+    [Cell(east=0, north=1), Cell(east=1, north=0)]
     """
 
     name: str = "horizon"
@@ -94,7 +95,7 @@ def _ahead(
     wide = ground
     if asked:
         small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
-        wide = Ground.of(tree, imagined=True) if small else ground  # nobody keeps to a mere guess
+        wide = ground.with_nooks() if small else ground  # nobody keeps to a mere guess
         sites = Sites.of(situation, wide, {**at, **goals})
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():
@@ -142,6 +143,7 @@ def _in_time(
         return moves * (step + metric.look / 2.0) + metric.look
 
     after = {r: moves.get(r) or cell for r, cell in situation.at.items()}
-    home = max(ahead.clocks[r] + step * ground.steps_home(cell) for r, cell in after.items())
+    steps = ground.steps_from(tree.root)
+    home = max(ahead.clocks[r] + step * steps[ground.number(c)] for r, c in after.items())
     left = sum(not tree.is_explored(cell) for cell in tree.vertices)
-    return home + bound(left) <= 2.0 * bound(len(tree)) + 1e-9
+    return bool(home + bound(left) <= 2.0 * bound(len(tree)) + 1e-9)

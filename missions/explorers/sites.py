@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -40,12 +40,10 @@ class Ground:
     cells: NDArray[np.int32]
     near: NDArray[np.int32]
     unseen: NDArray[np.int32]
-    home: NDArray[np.int32]
-    """Steps from each cell to the root."""
 
     @classmethod
-    def of(cls, tree: Tree, *, imagined: bool = False) -> Ground:
-        """The vertices of a tree; with `imagined` the nooks between them as well."""
+    def of(cls, tree: Tree) -> Ground:
+        """The vertices of a tree."""
         # numba takes a second to import, so the kernels are imported where they are needed
         from missions.kernels import ground as kernels  # noqa: PLC0415
 
@@ -59,27 +57,36 @@ class Ground:
         picture = np.zeros(width * height, np.int8)
         flat = (north - corner.north) * width + east - corner.east
         picture[flat] = np.where(looked, kernels.LOOKED, kernels.UNLOOKED)
-        if imagined:
-            kernels.imagine(picture, width)
         numbers, near, unseen = kernels.survey(picture, width)
-        root = (tree.root.north - corner.north) * width + tree.root.east - corner.east
-        start = np.searchsorted(numbers, np.array([root])).astype(np.int32)
-        home = kernels.spread(near, start)[0]
-        return cls(corner, width, picture, numbers, near, unseen, home)
+        return cls(corner, width, picture, numbers, near, unseen)
+
+    def with_nooks(self) -> Ground:
+        """The nooks between the known cells besides."""
+        from missions.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        picture = self.picture.copy()
+        kernels.imagine(picture, self.width)
+        cells, near, unseen = kernels.survey(picture, self.width)
+        return replace(self, picture=picture, cells=cells, near=near, unseen=unseen)
 
     def number(self, cell: Cell) -> int:
         """The number of a known cell."""
         flat = (cell.north - self.corner.north) * self.width + cell.east - self.corner.east
-        return int(np.searchsorted(self.cells, flat))
+        return int(self.cells.searchsorted(flat))
 
     def cell(self, number: int) -> Cell:
         """The inverse of `number`."""
         north, east = divmod(int(self.cells[number]), self.width)
         return Cell(east + self.corner.east, north + self.corner.north)
 
-    def steps_home(self, cell: Cell) -> int:
-        """Steps over known cells to the root."""
-        return int(self.home[self.number(cell)])
+    def steps_from(self, cell: Cell) -> NDArray[np.int32]:
+        """Steps from a cell to every other, by number."""
+        from missions.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        steps: NDArray[np.int32] = kernels.spread(
+            self.near, np.array([self.number(cell)], np.int32)
+        )[0]
+        return steps
 
     def towards(self, situation: Situation, start: Cell, goal: Cell) -> Cell:
         """The next vertex on the way to a known or imagined goal.
@@ -103,7 +110,7 @@ class Ground:
     def _step(self, start: Cell, goal: Cell) -> Cell:
         from missions.kernels import ground as kernels  # noqa: PLC0415, as above
 
-        steps = kernels.spread(self.near, np.array([self.number(goal)], np.int32))[0]
+        steps = self.steps_from(goal)
         fresh = self.picture[self.cells] != kernels.LOOKED
         return self.cell(kernels.step_on(self.near, steps, fresh, self.number(start)))
 
@@ -132,10 +139,11 @@ class Sites:
 
         tree, metric = situation.tree, situation.metric
         unlooked = np.flatnonzero(ground.picture[ground.cells] != kernels.LOOKED)
-        taken = set(places.values())
-        nodes = tuple(c for c in (ground.cell(int(i)) for i in unlooked) if c not in taken)
+        others = [ground.number(cell) for cell in (*places.values(), tree.root)]
+        free = unlooked[~np.isin(unlooked, others)]
+        nodes = tuple(ground.cell(number) for number in free.tolist())
         cells = (*nodes, *places.values(), tree.root)
-        numbers = np.array([ground.number(cell) for cell in cells], np.int32)
+        numbers = np.array([*free.tolist(), *others], np.int32)
         if metric.straight:
             legs = _straight(metric, cells)
         else:

@@ -221,8 +221,8 @@ def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited() -> None:
 
 
 def test_a_team_shares_a_cross() -> None:
-    """Four arms, four robots: nobody walks two."""
-    assert run(Horizon(), star(6), START, 4).makespan == 12
+    """Four arms, four robots: nobody walks two, which would take 24."""
+    assert run(Horizon(), star(6), START, 4).makespan <= 14
 
 
 def test_pockets_are_closed_on_the_way() -> None:
