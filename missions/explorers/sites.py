@@ -186,26 +186,32 @@ class Sites:
             robot = idle.pop(0)
             row = self.legs[self._site(robot), : len(self.nodes)]
             goals[robot] = self.nodes[int(row.argmin())]
-        for robot in idle:
-            goals[robot] = self._behind(robot, goals)
+        goals.update(self._behind(idle, goals))
         return {robot: goals[robot] for robot in asked}
 
     def _site(self, robot: int) -> int:
         return len(self.nodes) + list(self.places).index(robot)
 
-    def _behind(self, robot: int, goals: Mapping[int, Cell]) -> Cell:
-        """Where a robot without a route goes: on a grid to the open frontier, best where it is
-        deep and near and nobody goes; with nothing open home. Who flies straight waits for news."""
+    def _behind(self, idle: Sequence[int], goals: Mapping[int, Cell]) -> dict[int, Cell]:
+        """Where robots without a route go: on a grid to the open frontier, best where it is deep
+        and near and nobody goes; with nothing open home. Who flies straight waits for news."""
         cells = (*self.nodes, *self.places.values())
         open_sites = np.flatnonzero(self.unseen[:-1])
         if open_sites.size == 0:
-            return self.tree.root
+            return dict.fromkeys(idle, self.tree.root)
         if self.metric.straight:
-            return self.places[robot]
+            return {robot: self.places[robot] for robot in idle}
         bound_for = list(goals.values())
         taken = np.array([bound_for.count(cells[site]) for site in open_sites])
-        cost = self.legs[self._site(robot)] - DEPTH * self.legs[-1]
-        return cells[int(open_sites[(cost[open_sites] + OCCUPIED * taken).argmin()])]
+        cost = self.legs[[self._site(robot) for robot in idle]][:, open_sites]
+        cost = cost - DEPTH * self.legs[-1, open_sites] + OCCUPIED * taken
+        found: dict[int, Cell] = {}
+        while len(found) < len(idle):  # the best pair of all, again and again
+            robot, site = np.unravel_index(cost.argmin(), cost.shape)
+            found[idle[int(robot)]] = cells[int(open_sites[site])]
+            cost[robot] = np.inf
+            cost[:, site] += OCCUPIED
+        return found
 
 
 def step_cost(metric: Metric) -> float:
