@@ -27,9 +27,29 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
 
 
 @kernel
+def is_compact(picture: Picture, width: int) -> bool:
+    """Whether of the squares of two by two cells with three of ROI most are ROI altogether."""
+    known = np.flatnonzero(picture)
+    whole, torn = 0, 0
+    for i in range(known.size):
+        for up in (-width, width):
+            for right in (-1, 1):  # the known cell's square, and the corner across
+                cell = int(known[i])
+                if picture[cell + up] != 0 and picture[cell + right] != 0:
+                    across = cell + up + right
+                    if picture[across] != 0:
+                        whole += 1
+                    elif not unobserved(picture, width, across):
+                        torn += 4  # a whole square is met from each of its four cells
+    return whole >= torn
+
+
+@kernel
 def imagine(picture: Picture, width: int) -> None:
     """Add the nooks to the picture, as if they were ROI: unobserved cells with at least two
-    neighbours that are in it."""
+    neighbours that are in it. Not where the ROI has not been compact so far."""
+    if not is_compact(picture, width):
+        return
     unlooked = np.flatnonzero(picture == UNLOOKED)
     for i in range(unlooked.size):
         for side in range(4):
