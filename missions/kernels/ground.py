@@ -28,7 +28,7 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
 
 @kernel
 def is_compact(picture: Picture, width: int) -> bool:
-    """Whether of the squares of two by two cells with three of ROI most are ROI altogether."""
+    """Whether of the squares of two by two cells with three of ROI at least a third is ROI altogether."""
     known = np.flatnonzero(picture)
     whole, torn = 0, 0
     for i in range(known.size):
@@ -41,7 +41,7 @@ def is_compact(picture: Picture, width: int) -> bool:
                         whole += 1
                     elif not unobserved(picture, width, across):
                         torn += 4  # a whole square is met from each of its four cells
-    return whole >= torn
+    return 2 * whole >= torn
 
 
 @kernel
