@@ -28,7 +28,7 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
 
 @kernel
 def is_compact(picture: Picture, width: int) -> bool:
-    """Whether of the squares of two by two cells with three of ROI at least a third is ROI altogether."""
+    """Whether of the 2 x 2 squares with three cells of ROI at least a third is ROI altogether."""
     known = np.flatnonzero(picture)
     whole, torn = 0, 0
     for i in range(known.size):
