@@ -15,7 +15,7 @@ from missions.metric import Metric
 from missions.tree import Tree
 from missions.units import Cell
 
-MOVES, MOVES_EACH = 3000, 100
+MOVES, MOVES_EACH = 12000, 150
 """Attempts of the local search at each step, at most and for each node."""
 HEAT = 0.02
 """How much dearer an attempt may make the whole at first."""
