@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from missions.explorers.bfdn import Bfdn
 from missions.explorers.greedy import Greedy
+from missions.explorers.horizon import Horizon
 from missions.explorers.hungarian import Hungarian
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.explorers.lrta import Lrta
@@ -19,7 +20,7 @@ from missions.explorers.smartdfs import SmartDfs
 _ALL: tuple[Explorer, ...] = (
     Rdfs(),
     RdfsPaper(),
-    # the rolling horizon goes here
+    Horizon(),
     Hungarian(),
     Greedy(),
     Bfdn(),

@@ -8,6 +8,7 @@ from typing import Any
 
 from missions.errors import LinkError, MissionFileError
 from missions.explorers import EXPLORERS
+from missions.kernels.jit import COMPILED
 from uavmap.cli.common import report, results_folder, seed_number, speedup, vehicle_count
 from uavmap.flight import fly
 from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
@@ -104,8 +105,10 @@ def run(options: argparse.Namespace) -> int:
         auto_swap=options.auto_swap,
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
-    plan.mission()  # say what is wrong before a folder is made
+    planned = plan.mission()  # says what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
     progress = Terminal()
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    if planned.strategy == "horizon" and not COMPILED:
+        progress.say("horizon plans slowly without numba; pip install 'uavmap[fast]' compiles it")
     return report(fly(plan, folder, progress), folder, as_json=options.json)

@@ -1,0 +1,231 @@
+"""The sites of a team's routes: what is left to look at, where the robots are, and home."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.explorers.interface import Situation
+from missions.explorers.ways import distances
+from missions.metric import Metric
+from missions.tree import Tree
+from missions.units import Cell
+
+MOVES, MOVES_EACH = 12000, 150
+"""Attempts of the local search at each step, at most and for each node."""
+HEAT = 0.02
+"""How much dearer an attempt may make the whole at first."""
+SMALL_TEAM = 4
+"""Up to so many robots plan with nooks as if they were ROI: cells between known ones."""
+UNSEEN, UNSEEN_BY_MANY = 1.0, 1.5
+"""What an unobserved cell adds to a tour on average, in steps: up to two robots, and more."""
+BEHIND = 4.0
+"""What an unobserved cell might well add to a tour, in steps; a team cares, as it can share."""
+DEPTH, OCCUPIED = 0.6, 3.0
+"""A robot without a route follows to where it is deep, and not where others go."""
+_MARGIN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The known cells as arrays."""
+
+    corner: Cell
+    width: int
+    picture: NDArray[np.int8]
+    cells: NDArray[np.int32]
+    near: NDArray[np.int32]
+    unseen: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, tree: Tree) -> Ground:
+        """The vertices of a tree."""
+        # numba takes a second to import, so the kernels are imported where they are needed
+        from missions.kernels import ground as kernels  # noqa: PLC0415
+
+        count = len(tree)
+        cells = np.fromiter(chain.from_iterable(tree.vertices), np.int64, 2 * count)
+        east, north = cells[0::2], cells[1::2]
+        looked = np.fromiter((v.looked for v in tree.vertices.values()), np.bool_, count)
+        corner = Cell(int(east.min()) - _MARGIN, int(north.min()) - _MARGIN)
+        width = int(east.max()) - corner.east + _MARGIN + 1
+        height = int(north.max()) - corner.north + _MARGIN + 1
+        picture = np.zeros(width * height, np.int8)
+        flat = (north - corner.north) * width + east - corner.east
+        picture[flat] = np.where(looked, kernels.LOOKED, kernels.UNLOOKED)
+        numbers, near, unseen = kernels.survey(picture, width)
+        return cls(corner, width, picture, numbers, near, unseen)
+
+    def with_nooks(self) -> Ground:
+        """The nooks between the known cells besides."""
+        from missions.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        picture = self.picture.copy()
+        kernels.imagine(picture, self.width)
+        cells, near, unseen = kernels.survey(picture, self.width)
+        return replace(self, picture=picture, cells=cells, near=near, unseen=unseen)
+
+    def number(self, cell: Cell) -> int:
+        """The number of a known cell."""
+        flat = (cell.north - self.corner.north) * self.width + cell.east - self.corner.east
+        return int(self.cells.searchsorted(flat))
+
+    def cell(self, number: int) -> Cell:
+        """The inverse of `number`."""
+        north, east = divmod(int(self.cells[number]), self.width)
+        return Cell(east + self.corner.east, north + self.corner.north)
+
+    def steps_from(self, cell: Cell) -> NDArray[np.int32]:
+        """Steps from a cell to every other, by number."""
+        from missions.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        steps: NDArray[np.int32] = kernels.spread(
+            self.near, np.array([self.number(cell)], np.int32)
+        )[0]
+        return steps
+
+    def towards(self, situation: Situation, start: Cell, goal: Cell) -> Cell:
+        """The next vertex on the way to a known or imagined goal.
+
+        Over the grid a neighbour; straight there where that is allowed, else the last vertex of a
+        shortest way over known cells that is reached straight.
+        """
+        if not situation.metric.straight:
+            return self._step(start, goal)
+        allowed = situation.metric.passable
+        if allowed is None or allowed(start, goal):
+            return goal
+        steps = distances(situation.tree, goal)
+        reached = cell = min(start.neighbours(), key=lambda near: steps.get(near, len(steps)))
+        while cell != goal:
+            cell = min(cell.neighbours(), key=lambda near: steps.get(near, len(steps)))
+            if allowed(start, cell):
+                reached = cell
+        return reached
+
+    def _step(self, start: Cell, goal: Cell) -> Cell:
+        from missions.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        steps = self.steps_from(goal)
+        fresh = self.picture[self.cells] != kernels.LOOKED
+        return self.cell(kernels.step_on(self.near, steps, fresh, self.number(start)))
+
+
+@dataclass(frozen=True, slots=True)
+class Sites:
+    """Nodes, robots and home, in this order, with what it costs to go from one to another.
+
+    Costs are in steps of one cell.
+    """
+
+    ground: Ground
+    metric: Metric
+    tree: Tree
+    places: Mapping[int, Cell]
+    """Where each robot's route begins."""
+    nodes: tuple[Cell, ...]
+    legs: NDArray[np.float64]
+    unseen: NDArray[np.int32]
+    """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
+
+    @classmethod
+    def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
+        """The nodes are the vertices that nobody has looked from or is bound for."""
+        from missions.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        tree, metric = situation.tree, situation.metric
+        unlooked = np.flatnonzero(ground.picture[ground.cells] != kernels.LOOKED)
+        others = [ground.number(cell) for cell in (*places.values(), tree.root)]
+        free = unlooked[~np.isin(unlooked, others)]
+        nodes = tuple(ground.cell(number) for number in free.tolist())
+        cells = (*nodes, *places.values(), tree.root)
+        numbers = np.array([*free.tolist(), *others], np.int32)
+        if metric.straight:
+            legs = _straight(metric, cells)
+        else:
+            legs = kernels.spread(ground.near, numbers)[:, numbers].astype(np.float64)
+        return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
+
+    def routes(
+        self, last: Mapping[int, Sequence[Cell]], decisions: int
+    ) -> dict[int, tuple[Cell, ...]]:
+        """A route for every robot, the nodes in their order, improved from the last ones."""
+        from missions.kernels import routes as kernels  # noqa: PLC0415, as above
+
+        index = {cell: node for node, cell in enumerate(self.nodes)}
+        rows = [[index.pop(c) for c in last.get(r, ()) if c in index] for r in self.places]
+        before = np.zeros((len(rows), max(map(len, rows))), np.int32)
+        for row, nodes in zip(before, rows, strict=True):
+            row[: len(nodes)] = nodes
+        looks = self.metric.look / step_cost(self.metric)
+        weight = UNSEEN if len(self.places) <= 2 else UNSEEN_BY_MANY
+        unseen = self.unseen[: len(self.nodes)].astype(np.float64)
+        loads = looks + weight * (1.0 + looks) * unseen
+        behind = BEHIND * (1.0 + looks) * unseen * (len(self.places) > 1)
+        lengths = np.array([len(nodes) for nodes in rows], np.int32)
+        moves = min(MOVES, MOVES_EACH * len(self.nodes))
+        seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
+        routes, counts = kernels.arrange(
+            self.legs, loads, behind, before, lengths, moves, HEAT, seed
+        )
+        return {
+            r: tuple(self.nodes[node] for node in route[:count])
+            for r, route, count in zip(self.places, routes, counts, strict=True)
+        }
+
+    def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
+        """Where those who are asked go: along their routes, or, where these are empty, after the
+        others; somebody goes to a node as long as there is one."""
+        goals = {r: routes[r][0] for r in self.places if routes[r]}
+        idle = [r for r in asked if r not in goals]
+        if self.nodes and len(idle) == len(asked):
+            robot = idle.pop(0)
+            row = self.legs[self._site(robot), : len(self.nodes)]
+            goals[robot] = self.nodes[int(row.argmin())]
+        goals.update(self._behind(idle, goals))
+        return {robot: goals[robot] for robot in asked}
+
+    def _site(self, robot: int) -> int:
+        return len(self.nodes) + list(self.places).index(robot)
+
+    def _behind(self, idle: Sequence[int], goals: Mapping[int, Cell]) -> dict[int, Cell]:
+        """Where robots without a route go: on a grid to the open frontier, best where it is deep
+        and near and nobody goes; with nothing open home. Who flies straight waits for news."""
+        cells = (*self.nodes, *self.places.values())
+        open_sites = np.flatnonzero(self.unseen[:-1])
+        if open_sites.size == 0:
+            return dict.fromkeys(idle, self.tree.root)
+        if self.metric.straight:
+            return {robot: self.places[robot] for robot in idle}
+        bound_for = list(goals.values())
+        taken = np.array([bound_for.count(cells[site]) for site in open_sites])
+        cost = self.legs[[self._site(robot) for robot in idle]][:, open_sites]
+        cost = cost - DEPTH * self.legs[-1, open_sites] + OCCUPIED * taken
+        found: dict[int, Cell] = {}
+        while len(found) < len(idle):  # the best pair of all, again and again
+            robot, site = np.unravel_index(cost.argmin(), cost.shape)
+            found[idle[int(robot)]] = cells[int(open_sites[site])]
+            cost[robot] = np.inf
+            cost[:, site] += OCCUPIED
+        return found
+
+
+def step_cost(metric: Metric) -> float:
+    """What a step of one cell adds to a closed tour, in the dearer of both directions."""
+    here = Cell(0, 0)
+    return max(metric.tour_leg(here, near) for near in here.neighbours()[:2])
+
+
+def _straight(metric: Metric, cells: Sequence[Cell]) -> NDArray[np.float64]:
+    """`metric.tour_leg` between all cells, in steps."""
+    at = np.array(cells, np.float64)
+    east = at[:, None, 0] - at[None, :, 0]
+    north = at[:, None, 1] - at[None, :, 1]
+    along = east * metric.drift_east + north * metric.drift_north
+    rest = metric.speed**2 - metric.drift_speed**2
+    legs: NDArray[np.float64] = np.sqrt(along**2 + rest * (east**2 + north**2)) / rest
+    return legs / step_cost(metric)

@@ -1,0 +1,246 @@
+"""Routes of a team through sites: cheapest insertion and local search over a matrix of leg costs.
+
+Sites are numbered: 0 .. K-1 the nodes to visit, K .. K+R-1 the robots, K+R home. A route leads from
+its robot through its nodes and home; its length is the sum of its legs and of its nodes' loads.
+Minimised is the sum of (length + 1)^6 over the robots: nearly the longest, yet never blind to the
+others; and a part of the same of the tours that would end up longer, as more is found behind a
+node. So what is uncertain comes early on a route. `routes` has a row of nodes for each robot,
+`counts` says how many of a row are meant, `costs` what each route costs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.kernels.jit import kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+SHARE = 0.3
+"""How much a tour that goes on behind a node counts, beside the tour as it is known."""
+
+
+@kernel
+def draw(state: int) -> int:
+    """The next state of a small congruential generator; its upper bits, `state >> 8`, are drawn."""
+    return (state * 1103515245 + 12345) & 0x7FFFFFFF
+
+
+@kernel
+def sixth(length: float) -> float:
+    """What a tour of a length costs: (length + 1)^6."""
+    square = (length + 1.0) * (length + 1.0)
+    return square * square * square
+
+
+@kernel
+def price(
+    legs: Floats, loads: Floats, behind: Floats, route: Ints, count: int, robot: int
+) -> float:
+    """What the route of a robot costs."""
+    last, home = loads.size + robot, legs.shape[0] - 1
+    length, cost = 0.0, 0.0
+    for place in range(count):
+        node = route[place]
+        length += legs[last, node]
+        if behind[node] > 0.0:
+            cost += SHARE * sixth(length + legs[node, home] + behind[node])
+        length += loads[node]
+        last = node
+    return cost + sixth(length + legs[last, home])
+
+
+@kernel
+def insert(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    routes: Ints,
+    counts: Ints,
+    costs: Floats,
+    node: int,
+) -> None:
+    """Put a node where it costs least."""
+    trial = np.empty(loads.size + 1, np.int32)
+    best, best_robot, best_place = np.inf, 0, 0
+    for robot in range(counts.size):
+        count = counts[robot]
+        trial[1 : count + 1] = routes[robot, :count]
+        for place in range(count + 1):
+            trial[place] = node
+            cost = price(legs, loads, behind, trial, count + 1, robot) - costs[robot]
+            if cost < best:
+                best, best_robot, best_place = cost, robot, place
+            if place < count:
+                trial[place] = trial[place + 1]
+    for place in range(counts[best_robot], best_place, -1):
+        routes[best_robot, place] = routes[best_robot, place - 1]
+    routes[best_robot, best_place] = node
+    counts[best_robot] += 1
+    costs[best_robot] += best
+
+
+@kernel
+def _without(route: Ints, count: int, i: int, many: int, out: Ints) -> int:
+    """Copy a route without its nodes i .. i+many-1."""
+    out[:i] = route[:i]
+    out[i : count - many] = route[i + many : count]
+    return count - many
+
+
+@kernel
+def _spliced(
+    route: Ints, count: int, j: int, piece: Ints, many: int, turned: bool, out: Ints
+) -> int:
+    """Copy a route with a piece of `many` nodes put before its place j, perhaps turned round."""
+    out[:j] = route[:j]
+    for place in range(many):
+        out[j + place] = piece[many - 1 - place] if turned else piece[place]
+    out[j + many : count + many] = route[j:count]
+    return count + many
+
+
+@kernel
+def _crossed(left: Ints, i: int, right: Ints, j: int, count: int, out: Ints) -> int:
+    """Copy the first i nodes of one route and what comes from place j of another."""
+    out[:i] = left[:i]
+    out[i : i + count - j] = right[j:count]
+    return i + count - j
+
+
+@kernel
+def _reversed(route: Ints, count: int, i: int, j: int, out: Ints) -> int:
+    """Copy a route with its nodes i .. j turned round."""
+    for place in range(count):
+        out[place] = route[i + j - place] if i <= place <= j else route[place]
+    return count
+
+
+@kernel
+def _take(
+    routes: Ints, counts: Ints, robot: int, trial: Ints, count: int, owner: Ints, place_of: Ints
+) -> None:
+    counts[robot] = count
+    for place in range(count):
+        node = trial[place]
+        routes[robot, place] = node
+        owner[node] = robot
+        place_of[node] = place
+
+
+@kernel
+def improve(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    routes: Ints,
+    counts: Ints,
+    costs: Floats,
+    moves: int,
+    heat: float,
+    state: int,
+) -> None:
+    """Local search in place, `moves` attempts, from the generator's `state`.
+
+    A move relocates up to four nodes, either way round, turns a piece of a route round, or swaps
+    the tails of two. It is accepted where it makes the whole dearer by less than a random part of
+    `heat` times the whole, which cools down to nothing after four fifths of the attempts.
+    """
+    nodes = loads.size
+    owner, place_of = np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
+    a, b, c = np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes, np.int32)
+    for robot in range(counts.size):
+        _take(routes, counts, robot, routes[robot].copy(), counts[robot], owner, place_of)
+    total = costs.sum()
+    for move in range(moves):
+        state = draw(state)
+        node = (state >> 8) % nodes
+        state = draw(state)
+        kind = (state >> 8) % 10
+        state = draw(state)
+        other = (state >> 8) % (nodes + counts.size)
+        state = draw(state)
+        many, turned = 1 + (state >> 8) % 4, (state >> 16) % 2 == 1
+        state = draw(state)
+        share = heat * (1.0 - 1.25 * move / moves) * ((state >> 8) / 8388608.0)
+        allowed = share * total if share > 0.0 else -1e-9 * total
+        mine, i = owner[node], place_of[node]
+        theirs, j = other - nodes, 0
+        if other < nodes:
+            theirs, j = owner[other], place_of[other] + 1
+        count, other_count = counts[mine], counts[theirs]
+        left, right = 0, 0
+        if kind < 6:
+            many = min(many, count - i)
+            if mine == theirs and i <= j <= i + many:
+                continue
+            piece = routes[mine, i : i + many]
+            left = _without(routes[mine], count, i, many, a)
+            if mine == theirs:
+                c[:left] = a[:left]
+                left = _spliced(c, left, j - many if j > i else j, piece, many, turned, a)
+            else:
+                right = _spliced(routes[theirs], other_count, j, piece, many, turned, b)
+        elif mine != theirs:
+            left = _crossed(routes[mine], i, routes[theirs], j, other_count, a)
+            right = _crossed(routes[theirs], j, routes[mine], i, count, b)
+        elif min(i, j) < max(i, j - 1):
+            left = _reversed(routes[mine], count, min(i, j), max(i, j - 1), a)
+        else:
+            continue
+        cost, other_cost = price(legs, loads, behind, a, left, mine), 0.0
+        gain = cost - costs[mine]
+        if mine != theirs:
+            other_cost = price(legs, loads, behind, b, right, theirs)
+            gain += other_cost - costs[theirs]
+        if gain < allowed:
+            total += gain
+            costs[mine] = cost
+            _take(routes, counts, mine, a, left, owner, place_of)
+            if mine != theirs:
+                costs[theirs] = other_cost
+                _take(routes, counts, theirs, b, right, owner, place_of)
+
+
+@kernel
+def arrange(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    last: Ints,
+    last_counts: Ints,
+    moves: int,
+    heat: float,
+    state: int,
+) -> tuple[Ints, Ints]:
+    """Routes through all nodes, and how many nodes each has.
+
+    Args:
+        legs: cost from site to site, (K+R+1, K+R+1), symmetric.
+        loads: what a node costs besides, (K,).
+        behind: how much longer a tour might get by what lies behind a node, (K,); 0 where nothing
+            does.
+        last: routes to start from, (R, any); nodes that they lack are put where they cost least.
+        last_counts: how many nodes of each row of `last` are meant, (R,).
+        moves: attempts of the local search.
+        heat: how much dearer an attempt may make the whole at first, as a fraction.
+        state: of the generator of random numbers, 0 .. 2^31 - 1.
+    """
+    nodes, robots = loads.size, last_counts.size
+    routes = np.zeros((robots, nodes), np.int32)
+    counts = last_counts.copy()
+    costs = np.zeros(robots, np.float64)
+    placed = np.zeros(nodes, np.bool_)
+    for robot in range(robots):
+        for place in range(counts[robot]):
+            routes[robot, place] = last[robot, place]
+            placed[last[robot, place]] = True
+        costs[robot] = price(legs, loads, behind, routes[robot], counts[robot], robot)
+    for node in range(nodes):
+        if not placed[node]:
+            insert(legs, loads, behind, routes, counts, costs, node)
+    if nodes > 1:
+        improve(legs, loads, behind, routes, counts, costs, moves, heat, state)
+    return routes, counts
