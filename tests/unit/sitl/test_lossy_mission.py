@@ -99,8 +99,8 @@ def places(items):
     return [(m.seq, m.command, m.x, m.y, round(m.z)) for m in items[1:]]  # item 0 is its own home
 
 
-def fly_through(make_client, seed, **bad):
-    client = make_client(world={"seed": seed})
+def fly_through(make_client, seed, autopilot="ardupilot", **bad):
+    client = make_client(world={"seed": seed}, autopilot=autopilot)
     client.run(6.0)
     client.vehicle.fail.link(**bad)
     radio = Radio(client.vehicle)
@@ -111,9 +111,10 @@ def fly_through(make_client, seed, **bad):
     return ended, fetched, Radio(client.vehicle).download()
 
 
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("seed", range(6))
-def test_a_fifth_lost_each_way_with_jitter(make_client, seed):
-    ended, fetched, kept = fly_through(make_client, seed, loss=0.2, jitter_s=0.1)
+def test_a_fifth_lost_each_way_with_jitter(make_client, seed, autopilot):
+    ended, fetched, kept = fly_through(make_client, seed, autopilot, loss=0.2, jitter_s=0.1)
     if ended == GOOD:
         assert places(kept) == places(survey())
         assert fetched is None or places(fetched) == places(survey())
