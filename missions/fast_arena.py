@@ -121,7 +121,6 @@ class _Play:
         self._root = self._lattice.index(start)
         self._robots = robots
         self._metric = metric if metric is not None else Metric()
-        self._parent, self._depth = np.empty((2, len(self._lattice.cells)), np.int32)
         makespan, moves = self.again(0)
         reached = int(np.count_nonzero(self._parent != _NONE))
         self.summary = Summary(makespan, moves, reached, int(self._depth.max()))
@@ -131,13 +130,18 @@ class _Play:
         from missions.kernels import rdfs  # noqa: PLC0415, importing numba takes a second
 
         self._legs, self._times = np.empty((legs, 3), np.int32), np.empty((legs, 2))
-        origin = Cell(0, 0)
-        cost = np.array([self._metric.leg(origin, step) for step in _STEPS])
-        look = self._metric.look
-        return rdfs.play(
-            self._lattice.near, self._root, self._robots, cost, look,
-            self._parent, self._depth, self._legs, self._times,
-        )  # fmt: skip
+        cost = np.array([self._metric.leg(Cell(0, 0), step) for step in _STEPS])
+        makespan, moves, rows = rdfs.play(
+            self._lattice.near,
+            self._root,
+            self._robots,
+            cost,
+            self._metric.look,
+            self._legs,
+            self._times,
+        )
+        self._parent, self._depth = rows[:, rdfs.PARENT], rows[:, rdfs.DEPTH]
+        return makespan, moves
 
     def tree(self) -> Tree:
         """The tree at the end, all of it explored."""

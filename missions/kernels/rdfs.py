@@ -20,60 +20,90 @@ _SAME_INSTANT = 1e-9
 _ENTERED = 1 << 30
 UNKNOWN = -1
 
+# A vertex is a row, half a cache line: its neighbours north, east, south, west, and
+PARENT = 4
+"""the vertex above, the start's is itself; -1 where no robot came"""
+DEPTH = 5
+"""how deep it hangs"""
+_STATE = 6
+"""whether it was looked from, and which of the four neighbours are unfinished children"""
+_BELOW = 7
+"""how many robots are at or below it; not kept for the start"""
+
+_LOOKED = 16
+_CHILDREN = 15
+
 
 @kernel
-def _look(near: Ints, parent: Ints, depth: Ints, todo: Ints, looked: Ints, v: int) -> None:
-    """A look from v: new children, and whose subtree is explored by it.
-
-    Bit d of `todo[v]` says that the neighbour in direction d is a child and unfinished.
-    """
-    looked[v] = 1
+def _look(rows: Ints, v: int) -> None:
+    """A look from v: new children, and whose subtree is explored by it."""
+    rows[v, _STATE] |= _LOOKED
     for d in range(4):
-        w = near[v, d]
-        if w >= 0 and parent[w] == UNKNOWN:
-            parent[w] = v
-            depth[w] = depth[v] + 1
-            todo[v] |= 1 << d
-    while todo[v] == 0 and parent[v] != v:
-        p = parent[v]
+        w = rows[v, d]
+        if w >= 0 and rows[w, PARENT] == UNKNOWN:
+            rows[w, PARENT] = v
+            rows[w, DEPTH] = rows[v, DEPTH] + 1
+            rows[v, _STATE] |= 1 << d
+    while rows[v, _STATE] == _LOOKED and rows[v, PARENT] != v:
+        p = rows[v, PARENT]
         for d in range(4):
-            if near[p, d] == v:
-                todo[p] ^= 1 << d
+            if rows[p, d] == v:
+                rows[p, _STATE] ^= 1 << d
         v = p
 
 
 @kernel
-def _rank(looked: Ints, below: Ints, branch: Ints, low: int, high: int) -> int:
+def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
     """Smaller is better: nobody has been there yet, then the fewest robots."""
     entered, robots = 0, 0
     for i in range(low, high):
         child = branch[i]
-        robots += below[child]
-        if looked[child] or below[child]:
+        robots += rows[child, _BELOW]
+        if rows[child, _STATE] & _LOOKED or rows[child, _BELOW]:
             entered = _ENTERED
     return entered + robots
 
 
 @kernel
-def _next(
-    near: Ints, parent: Ints, todo: Ints, looked: Ints, below: Ints, branch: Ints, v: int
-) -> int:
+def _next(rows: Ints, branch: Ints, v: int) -> int:
     """Where a robot at v goes; `branch` is scratch space for four children."""
-    if todo[v] == 0:
-        return int(parent[v])
     low, high = 0, 0
     for d in range(4):
-        if todo[v] >> d & 1:
-            branch[high] = near[v, d]
+        if rows[v, _STATE] >> d & 1:
+            branch[high] = rows[v, d]
             high += 1
+    if high == 0:
+        return int(rows[v, PARENT])
     while high - low > 1:
         middle = high - 2 if high - low > 2 else low + 1
-        left = _rank(looked, below, branch, low, middle)
-        if left <= _rank(looked, below, branch, middle, high):
+        left = _rank(rows, branch, low, middle)
+        if left <= _rank(rows, branch, middle, high):
             high = middle
         else:
             low = middle
     return int(branch[low])
+
+
+@kernel
+def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, fresh: Ints) -> None:
+    """Those whose leg ends at t stand, and look, in the order of depth, then cell."""
+    new = 0
+    for robot in range(len(at)):
+        if end_t[robot] > t + _SAME_INSTANT:
+            continue
+        end_t[robot] = np.inf
+        v = at[robot]
+        if rows[v, _STATE] & _LOOKED:
+            continue
+        i = new
+        while i > 0 and (rows[fresh[i - 1], DEPTH], fresh[i - 1]) > (rows[v, DEPTH], v):
+            fresh[i] = fresh[i - 1]
+            i -= 1
+        fresh[i] = v
+        new += 1
+    for i in range(new):
+        if not rows[fresh[i], _STATE] & _LOOKED:
+            _look(rows, fresh[i])
 
 
 @kernel
@@ -83,11 +113,9 @@ def play(
     robots: int,
     cost: Floats,
     look_cost: float,
-    parent: Ints,
-    depth: Ints,
     legs: Ints,
     times: Floats,
-) -> tuple[float, int]:
+) -> tuple[float, int, Ints]:
     """Explore everything that `start` reaches and come home.
 
     Args:
@@ -97,69 +125,47 @@ def play(
         robots: how many.
         cost: what a move north, east, south, west takes.
         look_cost: what a look takes.
-        parent: filled with the tree, -1 where no robot came; the start is its own parent.
-        depth: filled with the depths.
         legs: filled with robot, start and end of the first moves, as many as fit; shape (n, 3).
         times: filled with their start and end; shape (n, 2).
 
     Returns:
-        The makespan and the number of moves.
+        The makespan, the number of moves, and the rows of the vertices, of which the columns
+        `PARENT` and `DEPTH` tell the tree; shape (C, 8).
     """
-    cells = near.shape[0]
-    todo = np.zeros(cells, np.int32)
-    looked = np.zeros(cells, np.int32)
-    below = np.zeros(cells, np.int32)  # robots at or below a vertex; not kept for the root
+    rows = np.zeros((near.shape[0], 8), np.int32)
+    rows[:, :4] = near
+    rows[:, PARENT] = UNKNOWN
+    rows[start, PARENT] = start
+    _look(rows, start)
     branch = np.empty(4, np.int32)
-    at = np.full(robots, start, np.int32)
-    ready = np.ones(robots, np.bool_)
-    end_t = np.full(robots, np.inf)
     fresh = np.empty(robots, np.int32)
-    parent[:] = UNKNOWN
-    depth[:] = 0
-    parent[start] = start
-    _look(near, parent, depth, todo, looked, start)
+    at = np.full(robots, start, np.int32)
+    end_t = np.full(robots, np.inf)  # endless: stands at a vertex
     t, makespan, moves = 0.0, 0.0, 0
     while True:
         for robot in range(robots):
             v = at[robot]
-            if not ready[robot] or (v == start and todo[start] == 0):
+            if end_t[robot] < np.inf or (v == start and rows[v, _STATE] == _LOOKED):
                 continue
-            w = _next(near, parent, todo, looked, below, branch, v)
-            if w == parent[v]:
-                below[v] -= 1
+            w = _next(rows, branch, v)
+            if w == rows[v, PARENT]:
+                rows[v, _BELOW] -= 1
             else:
-                below[w] += 1
+                rows[w, _BELOW] += 1
             d = 0
-            while near[v, d] != w:
+            while rows[v, d] != w:
                 d += 1
             leg_t = cost[d]
-            if not looked[w]:
+            if not rows[w, _STATE] & _LOOKED:
                 leg_t += look_cost
             at[robot] = w
-            ready[robot] = False
             end_t[robot] = t + leg_t
             if moves < legs.shape[0]:
                 legs[moves, 0], legs[moves, 1], legs[moves, 2] = robot, v, w
                 times[moves, 0], times[moves, 1] = t, end_t[robot]
             moves += 1
             makespan = max(makespan, end_t[robot])
-        if ready.all():
-            return makespan, moves
         t = end_t.min()
-        new = 0
-        for robot in range(robots):
-            if end_t[robot] > t + _SAME_INSTANT:
-                continue
-            end_t[robot] = np.inf
-            ready[robot] = True
-            v = at[robot]
-            if looked[v] == 0:  # insert it in the order of depth, then cell
-                i = new
-                while i > 0 and (depth[fresh[i - 1]], fresh[i - 1]) > (depth[v], v):
-                    fresh[i] = fresh[i - 1]
-                    i -= 1
-                fresh[i] = v
-                new += 1
-        for i in range(new):
-            if looked[fresh[i]] == 0:
-                _look(near, parent, depth, todo, looked, fresh[i])
+        if t == np.inf:
+            return makespan, moves, rows
+        _arrive(rows, at, end_t, t, fresh)
