@@ -51,6 +51,16 @@ class Metric:
         """Sp, in cells per unit of time."""
         return math.hypot(self.drift_east, self.drift_north)
 
+    @property
+    def least_per_length(self) -> float:
+        """The least time per length of a closed tour: across the drift, 1 / sqrt(Sr^2 - Sp^2)."""
+        return 1.0 / math.sqrt(self.speed**2 - self.drift_east**2 - self.drift_north**2)
+
+    @property
+    def most_per_length(self) -> float:
+        """The most time per length of a closed tour: with the drift and back, Sr / (Sr^2 - Sp^2)."""
+        return self.speed / (self.speed**2 - self.drift_east**2 - self.drift_north**2)
+
     def leg(self, start: Cell, end: Cell) -> float:
         """Time from the centre of one cell to the centre of another, in a straight line."""
         east, north = end.east - start.east, end.north - start.north
