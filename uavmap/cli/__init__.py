@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from missions.errors import UavmapError, leaves
 from uavmap import __version__
-from uavmap.cli import check, fly, replay, resume, sitl
+from uavmap.cli import check, fly, replay, resume, sitl, study
 
 USER_ERROR, INCOMPLETE, INTERRUPTED = 2, 3, 130
 
@@ -26,7 +26,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (fly, resume, sitl, replay, check):
+    for module in (fly, resume, sitl, replay, check, study):
         module.add_parser(commands)
     return top
 

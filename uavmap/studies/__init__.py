@@ -1,0 +1,16 @@
+"""The studies of the papers, by name. A new one is a file and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from uavmap.studies import greedy_table_1
+from uavmap.studies.study import Study
+
+STUDIES: Mapping[str, Study] = MappingProxyType(
+    {study.name: study for study in (greedy_table_1.STUDY,)}
+)
+
+__all__ = ["STUDIES", "Study"]
+"""By the name on the command line."""
