@@ -6,12 +6,15 @@ import argparse
 import json
 import sys
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Final
 
 from missions.errors import StudyError
 from uavmap.cli.common import results_folder, seed_number, worker_count
 from uavmap.studies import STUDIES
 from uavmap.studies.spread import Progress, spread
+
+SHOWN_ROWS: Final = 20
+"""Longer tables are not printed, only written."""
 
 _EXAMPLES = """\
 examples:
@@ -77,5 +80,7 @@ def run(options: argparse.Namespace) -> int:
         sys.stdout.write("\n")
     else:
         print(f"{page.title}\n\n{page.text.strip()}\n")
+        if len(page.table.rows) <= SHOWN_ROWS:
+            print(f"{page.table.markdown()}\n")
         print("\n".join(map(str, files)))
     return 0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from uavmap.studies import greedy_table_1
+from uavmap.studies import greedy_table_1, lrv_figure_3, roi_figure_7
 from uavmap.studies.study import Study
 
 STUDIES: Mapping[str, Study] = MappingProxyType(
-    {study.name: study for study in (greedy_table_1.STUDY,)}
+    {study.name: study for study in (roi_figure_7.STUDY, greedy_table_1.STUDY, lrv_figure_3.STUDY)}
 )
 
 __all__ = ["STUDIES", "Study"]

@@ -159,10 +159,8 @@ def conclude(rows: Sequence[Row]) -> Page:
     text = f"""\
 Tovey and Koenig, *Improved Analysis of Greedy Mapping*, Table 1: {equal} of {len(rows)} rows are
 the paper's to the digit. Up to n = {max(walked)} the robot walks the graph, always to a nearest
-vertex that it has not visited; what is beyond is by formula. The ratio of travel to vertices grows without
-bound, as Theorem 1 says, and stays far below the 2 sqrt(V) + 4 of Theorem 2.
-
-{table.markdown()}
+vertex that it has not visited; what is beyond is by formula. The ratio of travel to vertices grows
+without bound, as Theorem 1 says, and stays far below the 2 sqrt(V) + 4 of Theorem 2.
 """
 
     def draw(figure: Figure) -> None:

@@ -124,8 +124,7 @@ class Progress:
         if now_s - self._said_s < (REDRAW_S if redraws else LINE_S):
             return
         self._said_s = now_s
-        left_s = (now_s - self._begin_s) / done * (self._jobs - done)
-        text = f"{self._name}: {done} of {self._jobs} trials, about {left_s:.0f} s left"
+        text = f"{self._name}: {done} of {self._jobs} trials"
         self._stream.write(f"\r{text}\033[K" if redraws else text + "\n")
         self._stream.flush()
 

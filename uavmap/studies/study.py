@@ -75,7 +75,7 @@ class Page:
 
     title: str
     text: str
-    """Markdown."""
+    """Markdown; the table follows it."""
     table: Table
     draw: Callable[[Figure], None]
     size_in: tuple[float, float] = (9.0, 4.5)
@@ -92,10 +92,9 @@ class Page:
         picture = io.BytesIO()
         figure.savefig(picture, dpi=110, metadata={"Software": None})
         write_bytes(files[1], picture.getvalue())
-        heading = f"# {self.title}\n\n![{self.title}]({name}.png)\n\n"
-        write_text(
-            files[2], heading + self.text.strip() + f"\n\nThe table: [{name}.csv]({name}.csv)\n"
-        )
+        parts = (f"# {self.title}", f"![{self.title}]({name}.png)", self.text.strip(),
+                 f"The table, also as [{name}.csv]({name}.csv):", self.table.markdown())  # fmt: skip
+        write_text(files[2], "\n\n".join(parts) + "\n")
         return files
 
 

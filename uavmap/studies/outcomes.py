@@ -1,0 +1,54 @@
+"""One exploration of a generated ROI, with its certificate."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from missions.arena import run
+from missions.certificate import Certificate, bound_time, certify
+from missions.explorers import EXPLORERS
+from missions.fast_arena import Lattice, run_rdfs
+from missions.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.metric import Metric
+from missions.roi import Roi, grown
+
+_SHARED_BY_TRIALS = 256
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def roi_of(kind: str, cells: int, seed: int) -> Roi:
+    """A generated ROI; of one that several trials share only one is made."""
+    return grown(kind, cells, seed)
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def bounds_of(roi: Roi) -> LowerBounds:
+    """Its lower bounds on a resting ROI."""
+    return LowerBounds.of(roi.cells, roi.start)
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def lattice_of(roi: Roi) -> Lattice:
+    """Its arrays."""
+    return Lattice.of(roi.cells)
+
+
+def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) -> Certificate:
+    """Explore a ROI with a strategy, `rdfs` compiled."""
+    metric = metric if metric is not None else Metric()
+    explorer = EXPLORERS[strategy]
+    if strategy != "rdfs":
+        result = run(explorer, roi.cells, roi.start, robots, metric=metric)
+        return certify(result, explorer, robots, metric, bounds_of(roi))
+    done = run_rdfs(lattice_of(roi), roi.start, robots, metric)
+    return Certificate(
+        makespan=done.makespan,
+        lower_bound=max(
+            flight_lower_bound(roi.cells, roi.start, robots, metric),
+            drift_lower_bound(bounds_of(roi).moves(robots), metric),
+        ),
+        bound=bound_time(explorer.bound_moves(done.cells, done.depth, robots), metric),
+        tree_depth=done.depth,
+        cells=done.cells,
+        robots=robots,
+    )
