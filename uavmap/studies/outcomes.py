@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 from missions.arena import run
@@ -13,6 +14,17 @@ from missions.metric import Metric
 from missions.roi import Roi, grown
 
 _SHARED_BY_TRIALS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A strategy on a generated ROI."""
+
+    strategy: str
+    kind: str
+    cells: int
+    robots: int
+    seed: int
 
 
 @lru_cache(_SHARED_BY_TRIALS)

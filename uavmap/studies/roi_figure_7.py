@@ -170,7 +170,7 @@ def _statements(cases: Sequence[Case]) -> Table:
         ("time grows with the cells", "cells", lambda cs: _rises([c.makespan for c in cs])),
         ("max - min grows with the cells", "cells", lambda cs: _spread(cs[-1]) > _spread(cs[0])),
         ("upper bound - time grows with the cells", "cells", _looser),
-        ("time is nearer to the lawn mower than to the printed upper bound", "cells", _near_lawn_mower),
+        ("time is nearer to the lawn mower than to its upper bound", "cells", _near_lawn_mower),
         ("time falls with the robots", "robots", lambda cs: _rises([-c.makespan for c in cs])),
         ("time is below the upper bound", "robots", lambda cs: all(_slack(c) >= 0 for c in cs)),
         ("time falls with the speed ratio", "speed ratio",

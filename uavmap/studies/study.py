@@ -92,8 +92,13 @@ class Page:
         picture = io.BytesIO()
         figure.savefig(picture, dpi=110, metadata={"Software": None})
         write_bytes(files[1], picture.getvalue())
-        parts = (f"# {self.title}", f"![{self.title}]({name}.png)", self.text.strip(),
-                 f"The table, also as [{name}.csv]({name}.csv):", self.table.markdown())  # fmt: skip
+        parts = (
+            f"# {self.title}",
+            f"![{self.title}]({name}.png)",
+            self.text.strip(),
+            f"The table, also as [{name}.csv]({name}.csv):",
+            self.table.markdown(),
+        )
         write_text(files[2], "\n\n".join(parts) + "\n")
         return files
 
