@@ -59,6 +59,10 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         raise StudyError(f"studies need {' and '.join(missing)}: pip install 'uavmap[study]'")
     folder = results_folder(options.out, f"study-{study.name}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"--out {folder} cannot be made: {error.strerror}") from None
     jobs = study.jobs(options.quick, options.seed)
     progress = Progress(study.name, len(jobs))
     try:

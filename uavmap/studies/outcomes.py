@@ -8,12 +8,14 @@ from functools import lru_cache
 from missions.arena import run
 from missions.certificate import Certificate, bound_time, certify
 from missions.explorers import EXPLORERS
+from missions.explorers.ways import distances
 from missions.fast_arena import Lattice, run_rdfs
 from missions.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.metric import Metric
 from missions.roi import Roi, grown
 
 _SHARED_BY_TRIALS = 256
+MANY_CELLS = 5000
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,12 @@ def bounds_of(roi: Roi) -> LowerBounds:
 
 
 @lru_cache(_SHARED_BY_TRIALS)
+def eccentricity(roi: Roi) -> int:
+    """Steps from the start to the farthest cell."""
+    return max(distances(roi.cells, roi.start).values())
+
+
+@lru_cache(_SHARED_BY_TRIALS)
 def lattice_of(roi: Roi) -> Lattice:
     """Its arrays."""
     return Lattice.of(roi.cells)
@@ -55,12 +63,17 @@ def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) 
     done = run_rdfs(lattice_of(roi), roi.start, robots, metric)
     return Certificate(
         makespan=done.makespan,
-        lower_bound=max(
-            flight_lower_bound(roi.cells, roi.start, robots, metric),
-            drift_lower_bound(bounds_of(roi).moves(robots), metric),
-        ),
+        lower_bound=_lower_bound(roi, robots, metric),
         bound=bound_time(explorer.bound_moves(done.cells, done.depth, robots), metric),
         tree_depth=done.depth,
         cells=done.cells,
         robots=robots,
     )
+
+
+def _lower_bound(roi: Roi, robots: int, metric: Metric) -> float:
+    """The largest that is known; the one for blocks only where it does not take minutes."""
+    flight = flight_lower_bound(roi.cells, roi.start, robots, metric)
+    if len(roi.cells) > MANY_CELLS:
+        return max(flight, drift_lower_bound(2 * eccentricity(roi), metric))
+    return max(flight, drift_lower_bound(bounds_of(roi).moves(robots), metric))

@@ -101,7 +101,7 @@ def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
         threads = max(1, sum(client.nthreads().values()))
         waiting = client.map(_run, [trial] * len(jobs), _batches(jobs, threads), pure=False)
         try:
-            for future in distributed.as_completed(waiting):
+            for future in distributed.as_completed(waiting, loop=client.loop):
                 yield future.result()
         finally:
             client.cancel(waiting)

@@ -129,8 +129,8 @@ other ROIs of the same kind. *Offline*: the best tours known when the ROI is kno
 
 {_matrix(names, sets, ratios).markdown()}
 
-A strategy's stated bound was broken in {broken} of {len(found)} runs. Strategies without a map ran on
-at most {PATIENT_TRIALS} ROIs each, and not on the largest.
+A strategy's stated bound was broken in {broken} of {len(found)} runs. Strategies without a map ran
+on at most {PATIENT_TRIALS} ROIs each, and not on the largest.
 """
     return Page("Strategies", text, table, lambda figure: _draw(figure, names, ratios), (11.0, 8.0))
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from PIL import Image
 
 from uavmap.results.atomic import write_bytes, write_text
 
@@ -24,6 +25,7 @@ Value = str | int | float | bool | None
 
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's, which stay apart for colour-blind eyes."""
+PNG_COLOURS: Final = 64
 MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X")
 
 
@@ -47,12 +49,12 @@ class Table:
         return text.getvalue()
 
     def markdown(self) -> str:
-        """The table as Markdown, of numbers four digits.
+        """The table as Markdown, of numbers five digits.
 
-        >>> print(Table(("n", "ratio"), ((3, 2.58753),)).markdown())
+        >>> print(Table(("n", "ratio"), ((3, 2.587537),)).markdown())
         | n | ratio |
         |---|---|
-        | 3 | 2.588 |
+        | 3 | 2.5875 |
         """
         lines = ["| " + " | ".join(self.columns) + " |", "|" + "---|" * len(self.columns)]
         lines += ["| " + " | ".join(_short(value) for value in row) + " |" for row in self.rows]
@@ -66,7 +68,7 @@ def _plain(value: Value) -> str:
 
 
 def _short(value: Value) -> str:
-    return f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e4 else _plain(value)
+    return f"{value:.5g}" if isinstance(value, float) and abs(value) < 1e5 else _plain(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,17 +83,17 @@ class Page:
     size_in: tuple[float, float] = (9.0, 4.5)
 
     def write(self, name: str, folder: Path) -> list[Path]:
-        """Write NAME.csv, NAME.png and NAME.md into a folder, which is made."""
+        """Write NAME.csv, NAME.png and NAME.md into a folder."""
         from matplotlib.figure import Figure  # noqa: PLC0415, an extra
 
-        folder.mkdir(parents=True, exist_ok=True)
         files = [folder / f"{name}.{kind}" for kind in ("csv", "png", "md")]
         write_text(files[0], self.table.csv())
         figure = Figure(figsize=self.size_in, layout="constrained")
         self.draw(figure)
-        picture = io.BytesIO()
-        figure.savefig(picture, dpi=110, metadata={"Software": None})
-        write_bytes(files[1], picture.getvalue())
+        drawn, small = io.BytesIO(), io.BytesIO()
+        figure.savefig(drawn, dpi=110)
+        Image.open(drawn).convert("RGB").quantize(PNG_COLOURS).save(small, "png", optimize=True)
+        write_bytes(files[1], small.getvalue())
         parts = (
             f"# {self.title}",
             f"![{self.title}]({name}.png)",
