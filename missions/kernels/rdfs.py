@@ -85,13 +85,18 @@ def _next(rows: Ints, branch: Ints, v: int) -> int:
 
 
 @kernel
-def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, fresh: Ints) -> None:
-    """Those whose leg ends at t stand, and look, in the order of depth, then cell."""
-    new = 0
+def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh: Ints) -> int:
+    """Those whose leg ends at t stand, and look, in the order of depth, then cell.
+
+    They are put into `arrived`, ascending; returns how many they are.
+    """
+    count, new = 0, 0
     for robot in range(len(at)):
         if end_t[robot] > t + _SAME_INSTANT:
             continue
         end_t[robot] = np.inf
+        arrived[count] = robot
+        count += 1
         v = at[robot]
         if rows[v, _STATE] & _LOOKED:
             continue
@@ -104,6 +109,7 @@ def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, fresh: Ints) -> None:
     for i in range(new):
         if not rows[fresh[i], _STATE] & _LOOKED:
             _look(rows, fresh[i])
+    return count
 
 
 @kernel
@@ -139,14 +145,17 @@ def play(
     _look(rows, start)
     branch = np.empty(4, np.int32)
     fresh = np.empty(robots, np.int32)
+    arrived = np.arange(robots).astype(np.int32)
+    count = robots
     at = np.full(robots, start, np.int32)
     end_t = np.full(robots, np.inf)  # endless: stands at a vertex
     t, makespan, moves = 0.0, 0.0, 0
     while True:
-        for robot in range(robots):
+        for i in range(count):
+            robot = arrived[i]
             v = at[robot]
-            if end_t[robot] < np.inf or (v == start and rows[v, _STATE] == _LOOKED):
-                continue
+            if v == start and rows[v, _STATE] == _LOOKED:
+                continue  # for good: nothing is left to explore
             w = _next(rows, branch, v)
             if w == rows[v, PARENT]:
                 rows[v, _BELOW] -= 1
@@ -168,4 +177,4 @@ def play(
         t = end_t.min()
         if t == np.inf:
             return makespan, moves, rows
-        _arrive(rows, at, end_t, t, fresh)
+        count = _arrive(rows, at, end_t, t, arrived, fresh)
