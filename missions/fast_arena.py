@@ -141,7 +141,7 @@ class _Play:
             self._times,
         )
         self._parent, self._depth = rows[:, rdfs.PARENT], rows[:, rdfs.DEPTH]
-        return makespan, moves
+        return float(makespan), int(moves)
 
     def tree(self) -> Tree:
         """The tree at the end, all of it explored."""

@@ -125,7 +125,7 @@ def random_walk(near: Ints, degree: Ints, coverages: int, seed: int) -> NDArray[
         left = len(near) - 1
         while left:
             state = _draw(state)
-            v = near[v, state % degree[v]]
+            v = near[v, state % int(degree[v])]
             steps[coverage] += 1
             if visited[v] != coverage:
                 visited[v] = coverage

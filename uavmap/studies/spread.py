@@ -9,13 +9,15 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import closing
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any, Final, TextIO
 
 from missions.errors import StudyError
 
 SHARES: Final = 16
 """Batches a worker: few enough to cost little, many enough to end together."""
+MOST_JOBS: Final = 20
+"""A batch should not take long: progress is told by the batch."""
 PATIENCE_S: Final = 2.0
 LINE_S: Final = 3.0
 REDRAW_S: Final = 0.2
@@ -64,7 +66,7 @@ def spread(
 
 
 def _batches(jobs: Sequence[Any], workers: int) -> list[Batch]:
-    size = max(1, len(jobs) // (workers * SHARES))
+    size = min(max(1, len(jobs) // (workers * SHARES)), MOST_JOBS)
     return [(i, list(jobs[i : i + size])) for i in range(0, len(jobs), size)]
 
 
@@ -79,11 +81,16 @@ def _ignore_interrupts() -> None:
 
 
 def _processes(trial: Trial, jobs: Sequence[Any], workers: int) -> Generator[Batch]:
+    others = set(active_children())
     pool = ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupts)
     try:
         waiting = [pool.submit(_run, trial, batch) for batch in _batches(jobs, workers)]
         for future in as_completed(waiting):
             yield future.result()
+    except BaseException:  # nobody waits for trials that are not wanted any more
+        for process in set(active_children()) - others:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 
