@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _NONE = -1
+_MOST_KEYS = 2**62
 _STEPS = Cell(0, 0).neighbours()
 
 
@@ -40,6 +41,8 @@ class Lattice:
     def of(cls, roi: Collection[Cell] | NDArray[np.int64]) -> Lattice:
         """From cells, or from an array of shape (C, 2) with a row (east, north) for each.
 
+        Raises `RoiError` when there are no cells, or when they are too far apart to be numbered.
+
         >>> Lattice.of([Cell(0, 0), Cell(1, 0)]).near.tolist()
         [[-1, 1, -1, -1], [-1, -1, -1, 0]]
         """
@@ -47,8 +50,13 @@ class Lattice:
             cells = roi.astype(np.int64).reshape(-1, 2)
         else:
             cells = np.fromiter(chain.from_iterable(roi), np.int64, 2 * len(roi)).reshape(-1, 2)
-        low = cells.min(axis=0) - 1
-        tall = int(np.ptp(cells[:, 1])) + 3  # a free row below and above: no step leads round
+        if not len(cells):
+            raise RoiError("a ROI without cells")
+        low, high = cells.min(axis=0), cells.max(axis=0)
+        wide, tall = (int(b) - int(a) + 3 for a, b in zip(low, high, strict=True))
+        if wide * tall > _MOST_KEYS:
+            raise RoiError(f"cells that lie {max(wide, tall) - 3} apart are not one ROI")
+        low -= 1  # a free row below and above: no step leads round
         keys = np.unique((cells - low) @ np.array([tall, 1]))
         near = np.full((len(keys), 4), _NONE, np.int32)
         for d, step in enumerate(_STEPS):

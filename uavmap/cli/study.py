@@ -18,12 +18,13 @@ SHOWN_ROWS: Final = 20
 
 _EXAMPLES = """\
 examples:
-  uavmap study greedy-table-1 --quick               a minute's worth of it
+  uavmap study greedy-table-1 --quick               a few seconds' worth of it
   uavmap study roi-figure-7 --workers 2             over the processors of this machine
   uavmap study strategies --scheduler tcp://10.0.0.5:8786
 
 Each writes NAME.csv, NAME.png and NAME.md. The same seed gives the same files, wherever the trials
-are computed. Needs the extra: pip install 'uavmap[study]'
+are computed. Needs the extra: pip install 'uavmap[study]'; for --scheduler also 'uavmap[cluster]',
+and uavmap on every worker.
 """
 
 

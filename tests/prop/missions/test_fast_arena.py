@@ -67,3 +67,17 @@ def test_a_lattice_from_an_array_is_the_one_from_cells():
 def test_a_start_outside_the_roi_is_named():
     with pytest.raises(RoiError, match=r"start \(5, 5\)"):
         run_rdfs([START], Cell(5, 5), 1)
+
+
+def test_cells_that_are_no_roi_are_refused():
+    with pytest.raises(RoiError, match="without cells"):
+        run_rdfs([], START, 1)
+    with pytest.raises(RoiError, match="not one ROI"):
+        run_rdfs([START, Cell(2**40, 2**40)], START, 1)
+
+
+def test_a_roi_far_away_is_explored_as_one_at_home():
+    roi = ragged(40, np.random.default_rng(8))
+    far = {Cell(c.east - 10**9, c.north + 10**9) for c in roi}
+    there = run_rdfs(far, Cell(-(10**9), 10**9), 3)
+    assert there == run_rdfs(roi, START, 3)
