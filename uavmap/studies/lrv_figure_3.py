@@ -133,8 +133,8 @@ sequence, its fall at the end included. So the growth that the paper fits by V^1
 share of inner vertices: the cover time stays below 4 V for every m.
 
 Depth-first search takes 2 V - 2 with a map. 1-LRTA* beats LRV, as Figure 3c says, when ties are
-broken in a fixed order (the first {MEASURED[LRTA_FIXED]} coverages); by chance it does not. The
-random walk lies between V ln V and 2 V^2.
+broken in a fixed order (the first {MEASURED[LRTA_FIXED]} coverages); by chance it does so on small
+lattices only. The random walk lies between V ln V and 2 V^2.
 """
 
     def draw(figure: Figure) -> None:
