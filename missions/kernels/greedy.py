@@ -16,6 +16,8 @@ from missions.kernels.jit import kernel
 Ints = NDArray[np.int32]
 Ranks = NDArray[np.int8]
 
+VISITS = 1_000_000
+
 
 @kernel
 def adjacency(vertices: int, ends: Ints) -> tuple[Ints, Ints]:
@@ -65,20 +67,41 @@ def nearest_unvisited(
                     queue[high] = w
                     high += 1
             low += 1
-    return best, steps
+    return int(best), steps
 
 
 @kernel
-def greedy_travel(first: Ints, beside: Ints, rank: Ranks, start: int) -> tuple[int, int]:
-    """The travel of Greedy Mapping up to the last vertex, and how many vertices it visited."""
-    vertices = len(rank)
-    visited = np.zeros(vertices, np.int8)
-    seen = np.full(vertices, -1, np.int32)
-    queue = np.empty(vertices, np.int32)
-    at, travel, count = start, 0, 0
-    while at >= 0:
+def _visit(
+    first: Ints,
+    beside: Ints,
+    rank: Ranks,
+    visited: Ranks,
+    seen: Ints,
+    queue: Ints,
+    at: int,
+    most: int,
+) -> tuple[int, int]:
+    """Visit so many vertices at most; returns the next, -1 where none is left, and the travel."""
+    travel = 0
+    for _ in range(most):
         visited[at] = 1
-        count += 1
         at, steps = nearest_unvisited(first, beside, rank, visited, seen, queue, at)
+        if at < 0:
+            break
         travel += steps
-    return travel - steps, count
+    return at, travel  # fmt: skip
+
+
+def greedy_travel(first: Ints, beside: Ints, rank: Ranks, start: int) -> tuple[int, int]:
+    """The travel of Greedy Mapping up to the last vertex, and how many vertices it visited.
+
+    It returns to Python every so often, so that it can be interrupted.
+    """
+    visited = np.zeros(len(rank), np.int8)
+    seen = np.full(len(rank), -1, np.int32)
+    queue = np.empty(len(rank), np.int32)
+    at, travel = start, 0
+    while at >= 0:
+        at, more = _visit(first, beside, rank, visited, seen, queue, at, VISITS)
+        travel += more
+    return travel, int(visited.sum(dtype=np.int64))

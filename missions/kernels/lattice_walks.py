@@ -8,6 +8,8 @@ walk starts at vertex 0, a corner.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,78 +58,93 @@ def shuffled(near: Ints, degree: Ints, seed: int) -> Ints:
 
 
 @kernel
-def least_recently_visited(near: Ints, degree: Ints, coverages: int) -> NDArray[np.int64]:
-    """Steps of every coverage by LRV.
+def least_recently_visited(
+    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
+) -> tuple[int, int, int]:
+    """One coverage by LRV.
 
     A vertex counts for each of its directions how often it sent the robot there, and sends it
     where the count is least, of equals to the first in `near`. Then the counts differ by one at
     most, and the directions follow each other round and round: a pointer says the same.
+
+    Args:
+        near: the neighbours of every vertex.
+        degree: how many they are.
+        marks: what the robot left at the vertices, changed; at first zeros.
+        visited: the last coverage in which a vertex was visited, changed; at first -1.
+        coverage: the number of this one.
+        place: where the robot is.
+        state: of the random numbers, not 0.
+
+    Returns:
+        Steps, where the robot is, and the state.
     """
-    steps = np.zeros(coverages, np.int64)
-    pointer = np.zeros(len(near), np.int32)
-    visited = np.full(len(near), -1, np.int32)
-    v = 0
-    for coverage in range(coverages):
-        visited[v] = coverage
-        left = len(near) - 1
-        while left:
-            turn = pointer[v]
-            pointer[v] = turn + 1 if turn + 1 < degree[v] else 0
-            v = near[v, turn]
-            steps[coverage] += 1
-            if visited[v] != coverage:
-                visited[v] = coverage
-                left -= 1
-    return steps
+    visited[place] = coverage
+    left, steps = len(near) - 1, 0
+    while left:
+        turn = marks[place]
+        marks[place] = turn + 1 if turn + 1 < degree[place] else 0
+        place = near[place, turn]
+        steps += 1
+        if visited[place] != coverage:
+            visited[place] = coverage
+            left -= 1
+    return steps, place, state
 
 
 @kernel
 def one_lrta(
-    near: Ints, degree: Ints, coverages: int, seed: int, by_chance: bool
-) -> NDArray[np.int64]:
-    """Steps of every coverage by 1-LRTA*: to the neighbour of least weight; what is left gets that
-    weight and one more. Of equals one by chance, or the first in `near`."""
-    steps = np.zeros(coverages, np.int64)
-    weight = np.zeros(len(near), np.int64)
-    visited = np.full(len(near), -1, np.int32)
-    v, state = 0, seed
-    for coverage in range(coverages):
-        visited[v] = coverage
-        left = len(near) - 1
-        while left:
-            best, equals = near[v, 0], 1
-            for i in range(1, degree[v]):
-                w = near[v, i]
-                if weight[w] < weight[best]:
-                    best, equals = w, 1
-                elif by_chance and weight[w] == weight[best]:
-                    equals += 1
-                    state = _draw(state)
-                    if state % equals == 0:
-                        best = w
-            weight[v] = weight[best] + 1
-            v = best
-            steps[coverage] += 1
-            if visited[v] != coverage:
-                visited[v] = coverage
-                left -= 1
-    return steps
+    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
+) -> tuple[int, int, int]:
+    """One coverage by 1-LRTA*: to the neighbour of least weight; what is left gets that weight and
+    one more. Of equals one by chance, with the state 0 the first in `near`."""
+    visited[place] = coverage
+    left, steps = len(near) - 1, 0
+    while left:
+        best, equals = near[place, 0], 1
+        for i in range(1, degree[place]):
+            other = near[place, i]
+            if marks[other] < marks[best]:
+                best, equals = other, 1
+            elif state and marks[other] == marks[best]:
+                equals += 1
+                state = _draw(state)
+                if state % equals == 0:
+                    best = other
+        marks[place] = marks[best] + 1
+        place = best
+        steps += 1
+        if visited[place] != coverage:
+            visited[place] = coverage
+            left -= 1
+    return steps, place, state
 
 
 @kernel
-def random_walk(near: Ints, degree: Ints, coverages: int, seed: int) -> NDArray[np.int64]:
-    """Steps of every coverage by a random walk."""
-    steps = np.zeros(coverages, np.int64)
-    visited = np.full(len(near), -1, np.int32)
-    v, state = 0, seed
+def random_walk(
+    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
+) -> tuple[int, int, int]:
+    """One coverage by a random walk, which leaves no marks."""
+    visited[place] = coverage
+    left, steps = len(near) - 1, 0
+    while left:
+        state = _draw(state)
+        place = near[place, state % int(degree[place])]
+        steps += 1
+        if visited[place] != coverage:
+            visited[place] = coverage
+            left -= 1
+    return steps, place, state
+
+
+Walk = Callable[[Ints, Ints, Ints, Ints, int, int, int], tuple[int, int, int]]
+
+
+def cover(walk: Walk, near: Ints, degree: Ints, coverages: int, state: int) -> list[int]:
+    """Steps of one coverage after the other; between two of them a run can be interrupted."""
+    marks, visited = np.zeros(len(near), np.int32), np.full(len(near), -1, np.int32)
+    found, place = [], 0
     for coverage in range(coverages):
-        visited[v] = coverage
-        left = len(near) - 1
-        while left:
-            state = _draw(state)
-            v = near[v, state % int(degree[v])]
-            steps[coverage] += 1
-            if visited[v] != coverage:
-                visited[v] = coverage
-                left -= 1
-    return steps
+        steps, place, state = walk(near, degree, marks, visited, coverage, place, state)
+        found.append(steps)
+    return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import mean
 from typing import TYPE_CHECKING, Final
 
 from uavmap.studies.study import COLOURS, MARKERS, Page, Study, Table, trial_seed
@@ -85,12 +86,13 @@ def trial(job: Job) -> Cover:
     seed = job.seed | 1  # the sequence of random numbers must not start at 0
     if job.walk == LRV:
         order = walks.shuffled(near, degree, seed)
-        steps = walks.least_recently_visited(order, degree, coverages)
+        steps = walks.cover(walks.least_recently_visited, order, degree, coverages, seed)
     elif job.walk == WALK:
-        steps = walks.random_walk(near, degree, coverages, seed)
+        steps = walks.cover(walks.random_walk, near, degree, coverages, seed)
     else:
-        steps = walks.one_lrta(near, degree, coverages, seed, job.walk == LRTA)
-    return Cover(job.walk, job.m, float(steps[skip:].mean()))
+        by_chance = seed if job.walk == LRTA else 0
+        steps = walks.cover(walks.one_lrta, near, degree, coverages, by_chance)
+    return Cover(job.walk, job.m, mean(steps[skip:]))
 
 
 def conclude(covers: Sequence[Cover]) -> Page:

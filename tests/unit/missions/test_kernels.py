@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from missions.kernels import greedy, lattice_walks
+from missions.kernels.lattice_walks import cover
 
 
 # --- greedy ----------------------------------------------------------------------------------
@@ -64,7 +65,7 @@ def test_lrv_is_least_counted_first():
             visited.add(v)
             taken += 1
         steps.append(taken)
-    assert lattice_walks.least_recently_visited(near, degree, coverages).tolist() == steps
+    assert cover(lattice_walks.least_recently_visited, near, degree, coverages, 1) == steps
 
 
 def test_a_shuffled_lattice_has_the_same_neighbours_in_other_orders():
@@ -79,21 +80,19 @@ def test_a_shuffled_lattice_has_the_same_neighbours_in_other_orders():
 
 def test_one_lrta_covers_a_lattice_at_once_in_a_fixed_order():
     near, degree = lattice_walks.neighbours(20)
-    steps = lattice_walks.one_lrta(near, degree, 3, 1, by_chance=False)
-    assert steps[0] == 20 * 20 - 1
+    assert cover(lattice_walks.one_lrta, near, degree, 1, 0) == [20 * 20 - 1]
 
 
-@pytest.mark.parametrize("by_chance", [False, True])
-def test_one_lrta_goes_to_the_least_weight(by_chance):
-    """Once at the least weight nobody who breaks ties can do otherwise: weights differ on a row."""
-    near, degree = lattice_walks.neighbours(2)
-    steps = lattice_walks.one_lrta(near, degree, 50, 9, by_chance)
-    assert steps.min() >= 3
-    assert steps.mean() < (3.5 if by_chance else 3.01)
+def test_one_lrta_by_chance_hangs_on_its_seed_and_takes_longer():
+    near, degree = lattice_walks.neighbours(20)
+    one, same, other = (cover(lattice_walks.one_lrta, near, degree, 9, s) for s in (3, 3, 4))
+    assert one == same != other
+    assert min(one + other) >= 20 * 20 - 1
+    assert np.mean(one) > 2 * 20 * 20
 
 
 def test_a_random_walk_hangs_on_its_seed():
     near, degree = lattice_walks.neighbours(10)
-    one, same, other = (lattice_walks.random_walk(near, degree, 5, s).tolist() for s in (3, 3, 4))
+    one, same, other = (cover(lattice_walks.random_walk, near, degree, 5, s) for s in (3, 3, 4))
     assert one == same != other
     assert 100 * np.log(100) < np.mean(one) < 2 * 100**2
