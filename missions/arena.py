@@ -256,10 +256,17 @@ class _Arena:
                     self.minds[robot] = seen
 
     def _in_order(self, arrived: list[int]) -> list[Cell]:
-        """The cells of those who arrived, by depth: who is first makes a cell that two see their
-        child, and depth must not hang on the numbers of the robots."""
+        """The cells of those who arrived, by depth, at one depth the outermost first: who is first
+        makes a cell that two see their child, and depth must not hang on the numbers of the robots.
+        """
+        root = self.minds[0].tree.root
         depth = {self.at[r]: self.minds[r].tree.vertices[self.at[r]].depth for r in arrived}
-        return sorted(depth, key=lambda cell: (depth[cell], cell))
+
+        def rank(cell: Cell) -> tuple[int, int, Cell]:
+            away = (cell.east - root.east) ** 2 + (cell.north - root.north) ** 2
+            return depth[cell], -away, cell
+
+        return sorted(depth, key=rank)
 
     def _meet(self, places: set[Cell]) -> None:
         for place in sorted(places):

@@ -141,6 +141,7 @@ class _Play:
         cost = np.array([self._metric.leg(Cell(0, 0), step) for step in _STEPS])
         makespan, moves, rows = rdfs.play(
             self._lattice.near,
+            ((self._lattice.cells - self._lattice.cells[self._root]) ** 2).sum(axis=1),
             self._root,
             self._robots,
             cost,

@@ -199,7 +199,7 @@ def _block_steps(
     low = [0] * len(near)
     above = [-1] * len(near)
     place = [0] * len(near)
-    rest = [iter(())] * len(near)
+    rest: list[Iterator[int]] = [iter(())] * len(near)
     order[first] = low[first] = count = 1
     rest[first] = iter(near[first])
     found = [first]

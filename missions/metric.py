@@ -58,7 +58,7 @@ class Metric:
 
     @property
     def most_per_length(self) -> float:
-        """The most time per length of a closed tour: with the drift and back, Sr / (Sr^2 - Sp^2)."""
+        """The most time per length of a closed tour: along the drift, Sr / (Sr^2 - Sp^2)."""
         return self.speed / (self.speed**2 - self.drift_east**2 - self.drift_north**2)
 
     def leg(self, start: Cell, end: Cell) -> float:

@@ -4,15 +4,21 @@ The listing leaves open which unfinished child a robot takes. Here: an unexplore
 then the child with the fewest robots below it; two children share a group as equally as possible,
 three do so through a dummy vertex. With this rule the bound of Lemma 1, in the form
 2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)), holds.
+
+Two more choices leave the bound alone and shorten the mean. Of equal children the one farthest from
+the root comes first, so a team spreads outwards and the tree stays shallow; ties in the order
+north, east, south, west. And once all is explored, a robot goes home by a shortest known way, which
+is never longer than the one up the tree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.bounds import rdfs_bound_moves
 from missions.explorers.interface import Decision, Situation
+from missions.explorers.ways import distances
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -40,6 +46,8 @@ class Rdfs:
 
     def decide(self, situation: Situation) -> Decision:
         """One robot after the other, each seeing where the last went."""
+        if situation.tree.is_explored(situation.tree.root):
+            return _homewards(situation)
         after = dict(situation.at)
         chosen: dict[int, Cell | None] = {}
         for robot in situation.robots:
@@ -52,7 +60,9 @@ class Rdfs:
         v = at[robot]
         # 2-6, 8: the neighbours that are ROI are the children of v; explored ones are left out
         # 9-13: a cell that would close a cycle never became a child (`Tree.looked`)
-        neighbours = tuple(w for w in tree.children(v) if not tree.is_explored(w))
+        neighbours = _outermost_first(
+            tree, [w for w in tree.children(v) if not tree.is_explored(w)]
+        )
         if not neighbours:  # 3-5, 22-23
             return tree.parent(v)
         robots = _robots_below(tree, at, robot, v)
@@ -61,6 +71,35 @@ class Rdfs:
             left, right = _binary(branch)  # 15-17: the dummy vertex
             branch = min((left, right), key=lambda b: _rank(tree, robots, b))  # 18
         return branch[0]  # 19, 21; the tree marks v as under exploration by itself
+
+
+def _homewards(situation: Situation) -> Decision:
+    """All is explored: home by shortest ways, which are remembered as long as they hold."""
+    tree, memory = situation.tree, situation.memory
+    if isinstance(memory, _Ways) and memory.cells == len(tree):
+        ways = memory
+    else:
+        ways = _Ways(len(tree), distances(tree, tree.root))
+    moves: dict[int, Cell | None] = {}
+    for robot in situation.robots:
+        v = situation.at[robot]
+        near = [w for w in v.neighbours() if w in ways.steps]
+        moves[robot] = None if v == tree.root else min(near, key=ways.steps.__getitem__)
+    return Decision(moves, ways)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """Steps to the root from every cell of a tree, which has so many."""
+
+    cells: int
+    steps: Mapping[Cell, int]
+
+
+def _outermost_first(tree: Tree, children: Sequence[Cell]) -> Branch:
+    """By distance from the root, the farthest first; stable."""
+    east, north = tree.root
+    return tuple(sorted(children, key=lambda w: -((w.east - east) ** 2 + (w.north - north) ** 2)))
 
 
 def _binary(branch: Branch) -> tuple[Branch, Branch]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from missions.kernels.jit import kernel
 
 Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 _SAME_INSTANT = 1e-9
@@ -65,12 +66,16 @@ def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
 
 
 @kernel
-def _next(rows: Ints, branch: Ints, v: int) -> int:
-    """Where a robot at v goes; `branch` is scratch space for four children."""
+def _next(rows: Ints, away: Longs, branch: Ints, v: int) -> int:
+    """Where a robot at v goes; `branch` is scratch space for four children, the outermost first."""
     low, high = 0, 0
     for d in range(4):
         if rows[v, _STATE] >> d & 1:
-            branch[high] = rows[v, d]
+            i = high
+            while i > 0 and away[branch[i - 1]] < away[rows[v, d]]:
+                branch[i] = branch[i - 1]
+                i -= 1
+            branch[i] = rows[v, d]
             high += 1
     if high == 0:
         return int(rows[v, PARENT])
@@ -85,8 +90,40 @@ def _next(rows: Ints, branch: Ints, v: int) -> int:
 
 
 @kernel
-def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh: Ints) -> int:
-    """Those whose leg ends at t stand, and look, in the order of depth, then cell.
+def _steps_from(rows: Ints, start: int) -> Ints:
+    """Steps from the start to every cell that it reaches."""
+    steps = np.full(len(rows), -1, np.int32)
+    queue = np.empty(len(rows), np.int32)
+    steps[start], queue[0] = 0, start
+    first, last = 0, 1
+    while first < last:
+        v = queue[first]
+        first += 1
+        for d in range(4):
+            w = rows[v, d]
+            if w >= 0 and steps[w] < 0:
+                steps[w] = steps[v] + 1
+                queue[last] = w
+                last += 1
+    return steps
+
+
+@kernel
+def _homewards(rows: Ints, steps: Ints, v: int) -> int:
+    """The next cell on a shortest way to the start; of several the first."""
+    best = -1
+    for d in range(4):
+        w = rows[v, d]
+        if w >= 0 and (best < 0 or steps[w] < steps[best]):
+            best = w
+    return best
+
+
+@kernel
+def _arrive(
+    rows: Ints, away: Longs, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh: Ints
+) -> int:
+    """Those whose leg ends at t stand, and look, in the order of depth, then the outermost first.
 
     They are put into `arrived`, ascending; returns how many they are.
     """
@@ -101,7 +138,7 @@ def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh:
         if rows[v, _STATE] & _LOOKED:
             continue
         i = new
-        while i > 0 and (rows[fresh[i - 1], DEPTH], fresh[i - 1]) > (rows[v, DEPTH], v):
+        while i > 0 and _later(rows, away, fresh[i - 1], v):
             fresh[i] = fresh[i - 1]
             i -= 1
         fresh[i] = v
@@ -113,8 +150,15 @@ def _arrive(rows: Ints, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh:
 
 
 @kernel
+def _later(rows: Ints, away: Longs, v: int, w: int) -> bool:
+    """Whether of two that arrive together v looks after w."""
+    return (rows[v, DEPTH], -away[v], v) > (rows[w, DEPTH], -away[w], w)
+
+
+@kernel
 def play(
     near: Ints,
+    away: Longs,
     start: int,
     robots: int,
     cost: Floats,
@@ -127,6 +171,7 @@ def play(
     Args:
         near: for every cell its neighbours north, east, south, west, -1 where that is not ROI;
             shape (C, 4). Cells are numbered in ascending order.
+        away: how far every cell is from the start, as the crow flies, squared.
         start: the cell where all robots are at first.
         robots: how many.
         cost: what a move north, east, south, west takes.
@@ -150,17 +195,23 @@ def play(
     at = np.full(robots, start, np.int32)
     end_t = np.full(robots, np.inf)  # endless: stands at a vertex
     t, makespan, moves = 0.0, 0.0, 0
+    steps = np.empty(0, np.int32)  # to the start, known once all is explored
     while True:
         for i in range(count):
             robot = arrived[i]
             v = at[robot]
-            if v == start and rows[v, _STATE] == _LOOKED:
-                continue  # for good: nothing is left to explore
-            w = _next(rows, branch, v)
-            if w == rows[v, PARENT]:
-                rows[v, _BELOW] -= 1
+            if rows[start, _STATE] != _LOOKED:
+                w = _next(rows, away, branch, v)
+                if w == rows[v, PARENT]:
+                    rows[v, _BELOW] -= 1
+                else:
+                    rows[w, _BELOW] += 1
+            elif v == start:
+                continue  # for good
             else:
-                rows[w, _BELOW] += 1
+                if len(steps) == 0:
+                    steps = _steps_from(rows, start)
+                w = _homewards(rows, steps, v)
             d = 0
             while rows[v, d] != w:
                 d += 1
@@ -177,4 +228,4 @@ def play(
         t = end_t.min()
         if t == np.inf:
             return makespan, moves, rows
-        count = _arrive(rows, at, end_t, t, arrived, fresh)
+        count = _arrive(rows, away, at, end_t, t, arrived, fresh)
