@@ -88,9 +88,18 @@ class Summary:
 
 
 def run_rdfs(
-    roi: Collection[Cell] | Lattice, start: Cell, robots: int, metric: Metric | None = None
+    roi: Collection[Cell] | Lattice,
+    start: Cell,
+    robots: int,
+    metric: Metric | None = None,
+    *,
+    plain: bool = False,
 ) -> Summary:
     """The figures of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`.
+
+    With `plain`, Algorithm 1 has the child rule and no more: of equal children the first in the
+    order north, east, south, west is taken, not the outermost; of those who arrive at one depth
+    the first cell looks first; and the robots go home up the tree, not by a shortest way.
 
     Raises:
         RoiError: a start outside the ROI.
@@ -98,18 +107,25 @@ def run_rdfs(
     >>> run_rdfs([Cell(0, 0), Cell(1, 0), Cell(2, 0)], Cell(0, 0), robots=2)
     Summary(makespan=4.0, moves=8, cells=3, depth=2)
     """
-    return _Play(roi, start, robots, metric).summary
+    return _Play(roi, start, robots, metric, plain).summary
 
 
 def run_rdfs_legs(
-    roi: Collection[Cell] | Lattice, start: Cell, robots: int, metric: Metric | None = None
+    roi: Collection[Cell] | Lattice,
+    start: Cell,
+    robots: int,
+    metric: Metric | None = None,
+    *,
+    plain: bool = False,
 ) -> Run:
     """The whole of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`: tree and legs.
+
+    `plain` as for `run_rdfs`.
 
     Raises:
         RoiError: a start outside the ROI.
     """
-    played = _Play(roi, start, robots, metric)
+    played = _Play(roi, start, robots, metric, plain)
     played.again(played.summary.moves)
     return Run(
         played.summary.makespan,
@@ -123,11 +139,16 @@ class _Play:
     """One run, and the arrays that it filled."""
 
     def __init__(
-        self, roi: Collection[Cell] | Lattice, start: Cell, robots: int, metric: Metric | None
+        self,
+        roi: Collection[Cell] | Lattice,
+        start: Cell,
+        robots: int,
+        metric: Metric | None,
+        plain: bool,
     ) -> None:
         self._lattice = roi if isinstance(roi, Lattice) else Lattice.of(roi)
         self._root = self._lattice.index(start)
-        self._robots = robots
+        self._robots, self._plain = robots, plain
         self._metric = metric if metric is not None else Metric()
         makespan, moves = self.again(0)
         reached = int(np.count_nonzero(self._parent != _NONE))
@@ -139,13 +160,18 @@ class _Play:
 
         self._legs, self._times = np.empty((legs, 3), np.int32), np.empty((legs, 2))
         cost = np.array([self._metric.leg(Cell(0, 0), step) for step in _STEPS])
+        cells = self._lattice.cells
+        away = ((cells - cells[self._root]) ** 2).sum(axis=1)
+        if self._plain:
+            away[:] = 0  # nobody is farther out than another
         makespan, moves, rows = rdfs.play(
             self._lattice.near,
-            ((self._lattice.cells - self._lattice.cells[self._root]) ** 2).sum(axis=1),
+            away,
             self._root,
             self._robots,
             cost,
             self._metric.look,
+            self._plain,
             self._legs,
             self._times,
         )

@@ -163,6 +163,7 @@ def play(
     robots: int,
     cost: Floats,
     look_cost: float,
+    up_the_tree: bool,
     legs: Ints,
     times: Floats,
 ) -> tuple[float, int, Ints]:
@@ -176,6 +177,7 @@ def play(
         robots: how many.
         cost: what a move north, east, south, west takes.
         look_cost: what a look takes.
+        up_the_tree: whether they go home up the tree, and not by a shortest way.
         legs: filled with robot, start and end of the first moves, as many as fit; shape (n, 3).
         times: filled with their start and end; shape (n, 2).
 
@@ -200,18 +202,19 @@ def play(
         for i in range(count):
             robot = arrived[i]
             v = at[robot]
-            if rows[start, _STATE] != _LOOKED:
+            explored = rows[start, _STATE] == _LOOKED
+            if explored and v == start:
+                continue  # for good
+            if explored and not up_the_tree:
+                if len(steps) == 0:
+                    steps = _steps_from(rows, start)
+                w = _homewards(rows, steps, v)
+            else:
                 w = _next(rows, away, branch, v)
                 if w == rows[v, PARENT]:
                     rows[v, _BELOW] -= 1
                 else:
                     rows[w, _BELOW] += 1
-            elif v == start:
-                continue  # for good
-            else:
-                if len(steps) == 0:
-                    steps = _steps_from(rows, start)
-                w = _homewards(rows, steps, v)
             d = 0
             while rows[v, d] != w:
                 d += 1

@@ -16,6 +16,8 @@ from missions.roi import Roi, grown
 
 _SHARED_BY_TRIALS = 256
 MANY_CELLS = 5000
+PLAIN = "rdfs, plain"
+"""`rdfs` with the child rule and no more, as `missions.fast_arena.run_rdfs` has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +56,13 @@ def lattice_of(roi: Roi) -> Lattice:
 
 
 def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) -> Certificate:
-    """Explore a ROI with a strategy, `rdfs` compiled."""
+    """Explore a ROI with a strategy, or with `PLAIN`; `rdfs` is compiled."""
     metric = metric if metric is not None else Metric()
-    explorer = EXPLORERS[strategy]
-    if strategy != "rdfs":
+    explorer = EXPLORERS["rdfs" if strategy == PLAIN else strategy]
+    if explorer.name != "rdfs":
         result = run(explorer, roi.cells, roi.start, robots, metric=metric)
         return certify(result, explorer, robots, metric, bounds_of(roi))
-    done = run_rdfs(lattice_of(roi), roi.start, robots, metric)
+    done = run_rdfs(lattice_of(roi), roi.start, robots, metric, plain=strategy == PLAIN)
     return Certificate(
         makespan=done.makespan,
         lower_bound=_lower_bound(roi, robots, metric),

@@ -7,9 +7,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from missions import arena
 from missions.arena import run
+from missions.bounds import rdfs_bound_moves
 from missions.errors import RoiError
-from missions.explorers import EXPLORERS
+from missions.explorers import EXPLORERS, Decision, rdfs
+from missions.explorers.rdfs import Rdfs
 from missions.fast_arena import Lattice, Summary, run_rdfs, run_rdfs_legs
 from missions.metric import Metric
 from missions.roi import KINDS
@@ -52,6 +55,31 @@ def test_the_twin_moves_as_the_readable_explorer(kind, cells, robots, metric, se
     assert run_rdfs(roi, START, robots, METRICS[metric]) == Summary(
         slow.makespan, len(slow.legs), len(slow.tree), slow.tree.depth
     )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_plain_is_the_child_rule_alone(seed, monkeypatch):
+    def in_order(arena, arrived):
+        vertices = arena.minds[0].tree.vertices
+        return sorted({arena.at[r] for r in arrived}, key=lambda c: (vertices[c].depth, c))
+
+    class Plain(Rdfs):
+        def decide(self, situation):
+            after, moves = dict(situation.at), {}
+            for robot in situation.robots:
+                moves[robot] = after[robot] = self._move(situation.tree, after, robot)
+            return Decision(moves)
+
+    monkeypatch.setattr(arena._Arena, "_in_order", in_order)
+    monkeypatch.setattr(rdfs, "_outermost_first", lambda tree, children: tuple(children))
+    rng = np.random.default_rng(seed)
+    roi = ROIS[sorted(ROIS)[seed % len(ROIS)]](60, rng)
+    robots = int(rng.integers(1, 21))
+    slow = run(Plain(), roi, START, robots)
+    fast = run_rdfs_legs(roi, START, robots, plain=True)
+    assert fast.legs == slow.legs
+    assert fast.tree == slow.tree
+    assert slow.makespan <= rdfs_bound_moves(len(slow.tree), slow.tree.depth, robots) + 1e-9
 
 
 def test_a_lattice_from_an_array_is_the_one_from_cells():
