@@ -141,8 +141,8 @@ Sung and Tokekar's bounds on Algorithm 1 on resting ROIs, in moves.
 {counts.markdown()}
 
 `rdfs-paper` is the listing in the fixed order north, east, south, west. `{PLAIN}` has the child
-rule: an unexplored child first, then the one with the fewest robots below. `rdfs` moreover takes the
-outermost of equal children and goes home by a shortest way. Theorem 1's ratio counts as broken only
+rule: an unexplored child first, then the one with the fewest robots below. `rdfs` moreover takes
+the outermost of equal children and goes home by a shortest way. Theorem 1's ratio counts as broken only
 where the makespan exceeds it times a tour that exists: a depth-first tour of the shortest-path tree
 cut into R pieces.
 
