@@ -7,6 +7,7 @@
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
     ├── RoiError                a file or a wish that does not tell a ROI
+    ├── StudyError          a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── OutputError             a file that cannot be written, or of a kind that is not written
     └── LinkError               a connection URL, or a vehicle that does not answer
@@ -44,6 +45,10 @@ class StrategyError(UavmapError):
 
 class RoiError(UavmapError):
     """A file from which no ROI can be read, or a ROI that cannot be generated."""
+
+
+class StudyError(UavmapError):
+    """A study that cannot run: an extra is not installed, or a scheduler does not answer."""
 
 
 class JournalError(UavmapError):

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from missions.errors import UavmapError, leaves
 from uavmap import __version__
-from uavmap.cli import animate, check, fly, replay, resume, simulate, sitl, strategies
+from uavmap.cli import animate, check, fly, replay, resume, simulate, sitl, strategies, study
 from uavmap.cli.common import INTERRUPTED
 
 USER_ERROR = 2
@@ -27,7 +27,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (fly, resume, sitl, replay, animate, check, simulate, strategies):
+    for module in (fly, resume, sitl, replay, animate, check, simulate, strategies, study):
         module.add_parser(commands)
     return top
 

@@ -69,6 +69,11 @@ def vehicle_count(text: str) -> int:
     return int(_number(text, int, 1, MAX_VEHICLES))
 
 
+def worker_count(text: str) -> int:
+    """How many processes."""
+    return int(_number(text, int, 1, 256))
+
+
 def seed_number(text: str) -> int:
     """A seed: numpy takes no negative ones."""
     return int(_number(text, int, 0, 2**63 - 1))

@@ -1,0 +1,150 @@
+"""Walks of one robot on a bounded m x m lattice, coverage after coverage.
+
+After M. Batalin and G. Sukhatme, *The Analysis of an Efficient Algorithm for Robot Coverage and
+Exploration based on Sensor Network Deployment*. A coverage ends when every vertex has been visited
+since the last one ended; the marks that a robot leaves stay. Vertices are numbered row by row; a
+walk starts at vertex 0, a corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.kernels.jit import kernel
+
+Ints = NDArray[np.int32]
+
+MASK = 0xFFFFFFFF
+
+
+@kernel
+def neighbours(m: int) -> tuple[Ints, Ints]:
+    """The neighbours of every vertex, shape (m m, 4), of which the first `degree` are used."""
+    near = np.zeros((m * m, 4), np.int32)
+    degree = np.zeros(m * m, np.int32)
+    for v in range(m * m):
+        row, column = v // m, v % m
+        for inside, w in (
+            (row > 0, v - m), (column < m - 1, v + 1), (row < m - 1, v + m), (column > 0, v - 1)
+        ):  # fmt: skip
+            if inside:
+                near[v, degree[v]] = w
+                degree[v] += 1
+    return near, degree
+
+
+@kernel
+def _draw(state: int) -> int:
+    """The next of a sequence of random numbers, 1 to 2^32 - 1: Marsaglia's xorshift."""
+    state ^= (state << 13) & MASK
+    state ^= state >> 17
+    return state ^ ((state << 5) & MASK)
+
+
+@kernel
+def shuffled(near: Ints, degree: Ints, seed: int) -> Ints:
+    """The neighbours of every vertex in an order of its own."""
+    near = near.copy()
+    state = seed
+    for v in range(len(near)):
+        for i in range(degree[v] - 1, 0, -1):
+            state = _draw(state)
+            j = state % (i + 1)
+            near[v, i], near[v, j] = near[v, j], near[v, i]
+    return near
+
+
+@kernel
+def least_recently_visited(
+    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
+) -> tuple[int, int, int]:
+    """One coverage by LRV.
+
+    A vertex counts for each of its directions how often it sent the robot there, and sends it
+    where the count is least, of equals to the first in `near`. Then the counts differ by one at
+    most, and the directions follow each other round and round: a pointer says the same.
+
+    Args:
+        near: the neighbours of every vertex.
+        degree: how many they are.
+        marks: what the robot left at the vertices, changed; at first zeros.
+        visited: the last coverage in which a vertex was visited, changed; at first -1.
+        coverage: the number of this one.
+        place: where the robot is.
+        state: of the random numbers, not 0.
+
+    Returns:
+        Steps, where the robot is, and the state.
+    """
+    visited[place] = coverage
+    left, steps = len(near) - 1, 0
+    while left:
+        turn = marks[place]
+        marks[place] = turn + 1 if turn + 1 < degree[place] else 0
+        place = near[place, turn]
+        steps += 1
+        if visited[place] != coverage:
+            visited[place] = coverage
+            left -= 1
+    return steps, place, state
+
+
+@kernel
+def one_lrta(
+    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
+) -> tuple[int, int, int]:
+    """One coverage by 1-LRTA*: to the neighbour of least weight; what is left gets that weight and
+    one more. Of equals one by chance, with the state 0 the first in `near`."""
+    visited[place] = coverage
+    left, steps = len(near) - 1, 0
+    while left:
+        best, equals = near[place, 0], 1
+        for i in range(1, degree[place]):
+            other = near[place, i]
+            if marks[other] < marks[best]:
+                best, equals = other, 1
+            elif state and marks[other] == marks[best]:
+                equals += 1
+                state = _draw(state)
+                if state % equals == 0:
+                    best = other
+        marks[place] = marks[best] + 1
+        place = best
+        steps += 1
+        if visited[place] != coverage:
+            visited[place] = coverage
+            left -= 1
+    return steps, place, state
+
+
+@kernel
+def random_walk(
+    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
+) -> tuple[int, int, int]:
+    """One coverage by a random walk, which leaves no marks."""
+    visited[place] = coverage
+    left, steps = len(near) - 1, 0
+    while left:
+        state = _draw(state)
+        place = near[place, state % int(degree[place])]
+        steps += 1
+        if visited[place] != coverage:
+            visited[place] = coverage
+            left -= 1
+    return steps, place, state
+
+
+Walk = Callable[[Ints, Ints, Ints, Ints, int, int, int], tuple[int, int, int]]
+
+
+def cover(walk: Walk, near: Ints, degree: Ints, coverages: int, state: int) -> list[int]:
+    """Steps of one coverage after the other; between two of them a run can be interrupted."""
+    marks, visited = np.zeros(len(near), np.int32), np.full(len(near), -1, np.int32)
+    found, place = [], 0
+    for coverage in range(coverages):
+        steps, place, state = walk(near, degree, marks, visited, coverage, place, state)
+        found.append(steps)
+    return found
