@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-from missions.arena import Comms, run
+from missions.arena import Comms, Run, run
 from missions.certificate import Certificate, certify
-from missions.explorers import Explorer
+from missions.explorers import EXPLORERS, Explorer
+from missions.fast_arena import run_rdfs_legs
 from missions.lower_bounds import LowerBounds
 from missions.metric import Metric
 from missions.roi import Roi
 
+MANY_CELLS = 1000
 _KEYS = ("makespan", "lower_bound", "bound", "bound_held", "moves", "tree_depth", "wall_s")
 
 
@@ -52,6 +54,17 @@ class Trial:
         return dict(zip(_KEYS, values, strict=True))
 
 
+def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
+    """A run in the arena; in its compiled twin where there is one and it is worth the loading."""
+    cells, start, robots, metric = roi.cells, roi.start, terms.robots, terms.metric
+    if explorer == EXPLORERS["rdfs"] and terms.comms is Comms.SHARED and len(cells) >= MANY_CELLS:
+        from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second to load
+
+        if COMPILED:
+            return run_rdfs_legs(cells, start, robots, metric)
+    return run(explorer, cells, start, robots, metric=metric, comms=terms.comms)
+
+
 def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:
     """Every strategy on every ROI, one ROI after the other.
 
@@ -62,14 +75,7 @@ def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> 
         static = LowerBounds.of(roi.cells, roi.start)
         for explorer in explorers:
             begin_s = time.perf_counter()
-            done = run(
-                explorer,
-                roi.cells,
-                roi.start,
-                terms.robots,
-                metric=terms.metric,
-                comms=terms.comms,
-            )
+            done = explored(roi, explorer, terms)
             wall_s = time.perf_counter() - begin_s
             certificate = certify(
                 done, explorer, terms.robots, terms.metric, static, comms=terms.comms

@@ -13,7 +13,6 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from missions import arena
 from missions.arena import Comms
 from missions.errors import RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS, Explorer
@@ -31,7 +30,7 @@ from uavmap.cli.pictures import (
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 from uavmap.roi_files import load_rois
-from uavmap.trials import Terms, Trial, means, trials
+from uavmap.trials import Terms, Trial, explored, means, trials
 
 MAX_ROBOTS: Final = 1000
 REPORT_S: Final = 2.0
@@ -128,9 +127,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _pictures(options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms) -> None:
     """One run again, to be looked at."""
-    shown = arena.run(
-        explorer, roi.cells, roi.start, terms.robots, metric=terms.metric, comms=terms.comms
-    )
+    shown = explored(roi, explorer, terms)
     robots = f"{terms.robots} robot" + "s" * (terms.robots > 1)
     film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {robots}")
     write_pictures(options, film, shown.tree, lambda text: print(text, file=sys.stderr))
