@@ -15,8 +15,10 @@ from missions.metric import Metric
 from missions.tree import Tree
 from missions.units import Cell
 
-MOVES, MOVES_EACH = 12000, 150
-"""Attempts of the local search at each step, at most and for each node."""
+MOVES, MOVES_EACH = 25000, 300
+"""Attempts of the local search at each step, at most: in all, and for each node."""
+MOVES_ALONE, MOVES_MORE = 90, 30
+"""Attempts for each node with one robot, and how many more with each further one."""
 HEAT = 0.02
 """How much dearer an attempt may make the whole at first."""
 SMALL_TEAM = 4
@@ -167,7 +169,8 @@ class Sites:
         loads = looks + weight * (1.0 + looks) * unseen
         behind = BEHIND * (1.0 + looks) * unseen * (len(self.places) > 1)
         lengths = np.array([len(nodes) for nodes in rows], np.int32)
-        moves = min(MOVES, MOVES_EACH * len(self.nodes))
+        each = min(MOVES_EACH, MOVES_ALONE + MOVES_MORE * (len(self.places) - 1))
+        moves = min(MOVES, each * len(self.nodes))
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
         routes, counts = kernels.arrange(
             self.legs, loads, behind, before, lengths, moves, HEAT, seed

@@ -20,6 +20,8 @@ Ints = NDArray[np.int32]
 
 SHARE = 0.3
 """How much a tour that goes on behind a node counts, beside the tour as it is known."""
+NEAR, ONE_FAR = 8, 8
+"""How many nodes and robots are near a node; one attempt in so many takes any other instead."""
 
 
 @kernel
@@ -131,6 +133,29 @@ def _take(
 
 
 @kernel
+def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
+    """For each node the `many` nearest of the other nodes and the `starts` robots, nearest first.
+
+    `many` is less than `nodes + starts`.
+    """
+    found = np.zeros((nodes, many), np.int32)
+    cost = np.empty(many)
+    for node in range(nodes):
+        cost[:] = np.inf
+        for other in range(nodes + starts):
+            if other == node or legs[node, other] >= cost[many - 1]:
+                continue
+            place = many - 1
+            while place > 0 and cost[place - 1] > legs[node, other]:
+                cost[place] = cost[place - 1]
+                found[node, place] = found[node, place - 1]
+                place -= 1
+            cost[place] = legs[node, other]
+            found[node, place] = other
+    return found
+
+
+@kernel
 def improve(
     legs: Floats,
     loads: Floats,
@@ -144,15 +169,17 @@ def improve(
 ) -> None:
     """Local search in place, `moves` attempts, from the generator's `state`.
 
-    A move relocates up to four nodes, either way round, turns a piece of a route round, or swaps
-    the tails of two. It is accepted where it makes the whole dearer by less than a random part of
-    `heat` times the whole, which cools down to nothing after four fifths of the attempts.
+    A move brings a node beside another, mostly one of the nearest: it relocates up to four nodes,
+    either way round, turns a piece of a route round, or swaps the tails of two. It is accepted
+    where it makes the whole dearer by less than a random part of `heat` times the whole, which
+    cools down to nothing after four fifths of the attempts.
     """
     nodes = loads.size
     owner, place_of = np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
     a, b, c = np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes, np.int32)
     for robot in range(counts.size):
         _take(routes, counts, robot, routes[robot].copy(), counts[robot], owner, place_of)
+    near = nearest(legs, nodes, counts.size, min(NEAR, nodes + counts.size - 1))
     total = costs.sum()
     for move in range(moves):
         state = draw(state)
@@ -162,6 +189,10 @@ def improve(
         state = draw(state)
         other = (state >> 8) % (nodes + counts.size)
         state = draw(state)
+        if (state >> 8) % ONE_FAR != 0:
+            state = draw(state)
+            other = near[node, (state >> 8) % near.shape[1]]
+        state = draw(state)
         many, turned = 1 + (state >> 8) % 4, (state >> 16) % 2 == 1
         state = draw(state)
         share = heat * (1.0 - 1.25 * move / moves) * ((state >> 8) / 8388608.0)
@@ -170,6 +201,8 @@ def improve(
         theirs, j = other - nodes, 0
         if other < nodes:
             theirs, j = owner[other], place_of[other] + 1
+            if turned and kind < 6:
+                j -= 1  # so that the node comes beside the other
         count, other_count = counts[mine], counts[theirs]
         left, right = 0, 0
         if kind < 6:
@@ -186,8 +219,8 @@ def improve(
         elif mine != theirs:
             left = _crossed(routes[mine], i, routes[theirs], j, other_count, a)
             right = _crossed(routes[theirs], j, routes[mine], i, count, b)
-        elif min(i, j) < max(i, j - 1):
-            left = _reversed(routes[mine], count, min(i, j), max(i, j - 1), a)
+        elif min(i + 1, j) < max(i, j - 1):
+            left = _reversed(routes[mine], count, min(i + 1, j), max(i, j - 1), a)
         else:
             continue
         cost, other_cost = price(legs, loads, behind, a, left, mine), 0.0
