@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
-from tests.e2e.rig import uavmap
+from tests.e2e.rig import environment, uavmap
 
 
 def test_a_simulation_repeats_itself(tmp_path):
@@ -32,3 +34,11 @@ def test_a_broken_roi_file_has_its_line(tmp_path):
         f'uavmap: {path}: rois[0].cells[1] = [0, "north"]: expected two whole numbers, '
         "[east, north]"
     )
+
+
+def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
+    code = "import sys, uavmap.cli; print(sorted({'numba', 'matplotlib'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"
