@@ -32,5 +32,5 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     try:
         compiled = njit(cache=True)(function)
     except RuntimeError:  # numba finds no folder to write to
-        compiled = njit(function)
+        compiled = njit(cache=False)(function)
     return compiled
