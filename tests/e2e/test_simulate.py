@@ -42,3 +42,14 @@ def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
         [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True
     )
     assert done.stdout == "[]\n"
+
+
+def test_horizon_plans_the_same_compiled_or_not(monkeypatch):
+    arguments = ["simulate", "--roi", "eden:30:1", "--strategy", "horizon", "--robots", 3, "--json"]
+    found = []
+    for plain in "01":
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", plain)
+        (row,) = uavmap(*arguments).summary["rois"]
+        row.pop("wall_s")
+        found.append(row)
+    assert found[0] == found[1]
