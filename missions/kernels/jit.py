@@ -23,9 +23,14 @@ else:
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays if numba is there; a kernel may call other kernels.
 
-    The compiled code is kept beside the source, so that only the first run on a machine compiles.
+    The compiled code is kept beside the source, else in the user's cache, so that only the first
+    run on a machine compiles. Where neither can be written every run does.
     """
     if not COMPILED:
         return function
-    compiled: Callable[P, R] = njit(cache=True)(function)
+    compiled: Callable[P, R]
+    try:
+        compiled = njit(cache=True)(function)
+    except RuntimeError:  # numba finds no folder to write to
+        compiled = njit(cache=False)(function)
     return compiled

@@ -32,7 +32,6 @@ _BELOW = 7
 """how many robots are at or below it; not kept for the start"""
 
 _LOOKED = 16
-_CHILDREN = 15
 
 
 @kernel

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
-from tests.e2e.rig import uavmap
+from tests.e2e.rig import environment, uavmap
 
 
 def test_a_simulation_repeats_itself(tmp_path):
@@ -32,3 +34,22 @@ def test_a_broken_roi_file_has_its_line(tmp_path):
         f'uavmap: {path}: rois[0].cells[1] = [0, "north"]: expected two whole numbers, '
         "[east, north]"
     )
+
+
+def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
+    code = "import sys, uavmap.cli; print(sorted({'numba', 'matplotlib'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"
+
+
+def test_horizon_plans_the_same_compiled_or_not(monkeypatch):
+    arguments = ["simulate", "--roi", "eden:30:1", "--strategy", "horizon", "--robots", 3, "--json"]
+    found = []
+    for plain in "01":
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", plain)
+        (row,) = uavmap(*arguments).summary["rois"]
+        row.pop("wall_s")
+        found.append(row)
+    assert found[0] == found[1]

@@ -12,7 +12,7 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from missions.errors import JournalError
+from missions.errors import JournalError, OutputError
 from missions.mission_file import MAX_VEHICLES
 from uavmap.flight_plan import JOURNAL
 
@@ -121,6 +121,17 @@ def results_folder(out: str | None, name: str) -> Path:
         if not folder.exists():
             return folder
     raise JournalError(f"{RESULTS} is full; give --out")
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of --out, and those above it, unless it is there.
+
+    Raises `OutputError` when the disk refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"--out {folder} cannot be made: {error.strerror}") from None
 
 
 def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:

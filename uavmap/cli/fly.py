@@ -8,7 +8,6 @@ from typing import Any
 
 from missions.errors import LinkError, MissionFileError
 from missions.explorers import EXPLORERS
-from missions.kernels.jit import COMPILED
 from uavmap.cli.common import report, results_folder, seed_number, speedup, vehicle_count
 from uavmap.flight import fly
 from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
@@ -109,6 +108,12 @@ def run(options: argparse.Namespace) -> int:
     folder = results_folder(options.out, mission.name)
     progress = Terminal()
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
-    if planned.strategy == "horizon" and not COMPILED:
+    if planned.strategy == "horizon" and not _compiled():
         progress.say("horizon plans slowly without numba; pip install 'uavmap[fast]' compiles it")
     return report(fly(plan, folder, progress), folder, as_json=options.json)
+
+
+def _compiled() -> bool:
+    from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second to load
+
+    return COMPILED

@@ -14,13 +14,13 @@ from rich.console import Console
 from rich.table import Table
 
 from missions.arena import Comms
-from missions.errors import RoiError, StrategyError, UavmapError
+from missions.errors import OutputError, RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS, Explorer
 from missions.metric import Metric
 from missions.roi import KINDS, MAX_CELLS, Roi, grown
 from missions.units import LatLon
 from uavmap.animation import film_of_run
-from uavmap.cli.common import INTERRUPTED, number_type, seed_number
+from uavmap.cli.common import INTERRUPTED, make_folder, number_type, seed_number
 from uavmap.cli.pictures import (
     add_picture_options,
     check_pictures,
@@ -102,6 +102,8 @@ def run(options: argparse.Namespace) -> int:
     rois = _rois(options)
     if options.index >= len(rois):
         raise RoiError(f"--index {options.index}: there are {len(rois)} ROIs, counted from 0")
+    if out is not None:
+        make_folder(out.parent)  # before anything is computed
     done: list[Trial] = []
     code = 0
     try:
@@ -114,8 +116,10 @@ def run(options: argparse.Namespace) -> int:
         code = INTERRUPTED
     text = encode(_figures(done, explorers)) + "\n"
     if out is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_text(out, text)
+        try:
+            write_text(out, text)
+        except OSError as error:
+            raise OutputError(f"{out} cannot be written: {error.strerror}") from None
     if options.json:
         sys.stdout.write(text)
     else:
@@ -199,8 +203,10 @@ def _free(out: str | None) -> Path | None:
     if out is None:
         return None
     path = Path(out) / _SUMMARY
-    if not out or (Path(out).exists() and not Path(out).is_dir()) or path.exists():
-        raise UavmapError(f"--out {out}: not a new or empty folder; choose another")
+    if not out or (Path(out).exists() and not Path(out).is_dir()):
+        raise OutputError(f"--out {out}: not a folder; choose another")
+    if path.exists():
+        raise OutputError(f"--out {out}: holds a {_SUMMARY} already; choose another folder")
     return path
 
 

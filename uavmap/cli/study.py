@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from missions.errors import StudyError
-from uavmap.cli.common import results_folder, seed_number, worker_count
+from uavmap.cli.common import make_folder, results_folder, seed_number, worker_count
 from uavmap.studies import STUDIES
 from uavmap.studies.spread import Progress, spread
 
@@ -60,10 +60,7 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         raise StudyError(f"studies need {' and '.join(missing)}: pip install 'uavmap[study]'")
     folder = results_folder(options.out, f"study-{study.name}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f"--out {folder} cannot be made: {error.strerror}") from None
+    make_folder(folder)
     jobs = study.jobs(options.quick, options.seed)
     progress = Progress(study.name, len(jobs))
     try:

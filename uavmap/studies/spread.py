@@ -100,6 +100,8 @@ def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise StudyError("--scheduler needs Dask: pip install 'uavmap[cluster]'") from None
+    if not _is_address(address):  # Dask would wait for half a minute, and then complain at length
+        raise StudyError(f"--scheduler {address!r}: expected tcp://HOST:PORT")
     try:
         client = distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -112,6 +114,13 @@ def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
                 yield future.result()
         finally:
             client.cancel(waiting)
+
+
+def _is_address(text: str) -> bool:
+    scheme, _, rest = text.rpartition("://")
+    host, _, port = rest.rpartition(":")
+    whole = port.isascii() and port.isdigit() and len(port) < 6 and 0 < int(port) < 65536
+    return scheme in ("", "tcp", "tls") and bool(host) and whole
 
 
 class Progress:

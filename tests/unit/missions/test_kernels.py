@@ -7,8 +7,22 @@ from collections import deque
 import numpy as np
 import pytest
 
-from missions.kernels import greedy, lattice_walks
+from missions.kernels import greedy, jit, lattice_walks
 from missions.kernels.lattice_walks import cover
+
+
+def test_without_a_folder_for_compiled_code_every_run_compiles(monkeypatch):
+    def njit(cache):
+        def compiled(what):
+            if cache:
+                raise RuntimeError("cannot cache function: no locator available")
+            return "compiled", what
+
+        return compiled
+
+    monkeypatch.setattr(jit, "COMPILED", True)
+    monkeypatch.setattr(jit, "njit", njit, raising=False)
+    assert jit.kernel(abs) == ("compiled", abs)
 
 
 # --- greedy ----------------------------------------------------------------------------------

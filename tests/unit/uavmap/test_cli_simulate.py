@@ -127,6 +127,8 @@ def test_an_interruption_prints_what_is_done(
         (["--roi", "eden:9:1", "--drift", "0.1"], "V,DEG"),
         (["--roi", "x.json", "--start", "here"], "LAT,LON"),
         (["--roi", "eden:9:1", "--out", ""], "choose another"),
+        (["--roi", "eden:9:1", "--out", __file__], "choose another"),
+        (["--roi", "eden:9:1", "--out", f"{__file__}/new"], "cannot be made: Not a directory"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_line(

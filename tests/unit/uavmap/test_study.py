@@ -188,12 +188,18 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, monkeypatch):
     assert capsys.readouterr().err.startswith(f"uavmap: --scheduler {address}: no Dask scheduler")
 
 
+@pytest.mark.parametrize("address", ["", "here", "tcp://h", ":8786", "http://h:1", "tcp://h:70000"])
+def test_an_address_that_is_none_is_named(address, tmp_path, capsys):
+    assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address]) == 2
+    assert "expected tcp://HOST:PORT" in capsys.readouterr().err
+
+
 def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
     def missing(name: str) -> None:
         raise ImportError(name)
 
     monkeypatch.setattr(spread, "import_module", missing)
-    assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", "x"]) == 2
+    assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", "x:1"]) == 2
     assert "pip install 'uavmap[cluster]'" in capsys.readouterr().err
 
 
