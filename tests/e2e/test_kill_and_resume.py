@@ -21,8 +21,8 @@ def moments(seed: int, count: int, last: int) -> list[int]:
     return sorted(int(n) for n in rng.choice(np.arange(2, last - 10), size=count, replace=False))
 
 
-def begin_and_stop(folder, count, number=signal.SIGKILL):
-    with started("fly", mission("speck"), "--sim", "--json", "--out", folder) as process:
+def begin_and_stop(folder, count, number=signal.SIGKILL, *more):
+    with started("fly", mission("speck"), "--sim", "--json", "--out", folder, *more) as process:
         return stop_after(process, folder, count, number)
 
 
@@ -66,7 +66,8 @@ def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
 def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     whole = bodies(speck.folder)
     folder = tmp_path / "out"
-    stopped = begin_and_stop(folder, len(whole) // 4, signal.SIGINT)
+    # paced, so that it is still in the air when the signal comes
+    stopped = begin_and_stop(folder, len(whole) // 2, signal.SIGINT, "--speedup", 40)
     assert stopped is not None
     assert stopped.code == 130
     assert stopped.out == ""
