@@ -167,6 +167,7 @@ def test_sending_where_nobody_listens_is_no_error() -> None:
         "tcpin://192.0.2.1:5760",
         "serial:///dev/no-such-port:57600",
     ],
+    ids=["tcpout", "udpin", "tcpin", "serial"],
 )
 def test_what_cannot_be_opened_is_a_link_error_that_names_it(url: str) -> None:
     async def body() -> None:
