@@ -85,7 +85,9 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
                 said = len(relay.commands)
                 for _ in range(4):
                     assert heartbeat(pilot).custom_mode == RTL
-                assert relay.commands[said:] == []
+                # what ends a series of pictures goes to the camera, and may come late
+                late = [str(c) for c in relay.commands[said:]]
+                assert [c for c in late if "command : 2001," not in c] == []
                 set_mode(pilot, HOLD)
                 done = ended(process)
         finally:

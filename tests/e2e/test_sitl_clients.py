@@ -1,7 +1,6 @@
 """Unmodified clients on real sockets, each in a process of its own: MAVSDK, pymavlink, MAVProxy.
 
-`make setup` puts MAVProxy beside the interpreter. Without it, UAVMAP_MAVPROXY may name another
-`mavproxy.py`.
+MAVProxy is flown where UAVMAP_MAVPROXY names one; `make setup` puts one into .venv/bin.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ import contextlib
 import json
 import os
 import queue
-import shutil
 import signal
 import subprocess
 import sys
@@ -26,12 +24,10 @@ from tests.e2e.rig import PATIENCE_S, environment
 
 HERE = Path(__file__).parent
 SPEEDUP = 8.0
-MAVPROXY = os.environ.get("UAVMAP_MAVPROXY") or shutil.which(
-    "mavproxy.py", path=Path(sys.executable).parent
-)
-
+MAVPROXY = os.environ.get("UAVMAP_MAVPROXY")
 needs_mavproxy = pytest.mark.skipif(
-    MAVPROXY is None, reason="no mavproxy.py beside the interpreter, nor in UAVMAP_MAVPROXY"
+    MAVPROXY is None,
+    reason="UAVMAP_MAVPROXY names no mavproxy.py; `make setup` has one in .venv/bin",
 )
 
 
