@@ -1,6 +1,6 @@
 """Unmodified clients on real sockets, each in a process of its own: MAVSDK, pymavlink, MAVProxy.
 
-MAVProxy is flown where UAVMAP_MAVPROXY names one; `make setup` puts one into .venv/bin.
+MAVProxy is the one that `make setup` puts beside the interpreter, or that UAVMAP_MAVPROXY names.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import queue
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,10 +25,12 @@ from tests.e2e.rig import PATIENCE_S, environment
 
 HERE = Path(__file__).parent
 SPEEDUP = 8.0
-MAVPROXY = os.environ.get("UAVMAP_MAVPROXY")
+MAVPROXY = os.environ.get("UAVMAP_MAVPROXY") or shutil.which(
+    "mavproxy.py", path=Path(sys.executable).parent
+)
 needs_mavproxy = pytest.mark.skipif(
     MAVPROXY is None,
-    reason="UAVMAP_MAVPROXY names no mavproxy.py; `make setup` has one in .venv/bin",
+    reason="no mavproxy.py beside the interpreter (`make setup`), and UAVMAP_MAVPROXY names none",
 )
 
 
@@ -139,7 +142,8 @@ class MavProxy:
         self._process = subprocess.Popen(
             [MAVPROXY, f"--master={pymavlink_address(url)}", f"--aircraft={folder / 'aircraft'}"],
             cwd=folder,
-            env={**os.environ, "HOME": str(folder)},
+            # unbuffered: what it says into a pipe would else wait until there is 8 kB of it
+            env={**os.environ, "HOME": str(folder), "PYTHONUNBUFFERED": "1"},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
