@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions.errors import RoiError
+from missions.reach import neighbours_in, reached
 from missions.units import Cell
 
 MAX_CELLS = 1_000_000
@@ -42,13 +43,7 @@ class Roi:
 
 def component(roi: Collection[Cell], start: Cell) -> set[Cell]:
     """The cells that are 4-connected to `start`, itself among them."""
-    found, todo = {start}, [start]
-    while todo:
-        for cell in todo.pop().neighbours():
-            if cell in roi and cell not in found:
-                found.add(cell)
-                todo.append(cell)
-    return found
+    return set(reached(neighbours_in(roi), start))
 
 
 def boundary(roi: Collection[Cell]) -> list[Cell]:

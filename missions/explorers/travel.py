@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from missions.metric import Metric
+from missions.reach import neighbours_in, reached
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -31,25 +32,15 @@ class Ways:
     def __init__(self, tree: Tree, metric: Metric) -> None:
         self._metric = metric
         known = tree.vertices
-        self._near = {cell: [n for n in cell.neighbours() if n in known] for cell in known}
+        beside = neighbours_in(known)
+        self._near = {cell: beside(cell) for cell in known}
         self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
         """The known cells that nobody has looked from, in the order in which they were found."""
 
     def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:
         """Steps from a vertex to every vertex over known cells, nearest first; with `until` no
         farther than to the nearest of these."""
-        near, steps = self._near, {start: 0}
-        ring, count = [start], 0
-        while ring and not any(cell in until for cell in ring):
-            count += 1
-            outer = []
-            for cell in ring:
-                for other in near[cell]:
-                    if other not in steps:
-                        steps[other] = count
-                        outer.append(other)
-            ring = outer
-        return steps
+        return reached(self._near.__getitem__, start, until)
 
     def nearest(self, start: Cell, goals: Collection[Cell]) -> list[Cell]:
         """Those of some vertices that are nearest to one: several when they are equally near."""

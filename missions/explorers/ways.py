@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
+from missions.reach import Known, neighbours_in, reached
 from missions.tree import Tree
 from missions.units import Cell
-
-
-class Known(Protocol):
-    """A tree, or a set of cells."""
-
-    def __contains__(self, cell: Cell, /) -> bool:
-        """Whether a cell is known to be ROI."""
-        ...
 
 
 def distances(known: Known, start: Cell) -> dict[Cell, int]:
@@ -22,17 +13,7 @@ def distances(known: Known, start: Cell) -> dict[Cell, int]:
     >>> distances({Cell(0, 0), Cell(0, 1), Cell(1, 1)}, Cell(0, 0))[Cell(1, 1)]
     2
     """
-    steps = {start: 0}
-    ring = [start]
-    while ring:
-        outer = []
-        for cell in ring:
-            for near in cell.neighbours():
-                if near in known and near not in steps:
-                    steps[near] = steps[cell] + 1
-                    outer.append(near)
-        ring = outer
-    return steps
+    return reached(neighbours_in(known), start)
 
 
 def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:

@@ -1,0 +1,44 @@
+"""Breadth first over cells: what is reached from a cell, and in how many steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from typing import Protocol
+
+from missions.units import Cell
+
+
+class Known(Protocol):
+    """A tree, or a set of cells."""
+
+    def __contains__(self, cell: Cell, /) -> bool:
+        """Whether a cell is known to be ROI."""
+        ...
+
+
+def reached(
+    near: Callable[[Cell], Iterable[Cell]], start: Cell, until: Collection[Cell] = ()
+) -> dict[Cell, int]:
+    """Steps from `start` to every cell that is reached, nearest first, by the neighbours that
+    `near` tells; with `until` no farther than to the nearest of these.
+
+    >>> reached(lambda cell: [Cell(cell.east + 1, 0)], Cell(0, 0), until=[Cell(2, 0)])[Cell(2, 0)]
+    2
+    """
+    steps, count = {start: 0}, 0
+    ring = [start]
+    while ring and not (until and any(cell in until for cell in ring)):
+        count += 1
+        outer = []
+        for cell in ring:
+            for other in near(cell):
+                if other not in steps:
+                    steps[other] = count
+                    outer.append(other)
+        ring = outer
+    return steps
+
+
+def neighbours_in(known: Known) -> Callable[[Cell], list[Cell]]:
+    """The rule to be handed to `reached` that keeps to `known` cells."""
+    return lambda cell: [near for near in cell.neighbours() if near in known]
