@@ -73,11 +73,6 @@ class LowerBounds:
         return out_and_back + 2 * share
 
 
-def lower_bound_moves(roi: Collection[Cell], start: Cell, robots: int) -> int:
-    """Steps that the last of `robots` robots takes at least to visit a ROI and return."""
-    return LowerBounds.of(roi, start).moves(robots)
-
-
 def drift_lower_bound(static_moves: float, metric: Metric) -> float:
     """Time that a team needs at least whose steps on a resting ROI number `static_moves`.
 

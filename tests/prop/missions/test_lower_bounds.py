@@ -20,7 +20,6 @@ from missions.lower_bounds import (
     LowerBounds,
     drift_lower_bound,
     flight_lower_bound,
-    lower_bound_moves,
     one_way_lower_bound,
 )
 from missions.metric import Metric
@@ -112,7 +111,7 @@ def test_no_team_beats_the_bound_with_a_drift(block: int) -> None:
         metric = drifting(seed)
         best = tours(cells, metric, Cell.neighbours, closed=True)
         for robots in (1, 2):
-            lower = drift_lower_bound(lower_bound_moves(roi.cells, roi.start, robots), metric)
+            lower = drift_lower_bound(LowerBounds.of(roi.cells, roi.start).moves(robots), metric)
             assert lower <= optimum(best, robots) * (1 + 1e-12)
 
 
@@ -154,11 +153,11 @@ def test_a_break_saves_a_leg_and_the_way_from_the_start() -> None:
     ],
 )
 def test_bounds_by_hand(cells: set[Cell], robots: int, moves: int) -> None:
-    assert lower_bound_moves(cells, Cell(0, 0), robots) == moves
+    assert LowerBounds.of(cells, Cell(0, 0)).moves(robots) == moves
 
 
 def test_cells_out_of_reach_do_not_count() -> None:
-    assert lower_bound_moves({Cell(0, 0), Cell(0, 1), Cell(9, 9)}, Cell(0, 0), 1) == 2
+    assert LowerBounds.of({Cell(0, 0), Cell(0, 1), Cell(9, 9)}, Cell(0, 0)).moves(1) == 2
 
 
 @pytest.mark.skipif(not SETS, reason="the ROI sets are not here")
