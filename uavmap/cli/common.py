@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -121,6 +121,13 @@ def results_folder(out: str | None, name: str) -> Path:
         if not folder.exists():
             return folder
     raise JournalError(f"{RESULTS} is full; give --out")
+
+
+def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
+    """Raise `OutputError` when one of the files to be written lies in the folder of --out."""
+    for name in names:
+        if (folder / name).exists():
+            raise OutputError(f"--out {folder}: holds a {name} already; choose another folder")
 
 
 def make_folder(folder: Path) -> None:

@@ -20,7 +20,13 @@ from missions.metric import Metric
 from missions.roi import KINDS, MAX_CELLS, Roi, grown
 from missions.units import LatLon
 from uavmap.animation import film_of_run
-from uavmap.cli.common import INTERRUPTED, make_folder, number_type, seed_number
+from uavmap.cli.common import (
+    INTERRUPTED,
+    make_folder,
+    number_type,
+    overwrite_nothing,
+    seed_number,
+)
 from uavmap.cli.pictures import (
     add_picture_options,
     check_pictures,
@@ -202,12 +208,10 @@ def _free(out: str | None) -> Path | None:
     """The file for the figures; nothing is overwritten."""
     if out is None:
         return None
-    path = Path(out) / _SUMMARY
     if not out or (Path(out).exists() and not Path(out).is_dir()):
         raise OutputError(f"--out {out}: not a folder; choose another")
-    if path.exists():
-        raise OutputError(f"--out {out}: holds a {_SUMMARY} already; choose another folder")
-    return path
+    overwrite_nothing(Path(out), [_SUMMARY])
+    return Path(out) / _SUMMARY
 
 
 def _figures(done: Sequence[Trial], explorers: Sequence[Explorer]) -> dict[str, Any]:

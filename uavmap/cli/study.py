@@ -9,9 +9,16 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from missions.errors import StudyError
-from uavmap.cli.common import make_folder, results_folder, seed_number, worker_count
+from uavmap.cli.common import (
+    make_folder,
+    overwrite_nothing,
+    results_folder,
+    seed_number,
+    worker_count,
+)
 from uavmap.studies import STUDIES
 from uavmap.studies.spread import Progress, spread
+from uavmap.studies.study import Page
 
 SHOWN_ROWS: Final = 20
 """Longer tables are not printed, only written."""
@@ -60,6 +67,7 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         raise StudyError(f"studies need {' and '.join(missing)}: pip install 'uavmap[study]'")
     folder = results_folder(options.out, f"study-{study.name}")
+    overwrite_nothing(folder, Page.files(study.name))
     make_folder(folder)
     jobs = study.jobs(options.quick, options.seed)
     progress = Progress(study.name, len(jobs))

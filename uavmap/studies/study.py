@@ -82,11 +82,16 @@ class Page:
     draw: Callable[[Figure], None]
     size_in: tuple[float, float] = (9.0, 4.5)
 
+    @staticmethod
+    def files(name: str) -> list[str]:
+        """What `write` calls its files."""
+        return [f"{name}.{kind}" for kind in ("csv", "png", "md")]
+
     def write(self, name: str, folder: Path) -> list[Path]:
         """Write NAME.csv, NAME.png and NAME.md into a folder."""
         from matplotlib.figure import Figure  # noqa: PLC0415, an extra
 
-        files = [folder / f"{name}.{kind}" for kind in ("csv", "png", "md")]
+        files = [folder / file for file in self.files(name)]
         write_text(files[0], self.table.csv())
         figure = Figure(figsize=self.size_in, layout="constrained")
         self.draw(figure)

@@ -209,6 +209,22 @@ def test_an_out_that_cannot_be_made_is_named(tmp_path, capsys):
     assert "cannot be made: Not a directory" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("kind", ["csv", "png", "md"])
+def test_nothing_is_overwritten(kind, tmp_path, capsys):
+    kept = tmp_path / f"strategies.{kind}"
+    kept.write_text("ours")
+    assert main(["study", "strategies", "--quick", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        f"uavmap: --out {tmp_path}: holds a {kept.name} already; choose another folder\n"
+    )
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["ours"]
+
+
+def test_studies_may_share_a_folder(tmp_path):
+    (tmp_path / "roi-bounds.md").write_text("another study")
+    study("greedy-table-1", tmp_path)
+
+
 def test_ctrl_c_ends_it_in_a_line(tmp_path, capsys, monkeypatch):
     def interrupted(job: object) -> None:
         raise KeyboardInterrupt
