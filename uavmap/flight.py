@@ -45,7 +45,7 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
     Raises `MissionFileError`, `JournalError`, `LinkError`; `KeyboardInterrupt` when the operator
     leaves before the end.
     """
-    setting = Setting.of(plan.mission())
+    setting = plan.setting(progress.say)
     for url in plan.urls:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
@@ -75,7 +75,7 @@ def resume(
         plan = FlightPlan.read(journal)
         if urls:
             plan = replace(plan, urls=urls)
-        setting = Setting.of(plan.mission())
+        setting = plan.setting(progress.say)
         state = fold(setting, journal.events())
         progress.say(
             f"{folder}: {len(journal.bodies())} events, mission time {state.t_s:.0f} s, "

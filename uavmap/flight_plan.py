@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
 from missions.errors import JournalError, MissionFileError
 from missions.mission_checks import check
 from missions.mission_file import Mission, VehicleSection
+from missions.state import Setting
 from uavmap import __version__
 from uavmap.journal import Journal
 from uavmap.mission_source import MissionSource
@@ -62,6 +64,19 @@ class FlightPlan:
                 f"{len(self.urls)} connection URLs; give --connect once a vehicle"
             )
         return mission
+
+    def setting(self, say: Callable[[str], None]) -> Setting:
+        """The mission, ready to be flown; says so where its strategy will be slow.
+
+        Raises `MissionFileError`.
+        """
+        setting = Setting.of(self.mission())
+        if setting.mission.strategy == "horizon":
+            from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second
+
+            if not COMPILED:
+                say("horizon plans slowly without numba; pip install 'uavmap[fast]' compiles it")
+        return setting
 
     @classmethod
     def read(cls, journal: Journal) -> FlightPlan:

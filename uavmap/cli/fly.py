@@ -104,16 +104,8 @@ def run(options: argparse.Namespace) -> int:
         auto_swap=options.auto_swap,
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
-    planned = plan.mission()  # says what is wrong before a folder is made
+    plan.mission()  # says what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
     progress = Terminal()
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
-    if planned.strategy == "horizon" and not _compiled():
-        progress.say("horizon plans slowly without numba; pip install 'uavmap[fast]' compiles it")
     return report(fly(plan, folder, progress), folder, as_json=options.json)
-
-
-def _compiled() -> bool:
-    from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second to load
-
-    return COMPILED
