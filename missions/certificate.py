@@ -8,6 +8,7 @@ from missions.arena import Comms, Run
 from missions.explorers import Explorer
 from missions.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.metric import Metric
+from missions.tree import Tree
 
 _ROUNDING = 1e-9
 
@@ -55,13 +56,14 @@ def certify(
     `static` holds the bounds of its ROI from its start. They are for steps to neighbours; straight
     flight has its own. The promises of the strategies are for teams that share what they know:
     robots that talk only where they meet walk into what others have explored, and have no bound.
+    Nor is one stated where the strategy does not stand by it (`promised_moves`).
     """
     tree = run.tree
     lower = flight_lower_bound(tree.vertices, tree.root, robots, metric)
     if not metric.straight:
         lower = max(lower, drift_lower_bound(static.moves(robots), metric))
     shared = comms is Comms.SHARED
-    moves = explorer.bound_moves(len(tree), tree.depth, robots) if shared else None
+    moves = promised_moves(explorer, tree, robots, metric) if shared else None
     return Certificate(
         makespan=run.makespan,
         lower_bound=lower,
@@ -70,6 +72,26 @@ def certify(
         cells=len(tree),
         robots=robots,
     )
+
+
+def promised_moves(explorer: Explorer, tree: Tree, robots: int, metric: Metric) -> float | None:
+    """What a strategy promises for a final tree, in moves; None where it promises nothing.
+
+    A theorem may speak of some legs or teams only. A strategy with such a one has a method
+    `bound_holds(robots, metric)`; the bound of a strategy without it holds with every metric.
+
+    >>> from missions.explorers import EXPLORERS
+    >>> from missions.units import Cell
+    >>> tree, drift = Tree.rooted(Cell(0, 0)), Metric(drift_east=0.5)
+    >>> promised_moves(EXPLORERS["bfdn"], tree, 2, Metric())
+    1.0
+    >>> promised_moves(EXPLORERS["bfdn"], tree, 2, drift) is None
+    True
+    """
+    holds = getattr(explorer, "bound_holds", None)
+    if holds is not None and not holds(robots, metric):
+        return None
+    return explorer.bound_moves(len(tree), tree.depth, robots)
 
 
 def bound_time(moves: float | None, metric: Metric) -> float | None:

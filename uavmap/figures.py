@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from missions.bounds import drift_factor
+from missions.certificate import promised_moves
 from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
 from missions.lower_bounds import one_way_lower_bound
 from missions.state import Phase, Setting, State, VehicleState
@@ -183,7 +184,7 @@ def _bound_s(setting: Setting, state: State) -> float | None:
         return None
     mission = setting.mission
     tree, robots = state.tree, len(mission.vehicles)
-    moves = setting.explorer.bound_moves(len(tree), tree.depth, robots)
+    moves = promised_moves(setting.explorer, tree, robots, setting.metric)
     if moves is None:
         return None
     move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0

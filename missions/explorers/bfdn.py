@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from missions.explorers.interface import Decision, Situation
+from missions.metric import Metric
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -45,6 +46,11 @@ class Bfdn:
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
         """Theorem 1."""
         return 2.0 * cells / robots + depth**2 * (min(math.log(_DEGREE), math.log(robots)) + 3.0)
+
+    def bound_holds(self, robots: int, metric: Metric) -> bool:
+        """In rounds, so where no move takes longer than another; one robot always goes in rounds
+        of its own."""
+        return robots == 1 or (metric.drift_speed == 0.0 and metric.look == 0.0)
 
     def decide(self, situation: Situation) -> Decision:
         """One robot after the other. The memory is everybody's anchor."""

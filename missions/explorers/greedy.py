@@ -16,6 +16,7 @@ from typing import cast
 from missions.explorers.interface import Decision, Situation
 from missions.explorers.travel import Ways
 from missions.explorers.ways import step_home
+from missions.metric import Metric
 from missions.units import Cell
 
 
@@ -36,6 +37,11 @@ class Greedy:
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
         """Theorem 2, and the way home; for one robot only."""
         return 2.0 * cells**1.5 + 4.0 * cells + depth if robots == 1 else None
+
+    def bound_holds(self, robots: int, metric: Metric) -> bool:
+        """Cell by cell: the theorem counts edges of a graph, where the nearest cell is the one
+        with the fewest on the way."""
+        return not metric.straight
 
     def decide(self, situation: Situation) -> Decision:
         """One robot after the other. The memory is where everybody heads for."""

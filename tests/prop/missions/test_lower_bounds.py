@@ -196,6 +196,37 @@ def test_a_run_lies_between_its_bounds(seed: int) -> None:
     assert certificate.lower_bound >= flight_lower_bound(roi.cells, roi.start, robots, metric)
 
 
+TERMS = {
+    "resting": Metric(speed=2.0),
+    "drifting": Metric(speed=2.0, drift_east=0.7),
+    "with looks": Metric(look=1.5),
+    "straight": Metric(straight=True),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "robots", "claimed"),
+    [
+        ("bfdn", 1, {"resting", "drifting", "with looks", "straight"}),
+        ("bfdn", 3, {"resting", "straight"}),  # it never leaves the tree, so its moves are equal
+        ("greedy", 1, {"resting", "drifting", "with looks"}),
+        ("greedy", 3, set()),
+        ("smartdfs", 1, {"resting", "drifting", "with looks", "straight"}),
+        ("rdfs", 3, {"resting", "drifting", "with looks", "straight"}),
+        ("hungarian", 1, set()),
+    ],
+)
+def test_a_bound_is_claimed_where_its_theorem_holds(
+    name: str, robots: int, claimed: set[str]
+) -> None:
+    roi = grown("ragged", 40, 5)
+    bounds = LowerBounds.of(roi.cells, roi.start)
+    for terms, metric in TERMS.items():
+        done = run(EXPLORERS[name], roi.cells, roi.start, robots, metric=metric)
+        certificate = certify(done, EXPLORERS[name], robots, metric, bounds)
+        assert certificate.bound_held is (True if terms in claimed else None), terms
+
+
 def test_nothing_to_do_has_no_ratio() -> None:
     start = Cell(0, 0)
     done = run(EXPLORERS["rdfs"], {start}, start, 2)

@@ -163,10 +163,16 @@ def test_an_exploration_lies_between_its_bounds(seed: int) -> None:
     assert values["bound_held"] is True
 
 
-def test_a_strategy_without_a_promise_has_no_bound() -> None:
-    values, found = flown(2, "rdfs-paper")
+@pytest.mark.parametrize(("strategy", "seed"), [("rdfs-paper", 2), ("greedy", 5), ("bfdn", 2)])
+def test_a_promise_that_is_none_in_flight_is_no_bound(strategy: str, seed: int) -> None:
+    """`rdfs-paper` promises nothing; `greedy` alone flies straight; no team flies in rounds."""
+    values, found = flown(seed, strategy)
     assert found.lower_bound_s > 0.0
     assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
+
+
+def test_one_vehicle_goes_in_rounds_of_its_own() -> None:
+    assert flown(5, "bfdn")[0]["bound_held"] is True
 
 
 def test_nothing_explored_has_no_ratio() -> None:
