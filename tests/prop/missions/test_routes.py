@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from missions.kernels.ground import imagine, is_compact
-from missions.kernels.routes import arrange, price
+from missions.kernels.routes import arrange, nearest, price
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -28,6 +30,25 @@ def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
         again = arrange(legs, loads, behind, last, counts, moves, 0.02, seed)
         assert (again[0] == routes).all()
     assert costs[1] <= costs[0] * 1.05
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    nodes=st.integers(1, 12),
+    robots=st.integers(1, 4),
+    part=st.floats(0.0, 1.0),
+)
+def test_the_nearest_are_the_first_by_cost_then_by_number(
+    seed: int, nodes: int, robots: int, part: float
+) -> None:
+    others = nodes + robots - 1
+    many = max(1, round(part * others))
+    size = nodes + robots + 1  # the last is home, to which nobody is near
+    legs = np.random.default_rng(seed).integers(1, 6, (size, size)).astype(float)  # many ties
+    found = nearest(legs, nodes, robots, many)
+    for node in range(nodes):
+        rest = [other for other in range(nodes + robots) if other != node]
+        assert found[node].tolist() == sorted(rest, key=lambda o: (legs[node, o], o))[:many]
 
 
 def test_a_nook_is_imagined_where_the_roi_is_compact() -> None:
