@@ -1,9 +1,9 @@
 """The mission file: TOML in, a checked `Mission` out.
 
 Pydantic guards the edge where people write: unknown keys are errors, and every message names the
-file, the key, the value and what was expected. Checks that need geometry (a box outside the
-fence, a polygon that crosses itself, a camera that sees too little) are in
-`missions.mission_checks`; `parse_mission` runs both. Defaults are the field values of Sung and
+file, the key, the value and what was expected (`missions.mission_faults`). Checks that need
+geometry (a box outside the fence, a polygon that crosses itself, a camera that sees too little) are
+in `missions.mission_checks`; `parse_mission` runs both. Defaults are the field values of Sung and
 Tokekar, section 7: 4 m cells, 12 m altitude, intensity 150, 7 dilations, 5 frames, 3 votes.
 
 Positions are written `[latitude, longitude]` in degrees, as in a QGroundControl plan.
@@ -11,16 +11,14 @@ Positions are written `[latitude, longitude]` in degrees, as in a QGroundControl
 
 from __future__ import annotations
 
-import difflib
-import math
 import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from missions.errors import MissionFileError
+from missions.mission_faults import told
 from missions.units import LatLon
 
 # strict: "4" and true are not numbers, although Python could make some of them
@@ -322,75 +320,5 @@ def parse_fields(text: str, source: str) -> Mission:
     try:
         return Mission.model_validate(tables)
     except ValidationError as error:
-        lines = [f"{source}: {_describe(fault)}" for fault in _causes(error.errors())]
+        lines = [f"{source}: {fault}" for fault in told(error, Mission)]
         raise MissionFileError("\n".join(lines)) from None
-
-
-def _causes(faults: list[ErrorDetails]) -> list[ErrorDetails]:
-    """The faults without those that follow from others: a faulty item makes its list short."""
-    places = [fault["loc"] for fault in faults]
-    return [
-        fault
-        for fault in faults
-        if fault["type"] != "too_short"
-        or not any(
-            len(place) > len(fault["loc"]) and place[: len(fault["loc"])] == fault["loc"]
-            for place in places
-        )
-    ]
-
-
-def _describe(fault: ErrorDetails) -> str:
-    """One fault in the words of someone who writes mission files."""
-    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
-    key = key.removeprefix(".")
-    if fault["type"] == "missing" and isinstance(fault["loc"][-1], int):
-        return f"{key}: missing; positions are [latitude, longitude]"
-    if fault["type"] == "missing":
-        return f"{key}: missing; add it (see a shipped mission for an example)"
-    if fault["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(fault["loc"][-1]), _keys_beside(fault["loc"]), n=1)
-        return f"{key}: unknown key" + (f"; did you mean {near[0]!r}?" if near else "")
-    if fault["type"] == "too_short":
-        need, has = fault["ctx"]["min_length"], fault["ctx"]["actual_length"]
-        return f"{key}: {has} given, at least {need} needed"
-    if fault["type"] == "model_type":
-        return f"{key}: must be a table, [{key}]"
-    if fault["type"] == "value_error":  # of a whole table: its message names key and value
-        return f"{key}: {_lower(fault['msg'])}"
-    value = fault["input"]
-    shown = repr(value) if isinstance(value, int | float | str | bool) else type(value).__name__
-    hint = ""
-    if "box" in key or "polygon" in key or "holes" in key or "position" in key or "home" in key:
-        hint = " (positions are [latitude, longitude]: are they swapped?)"
-        if not (isinstance(value, float | int) and math.fabs(value) > 90):
-            hint = " (positions are [latitude, longitude] in degrees)"
-    return f"{key} = {shown}: {_lower(fault['msg'])}{hint}"
-
-
-def _lower(message: str) -> str:
-    # what pydantic calls a tuple is a list in TOML
-    message = message.removeprefix("Value error, ").replace("tuple", "list")
-    return message[:1].lower() + message[1:]
-
-
-def _keys_beside(loc: tuple[int | str, ...]) -> list[str]:
-    """The keys that are known where an unknown one was found."""
-    model: type[BaseModel] = Mission
-    for part in loc[:-1]:
-        if isinstance(part, int):
-            continue
-        found = _section_of(model.model_fields[part].annotation)
-        if found is None:
-            return []
-        model = found
-    return list(model.model_fields)
-
-
-def _section_of(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for inner in getattr(annotation, "__args__", ()):
-        if (found := _section_of(inner)) is not None:
-            return found
-    return None
