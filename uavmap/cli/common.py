@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from missions.errors import JournalError, OutputError
+from missions.errors import JournalError, OutputError, UavmapError
 from missions.mission_file import MAX_VEHICLES
 from uavmap.flight_plan import JOURNAL
 
@@ -97,6 +98,21 @@ def index_number(text: str) -> int:
 def speedup(text: str) -> float:
     """A factor on time."""
     return float(_number(text, float, 0.001, 1000.0))
+
+
+def pair(what: str, text: str, expected: str) -> tuple[float, float]:
+    """Two finite numbers with a comma between them, or an `UavmapError`: what is not as expected.
+
+    >>> pair("--wind 6,270", "6,270", "SPEED,FROM")
+    (6.0, 270.0)
+    """
+    try:
+        one, other = (float(part) for part in text.split(","))
+    except ValueError:
+        one = other = math.nan
+    if not (math.isfinite(one) and math.isfinite(other)):
+        raise UavmapError(f"{what} is not {expected}")
+    return one, other
 
 
 def results_folder(out: str | None, name: str) -> Path:

@@ -25,6 +25,7 @@ from uavmap.cli.common import (
     make_folder,
     number_type,
     overwrite_nothing,
+    pair,
     seed_number,
 )
 from uavmap.cli.pictures import (
@@ -168,21 +169,11 @@ def _explorers(wanted: Sequence[str] | None) -> list[Explorer]:
 def _metric(speed: float, drift: str | None) -> Metric:
     toward, drift_speed = 0.0, 0.0
     if drift is not None:
-        drift_speed, toward = _pair(f"--drift {drift}", drift, "V,DEG, such as 0.4,90")
+        drift_speed, toward = pair(f"--drift {drift}", drift, "V,DEG, such as 0.4,90")
     if not 0.0 <= drift_speed < speed:
         raise UavmapError(f"--drift {drift}: robots of speed {speed:g} do not keep up with it")
     bearing = math.radians(toward)
     return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
-
-
-def _pair(what: str, text: str, expected: str) -> tuple[float, float]:
-    try:
-        one, other = (float(part) for part in text.split(","))
-    except ValueError:
-        one = other = math.nan
-    if not (math.isfinite(one) and math.isfinite(other)):
-        raise UavmapError(f"{what} is not {expected}")
-    return one, other
 
 
 def _rois(options: argparse.Namespace) -> list[Roi]:
@@ -194,7 +185,7 @@ def _rois(options: argparse.Namespace) -> list[Roi]:
     _refuse(options, ("cells", "count", "seed"), "is for --generate")
     start = None
     if options.start is not None:
-        start = LatLon(*_pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
+        start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
     return load_rois(options.roi, cell_m=options.cell_m or 4.0, start=start)
 
 

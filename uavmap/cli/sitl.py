@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import math
 import signal
 import sys
 from collections.abc import Callable, Coroutine
 from typing import Any
 
 from missions.errors import LinkError, UavmapError
-from uavmap.cli.common import epsg_code, port_number, seed_number, speedup, vehicle_count
+from uavmap.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
 from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
 from uavmap.simulation import serve_setup, serve_vehicles, setup_without_mission
@@ -132,7 +131,10 @@ def _by_mission(options: argparse.Namespace) -> _Serving:
 
 def _by_home(options: argparse.Namespace) -> _Serving:
     """Vehicles over an empty meadow, or over what some files say."""
-    speed_m_s, from_deg = _wind(options.wind)
+    speed_m_s, from_deg = 0.0, 0.0
+    if options.wind is not None:
+        expected = "SPEED,FROM in m/s and degrees, such as 6,270"
+        speed_m_s, from_deg = pair(f"--wind {options.wind}", options.wind, expected)
     setup = setup_without_mission(
         autopilot=options.autopilot or "ardupilot",
         vehicles=options.vehicles or 1,
@@ -148,18 +150,6 @@ def _by_home(options: argparse.Namespace) -> _Serving:
     return lambda on_ready: serve_setup(
         setup, base_port=options.port, http_port=options.http_port, on_ready=on_ready
     )
-
-
-def _wind(text: str | None) -> tuple[float, float]:
-    if text is None:
-        return 0.0, 0.0
-    try:
-        speed_m_s, from_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        speed_m_s = from_deg = math.nan
-    if not (math.isfinite(speed_m_s) and math.isfinite(from_deg)):
-        raise UavmapError(f"--wind {text} is not SPEED,FROM in m/s and degrees, such as 6,270")
-    return speed_m_s, from_deg
 
 
 def _print_urls(urls: list[str]) -> None:
