@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import MissionFileError
+from vision.detectors.limits import check_whole
 
 _KERNEL = np.ones((3, 3), np.uint8)
 
@@ -43,14 +44,8 @@ class ThresholdDetector:
 
     def __post_init__(self) -> None:
         """Refuse parameters out of range with `MissionFileError`, naming the key."""
-        for key, value, most in (
-            ("intensity", self.intensity, 254),
-            ("dilations", self.dilations, 255),
-        ):
-            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
-                raise MissionFileError(
-                    f"detector.{key} is {value!r}: expected an integer from 0 to {most}"
-                )
+        check_whole("intensity", self.intensity, 254)
+        check_whole("dilations", self.dilations, 255)
         if self.polarity not in ("dark", "bright"):
             raise MissionFileError(
                 f"detector.polarity is {self.polarity!r}: expected 'dark' or 'bright'"
