@@ -25,7 +25,7 @@ def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:
     """
     if start == goal:
         return start
-    steps = distances(known, goal)
+    steps = reached(neighbours_in(known), goal, until=[start])
     return min((near for near in start.neighbours() if near in steps), key=lambda near: steps[near])
 
 
