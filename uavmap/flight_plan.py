@@ -13,6 +13,7 @@ from missions.state import Setting
 from uavmap import __version__
 from uavmap.journal import Journal
 from uavmap.mission_source import MissionSource
+from uavmap.notices import tell_if_uncompiled
 
 JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
@@ -71,11 +72,7 @@ class FlightPlan:
         Raises `MissionFileError`.
         """
         setting = Setting.of(self.mission())
-        if setting.mission.strategy == "horizon":
-            from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second
-
-            if not COMPILED:
-                say("horizon plans slowly without numba; pip install 'uavmap[fast]' compiles it")
+        tell_if_uncompiled([setting.mission.strategy], say)
         return setting
 
     @classmethod

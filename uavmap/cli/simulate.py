@@ -34,6 +34,7 @@ from uavmap.cli.pictures import (
     wants_pictures,
     write_pictures,
 )
+from uavmap.notices import tell_if_uncompiled
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 from uavmap.roi_files import load_rois
@@ -111,6 +112,7 @@ def run(options: argparse.Namespace) -> int:
         raise RoiError(f"--index {options.index}: there are {len(rois)} ROIs, counted from 0")
     if out is not None:
         make_folder(out.parent)  # before anything is computed
+    tell_if_uncompiled((e.name for e in explorers), lambda text: print(text, file=sys.stderr))
     done: list[Trial] = []
     code = 0
     try:

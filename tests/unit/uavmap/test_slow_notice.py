@@ -1,4 +1,4 @@
-"""Whoever flies or resumes is told where the strategy runs uncompiled."""
+"""Whoever flies, resumes or simulates is told where the strategy runs uncompiled."""
 
 from __future__ import annotations
 
@@ -36,3 +36,16 @@ def test_fly_and_resume_tell_it_once(
         place = ["--out", out] if command[0] == "fly" else [out]
         assert main([*command, *place, "--json"]) == 3
         assert capsys.readouterr().err.count("slowly without numba") == told
+
+
+@pytest.mark.parametrize(("strategies", "told"), [("rdfs,horizon", 1), ("rdfs", 0)])
+def test_simulate_tells_it(
+    strategies: str,
+    told: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(jit, "COMPILED", False)
+    command = ["simulate", "--roi", "rectangle:6:1", "--strategy", strategies, "--robots", "2"]
+    assert main(command) == 0
+    assert capsys.readouterr().err.count("slowly without numba") == told
