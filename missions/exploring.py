@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from missions.airspace import give, hold, where
-from missions.explorers import Situation
+from missions.energy import CLIMB_SPEED_M_S
+from missions.explorers import Batteries, Situation
 from missions.fence import route_length_m
 from missions.homing import REACTION_S, affords, go_home
-from missions.orders import FlyTo, Look
+from missions.orders import FlyTo, Look, TakeOff
 from missions.state import Errand, Phase, Setting, State, VehicleState
 from missions.tree import Tree
 from missions.units import Cell, GridPoint
@@ -29,7 +30,8 @@ def explore_moves(setting: Setting, state: State) -> State:
     if not asked:
         return state
     metric = replace(setting.metric, passable=_passable(setting, state))
-    decision = setting.explorer.decide(Situation(tree, at, asked, state.memory, metric))
+    batteries = _batteries(setting, [state.vehicles[n] for n in at])
+    decision = setting.explorer.decide(Situation(tree, at, asked, state.memory, metric, batteries))
     state = replace(state, memory=decision.memory)
     for number, cell in decision.moves.items():
         if cell is not None:
@@ -57,6 +59,21 @@ def _told_to_wait(state: State, at: Mapping[int, Cell]) -> frozenset[int]:
         return frozenset()
     tree, places, waiting = state.pondered
     return waiting if tree is state.tree and places == at else frozenset()
+
+
+def _batteries(setting: Setting, vehicles: Sequence[VehicleState]) -> Batteries:
+    """How long those who explore may stay up: who is on an errand or on the ground is away."""
+    energy, height_m = setting.energy, max(v.layer_m for v in vehicles)
+    climb_wh = energy.hover_wh(height_m / CLIMB_SPEED_M_S)
+    return Batteries(
+        {
+            v.vehicle: energy.aloft_s(v.remaining_wh, v.layer_m, v.drawn_w)
+            for v in vehicles
+            if v.errand is None and (not v.landed or isinstance(v.order, TakeOff))
+        },
+        energy.aloft_s(energy.capacity_wh - climb_wh, height_m),
+        energy.swap_s(height_m),
+    )
 
 
 def _passable(setting: Setting, state: State) -> Callable[[Cell, Cell], bool]:

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.explorers.interface import Situation
+from missions.explorers.interface import Batteries, Situation
 from missions.explorers.ways import distances
 from missions.metric import Metric
 from missions.tree import Tree
@@ -133,6 +133,7 @@ class Sites:
     legs: NDArray[np.float64]
     unseen: NDArray[np.int32]
     """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
+    batteries: Batteries | None = None
 
     @classmethod
     def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
@@ -150,7 +151,8 @@ class Sites:
             legs = _straight(metric, cells)
         else:
             legs = kernels.spread(ground.near, numbers)[:, numbers].astype(np.float64)
-        return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
+        unseen = ground.unseen[numbers]
+        return cls(ground, metric, tree, dict(places), nodes, legs, unseen, situation.batteries)
 
     def routes(
         self, last: Mapping[int, Sequence[Cell]], decisions: int
@@ -173,12 +175,26 @@ class Sites:
         moves = min(MOVES, each * len(self.nodes))
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
         routes, counts = kernels.arrange(
-            self.legs, loads, behind, before, lengths, moves, HEAT, seed
+            self.legs, loads, behind, self._sorties(), before, lengths, moves, HEAT, seed
         )
         return {
             r: tuple(self.nodes[node] for node in route[:count])
             for r, route, count in zip(self.places, routes, counts, strict=True)
         }
+
+    def _sorties(self) -> NDArray[np.float64]:
+        """What the batteries allow, as `missions.kernels.routes.arrange` takes it, in steps."""
+        from missions.kernels.routes import unlimited  # noqa: PLC0415, as above
+
+        sorties = unlimited(len(self.places))
+        if self.batteries is not None:
+            left, full, swap = self.batteries.left, self.batteries.full, self.batteries.swap
+            fresh = (swap, swap + full, swap, full)
+            for row, robot in enumerate(self.places):
+                here = robot in left
+                sorties[row] = (0.0, left[robot], swap, full) if here else fresh
+            sorties /= step_cost(self.metric)
+        return sorties
 
     def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
         """Where those who are asked go: along their routes, or, where these are empty, after the
@@ -220,15 +236,17 @@ class Sites:
 def step_cost(metric: Metric) -> float:
     """What a step of one cell adds to a closed tour, in the dearer of both directions."""
     here = Cell(0, 0)
-    return max(metric.tour_leg(here, near) for near in here.neighbours()[:2])
+    return metric.from_rest(max(metric.tour_leg(here, near) for near in here.neighbours()[:2]))
 
 
 def _straight(metric: Metric, cells: Sequence[Cell]) -> NDArray[np.float64]:
-    """`metric.tour_leg` between all cells, in steps."""
+    """`metric.tour_leg` between all cells, from rest to rest, in steps."""
     at = np.array(cells, np.float64)
     east = at[:, None, 0] - at[None, :, 0]
     north = at[:, None, 1] - at[None, :, 1]
     along = east * metric.drift_east + north * metric.drift_north
     rest = metric.speed**2 - metric.drift_speed**2
     legs: NDArray[np.float64] = np.sqrt(along**2 + rest * (east**2 + north**2)) / rest
+    ramp = metric.ramp
+    legs = np.where(legs < ramp, 2.0 * np.sqrt(legs * ramp), legs + ramp)
     return legs / step_cost(metric)
