@@ -27,6 +27,8 @@ UNSEEN, UNSEEN_BY_MANY = 1.0, 1.5
 """What an unobserved cell adds to a tour on average, in steps: up to two robots, and more."""
 BEHIND = 4.0
 """What an unobserved cell might well add to a tour, in steps; a team cares, as it can share."""
+FLOWN_UNSEEN, FLOWN_BEHIND = 0.0, 0.5
+"""The same in straight flight, where a cell that was left behind is not far out of the way."""
 DEPTH, OCCUPIED = 0.6, 3.0
 """A robot without a route follows to where it is deep, and not where others go."""
 _MARGIN = 3
@@ -167,9 +169,12 @@ class Sites:
             row[: len(nodes)] = nodes
         looks = self.metric.look / step_cost(self.metric)
         weight = UNSEEN if len(self.places) <= 2 else UNSEEN_BY_MANY
+        further = BEHIND
+        if self.metric.straight:
+            weight, further = FLOWN_UNSEEN, FLOWN_BEHIND
         unseen = self.unseen[: len(self.nodes)].astype(np.float64)
         loads = looks + weight * (1.0 + looks) * unseen
-        behind = BEHIND * (1.0 + looks) * unseen * (len(self.places) > 1)
+        behind = further * (1.0 + looks) * unseen * (len(self.places) > 1)
         lengths = np.array([len(nodes) for nodes in rows], np.int32)
         each = min(MOVES_EACH, MOVES_ALONE + MOVES_MORE * (len(self.places) - 1))
         moves = min(MOVES, each * len(self.nodes))
