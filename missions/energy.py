@@ -17,8 +17,6 @@ LANDING_OVERHEAD_S = 12.0
 """Braking, turning, and touch-down detection."""
 AIRSPEED_LIMIT_M_S = 12.0
 """What a mapping multicopter can hold; ArduCopter's tilt limit allows more to most."""
-SWAP_S = 60.0
-"""How long a crew takes for a fresh battery: for planning only."""
 NOMINAL_MARGIN = 1.15
 """Flying draws more than hovering."""
 MEASURED_MARGIN = 1.1
@@ -80,23 +78,7 @@ class EnergyModel:
 
     def home_wh(self, distance_m: float, height_m: float, drawn_w: float = 0.0) -> float:
         """Energy to fly home, land, and have the reserve left."""
-        landing_wh = self.hover_wh(landing_s(height_m), drawn_w)
-        return self.leg_wh(distance_m, drawn_w) + landing_wh + self.reserve_wh
-
-    def aloft_s(self, remaining_wh: float, height_m: float, drawn_w: float = 0.0) -> float:
-        """About how long a vehicle may stay up before it lands from a height over home.
-
-        For planning: what is kept for the landing has its margin, what is flown until then goes
-        at the power that is drawn. Negative where not even the landing is left.
-        """
-        spare_wh = remaining_wh - self.home_wh(0.0, height_m, drawn_w)
-        return spare_wh * 3600.0 / max(self.hover_power_w, drawn_w)
-
-    def swap_s(self, height_m: float) -> float:
-        """About how long it takes to land from a height, swap batteries, and climb back."""
-        return landing_s(height_m) + SWAP_S + height_m / CLIMB_SPEED_M_S
-
-
-def landing_s(height_m: float) -> float:
-    """How long a landing from a height takes."""
-    return height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+        landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+        return (
+            self.leg_wh(distance_m, drawn_w) + self.hover_wh(landing_s, drawn_w) + self.reserve_wh
+        )

@@ -9,7 +9,7 @@ from missions.explorers.bfdn import Bfdn
 from missions.explorers.greedy import Greedy
 from missions.explorers.horizon import Horizon
 from missions.explorers.hungarian import Hungarian
-from missions.explorers.interface import Batteries, Decision, Explorer, Memory, Situation
+from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.explorers.lrta import Lrta
 from missions.explorers.lrv import Lrv
 from missions.explorers.random_walk import RandomWalk
@@ -31,4 +31,4 @@ _ALL: tuple[Explorer, ...] = (
 )
 EXPLORERS: Mapping[str, Explorer] = MappingProxyType({explorer.name: explorer for explorer in _ALL})
 
-__all__ = ["EXPLORERS", "Batteries", "Decision", "Explorer", "Memory", "Situation"]
+__all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation"]

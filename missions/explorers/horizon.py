@@ -81,15 +81,13 @@ def _ahead(
     others; it begins at home.
     """
     tree, at, robots = situation.tree, situation.at, situation.robots
-    batteries = situation.batteries
-    away = () if batteries is None else tuple(r for r in at if r not in batteries.left)
     goals: dict[int, Cell] = {}
     together = set(robots) == set(at)
     if not together:
         goals = {
             r: goal
             for r, goal in outlook.goals.items()
-            if r in at and r not in away and goal in tree and not tree.has_looked(goal)
+            if r in at and r not in situation.away and goal in tree and not tree.has_looked(goal)
         }
     if tree.is_explored(tree.root):
         goals.update(dict.fromkeys(robots, tree.root))
@@ -99,7 +97,9 @@ def _ahead(
     if asked:
         small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
         wide = ground.with_nooks() if small else ground  # nobody keeps to a mere guess
-        sites = Sites.of(situation, wide, {**at, **goals, **dict.fromkeys(away, tree.root)})
+        sites = Sites.of(
+            situation, wide, {**at, **goals, **dict.fromkeys(situation.away, tree.root)}
+        )
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():
             goals[robot] = goal

@@ -21,19 +21,6 @@ Memory = object
 
 
 @dataclass(frozen=True, slots=True)
-class Batteries:
-    """How long robots can stay up, in the metric's unit of time; for planning, not for safety."""
-
-    left: Mapping[int, float]
-    """By when each robot has to be home, from now. Who is missing is away for a battery: on the way
-    home, or on the ground."""
-    full: float
-    """The same with a fresh battery."""
-    swap: float
-    """What it takes from home and back there: to land, to swap, to climb."""
-
-
-@dataclass(frozen=True, slots=True)
 class Situation:
     """What an explorer decides from."""
 
@@ -47,8 +34,8 @@ class Situation:
     memory: Memory | None = None
     """What the last decision handed back; None at the first."""
     metric: Metric = field(default_factory=Metric)
-    batteries: Batteries | None = None
-    """None: robots do not tire."""
+    away: frozenset[int] = frozenset()
+    """Robots in `at` that are away for a battery: they will go on, but not soon."""
 
 
 @dataclass(frozen=True, slots=True)

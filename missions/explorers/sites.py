@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.explorers.interface import Batteries, Situation
+from missions.explorers.interface import Situation
 from missions.explorers.ways import distances
 from missions.metric import Metric
 from missions.tree import Tree
@@ -135,7 +135,6 @@ class Sites:
     legs: NDArray[np.float64]
     unseen: NDArray[np.int32]
     """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
-    batteries: Batteries | None = None
 
     @classmethod
     def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
@@ -153,8 +152,7 @@ class Sites:
             legs = _straight(metric, cells)
         else:
             legs = kernels.spread(ground.near, numbers)[:, numbers].astype(np.float64)
-        unseen = ground.unseen[numbers]
-        return cls(ground, metric, tree, dict(places), nodes, legs, unseen, situation.batteries)
+        return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
 
     def routes(
         self, last: Mapping[int, Sequence[Cell]], decisions: int
@@ -180,26 +178,12 @@ class Sites:
         moves = min(MOVES, each * len(self.nodes))
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
         routes, counts = kernels.arrange(
-            self.legs, loads, behind, self._sorties(), before, lengths, moves, HEAT, seed
+            self.legs, loads, behind, before, lengths, moves, HEAT, seed
         )
         return {
             r: tuple(self.nodes[node] for node in route[:count])
             for r, route, count in zip(self.places, routes, counts, strict=True)
         }
-
-    def _sorties(self) -> NDArray[np.float64]:
-        """What the batteries allow, as `missions.kernels.routes.arrange` takes it, in steps."""
-        from missions.kernels.routes import unlimited  # noqa: PLC0415, as above
-
-        sorties = unlimited(len(self.places))
-        if self.batteries is not None:
-            left, full, swap = self.batteries.left, self.batteries.full, self.batteries.swap
-            fresh = (swap, swap + full, swap, full)
-            for row, robot in enumerate(self.places):
-                here = robot in left
-                sorties[row] = (0.0, left[robot], swap, full) if here else fresh
-            sorties /= step_cost(self.metric)
-        return sorties
 
     def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
         """Where those who are asked go: along their routes, or, where these are empty, after the

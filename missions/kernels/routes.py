@@ -4,10 +4,8 @@ Sites are numbered: 0 .. K-1 the nodes to visit, K .. K+R-1 the robots, K+R home
 its robot through its nodes and home; its length is the sum of its legs and of its nodes' loads.
 Minimised is the sum of (length + 1)^6 over the robots: nearly the longest, yet never blind to the
 others; and a part of the same of the tours that would end up longer, as more is found behind a
-node. So what is uncertain comes early on a route. Before a node from which the battery does not
-last for the way home, the route goes home for another (`sorties`, see `arrange`). `routes` has a
-row of nodes for each robot, `counts` says how many of a row are meant, `costs` what each route
-costs.
+node. So what is uncertain comes early on a route. `routes` has a row of nodes for each robot,
+`counts` says how many of a row are meant, `costs` what each route costs.
 """
 
 from __future__ import annotations
@@ -39,30 +37,15 @@ def sixth(length: float) -> float:
     return square * square * square
 
 
-def unlimited(robots: int) -> Floats:
-    """The `sorties` of robots that begin now and need no battery."""
-    return np.tile(np.array([0.0, np.inf, 0.0, np.inf]), (robots, 1))
-
-
 @kernel
 def price(
-    legs: Floats,
-    loads: Floats,
-    behind: Floats,
-    sorties: Floats,
-    route: Ints,
-    count: int,
-    robot: int,
+    legs: Floats, loads: Floats, behind: Floats, route: Ints, count: int, robot: int
 ) -> float:
     """What the route of a robot costs."""
     last, home = loads.size + robot, legs.shape[0] - 1
-    length, until, cost = sorties[robot, 0], sorties[robot, 1], 0.0
+    length, cost = 0.0, 0.0
     for place in range(count):
         node = route[place]
-        if length + legs[last, node] + loads[node] + legs[node, home] > until:
-            length += legs[last, home] + sorties[robot, 2]
-            until = length + sorties[robot, 3]
-            last = home
         length += legs[last, node]
         if behind[node] > 0.0:
             cost += SHARE * sixth(length + legs[node, home] + behind[node])
@@ -76,7 +59,6 @@ def insert(
     legs: Floats,
     loads: Floats,
     behind: Floats,
-    sorties: Floats,
     routes: Ints,
     counts: Ints,
     costs: Floats,
@@ -90,7 +72,7 @@ def insert(
         trial[1 : count + 1] = routes[robot, :count]
         for place in range(count + 1):
             trial[place] = node
-            cost = price(legs, loads, behind, sorties, trial, count + 1, robot) - costs[robot]
+            cost = price(legs, loads, behind, trial, count + 1, robot) - costs[robot]
             if cost < best:
                 best, best_robot, best_place = cost, robot, place
             if place < count:
@@ -178,7 +160,6 @@ def improve(
     legs: Floats,
     loads: Floats,
     behind: Floats,
-    sorties: Floats,
     routes: Ints,
     counts: Ints,
     costs: Floats,
@@ -242,10 +223,10 @@ def improve(
             left = _reversed(routes[mine], count, min(i + 1, j), max(i, j - 1), a)
         else:
             continue
-        cost, other_cost = price(legs, loads, behind, sorties, a, left, mine), 0.0
+        cost, other_cost = price(legs, loads, behind, a, left, mine), 0.0
         gain = cost - costs[mine]
         if mine != theirs:
-            other_cost = price(legs, loads, behind, sorties, b, right, theirs)
+            other_cost = price(legs, loads, behind, b, right, theirs)
             gain += other_cost - costs[theirs]
         if gain < allowed:
             total += gain
@@ -261,7 +242,6 @@ def arrange(
     legs: Floats,
     loads: Floats,
     behind: Floats,
-    sorties: Floats,
     last: Ints,
     last_counts: Ints,
     moves: int,
@@ -275,8 +255,6 @@ def arrange(
         loads: what a node costs besides, (K,).
         behind: how much longer a tour might get by what lies behind a node, (K,); 0 where nothing
             does.
-        sorties: for each robot when its route begins, by when it has to be home, what a battery
-            swap takes at home, and how long a fresh battery lasts, (R, 4); `unlimited` for none.
         last: routes to start from, (R, any); nodes that they lack are put where they cost least.
         last_counts: how many nodes of each row of `last` are meant, (R,).
         moves: attempts of the local search.
@@ -292,10 +270,10 @@ def arrange(
         for place in range(counts[robot]):
             routes[robot, place] = last[robot, place]
             placed[last[robot, place]] = True
-        costs[robot] = price(legs, loads, behind, sorties, routes[robot], counts[robot], robot)
+        costs[robot] = price(legs, loads, behind, routes[robot], counts[robot], robot)
     for node in range(nodes):
         if not placed[node]:
-            insert(legs, loads, behind, sorties, routes, counts, costs, node)
+            insert(legs, loads, behind, routes, counts, costs, node)
     if nodes > 1:
-        improve(legs, loads, behind, sorties, routes, counts, costs, moves, heat, state)
+        improve(legs, loads, behind, routes, counts, costs, moves, heat, state)
     return routes, counts

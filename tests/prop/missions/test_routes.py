@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from missions.kernels.ground import imagine, is_compact
-from missions.kernels.routes import arrange, price, unlimited
+from missions.kernels.routes import arrange, price
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -19,18 +19,13 @@ def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
     last, counts = np.zeros((robots, 1), np.int32), np.zeros(robots, np.int32)
     costs = []
     for moves in (0, 3000):
-        routes, many = arrange(
-            legs, loads, behind, unlimited(robots), last, counts, moves, 0.02, seed
-        )
+        routes, many = arrange(legs, loads, behind, last, counts, moves, 0.02, seed)
         visited = [int(n) for route, count in zip(routes, many, strict=True) for n in route[:count]]
         assert sorted(visited) == list(range(nodes))
         costs.append(
-            sum(
-                price(legs, loads, behind, unlimited(robots), routes[r], int(many[r]), r)
-                for r in range(robots)
-            )
+            sum(price(legs, loads, behind, routes[r], int(many[r]), r) for r in range(robots))
         )
-        again = arrange(legs, loads, behind, unlimited(robots), last, counts, moves, 0.02, seed)
+        again = arrange(legs, loads, behind, last, counts, moves, 0.02, seed)
         assert (again[0] == routes).all()
     assert costs[1] <= costs[0] * 1.05
 
