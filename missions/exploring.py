@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from missions.airspace import give, hold, where
 from missions.explorers import Situation
 from missions.fence import route_length_m
 from missions.homing import REACTION_S, affords, go_home
-from missions.orders import FlyTo, Look
+from missions.orders import FlyTo, Look, TakeOff
 from missions.state import Errand, Phase, Setting, State, VehicleState
 from missions.tree import Tree
 from missions.units import Cell, GridPoint
@@ -24,19 +24,20 @@ def explore_moves(setting: Setting, state: State) -> State:
     if tree is None or tree.is_explored(tree.root):
         return state
     at = state.robots()
-    waiting = _told_to_wait(state, at)
+    away = frozenset(n for n in at if _away(state.vehicles[n]))
+    waiting = _told_to_wait(state, away)
     asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
     if not asked:
         return state
     metric = replace(setting.metric, passable=_passable(setting, state))
-    decision = setting.explorer.decide(Situation(tree, at, asked, state.memory, metric))
+    decision = setting.explorer.decide(Situation(tree, at, asked, state.memory, metric, away))
     state = replace(state, memory=decision.memory)
     for number, cell in decision.moves.items():
         if cell is not None:
             vehicle = replace(state.vehicles[number], vertex=cell, at_target=False, in_vain=0)
             state = state.with_vehicle(vehicle)
     stay = frozenset(n for n, cell in decision.moves.items() if cell is None)
-    return replace(state, pondered=(tree, state.robots(), waiting | stay))
+    return replace(state, pondered=(tree, _present(state, away), waiting | stay))
 
 
 def _decides(vehicle: VehicleState, tree: Tree) -> bool:
@@ -51,12 +52,23 @@ def _decides(vehicle: VehicleState, tree: Tree) -> bool:
     )
 
 
-def _told_to_wait(state: State, at: Mapping[int, Cell]) -> frozenset[int]:
+def _away(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is on its way home, or on the ground and not taking off."""
+    return vehicle.errand is not None or (vehicle.landed and not isinstance(vehicle.order, TakeOff))
+
+
+def _present(state: State, away: frozenset[int]) -> dict[int, Cell]:
+    """Where those are who explore and are not away."""
+    return {n: cell for n, cell in state.robots().items() if n not in away}
+
+
+def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
     """Who was told to wait and has nothing new to go by: the tree, and where the others are."""
     if state.pondered is None:
         return frozenset()
     tree, places, waiting = state.pondered
-    return waiting if tree is state.tree and places == at else frozenset()
+    same = tree is state.tree and places == _present(state, away)
+    return waiting if same else frozenset()
 
 
 def _passable(setting: Setting, state: State) -> Callable[[Cell, Cell], bool]:

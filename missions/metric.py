@@ -36,6 +36,8 @@ class Metric:
     otherwise only to one of the four neighbours."""
     look: float = 0.0
     """Time that a robot hovers over a cell to look from it."""
+    ramp: float = 0.0
+    """Time that speeding up and braking add to a long leg; a short one never gets up to speed."""
     passable: Callable[[Cell, Cell], bool] | None = None
     """Whether the straight way between two cells is allowed; None allows all."""
 
@@ -60,6 +62,14 @@ class Metric:
     def most_per_length(self) -> float:
         """The most time per length of a closed tour: along the drift, Sr / (Sr^2 - Sp^2)."""
         return self.speed / (self.speed**2 - self.drift_east**2 - self.drift_north**2)
+
+    def from_rest(self, leg: float) -> float:
+        """Time of a leg from rest to rest, given its time at full speed, with even acceleration.
+
+        >>> Metric(ramp=3.0).from_rest(9.0), Metric(ramp=3.0).from_rest(0.75)
+        (12.0, 3.0)
+        """
+        return leg + self.ramp if leg >= self.ramp else 2.0 * math.sqrt(leg * self.ramp)
 
     def leg(self, start: Cell, end: Cell) -> float:
         """Time from the centre of one cell to the centre of another, in a straight line."""

@@ -130,16 +130,16 @@ class Setting:
     def metric(self) -> Metric:
         """What a leg between two cells costs in seconds, in the frame of the ROI.
 
-        A vehicle flies straight, over whatever lies between. What it loses by speeding up and
-        braking is counted with the look that it stops for.
+        A vehicle flies straight, over whatever lies between, from rest to rest.
         """
-        grid = self.grid
+        grid, votes = self.grid, self.mission.votes
         return Metric(
             self.mission.flight.speed_m_s / grid.cell_m,
             grid.drift_east_m_s / grid.cell_m,
             grid.drift_north_m_s / grid.cell_m,
             straight=True,
-            look=self.look_s + self.energy.leg_s(0.0),
+            look=votes.frames * self.mission.camera.interval_s,
+            ramp=self.energy.leg_s(0.0),
         )
 
     @property

@@ -77,7 +77,8 @@ def _ahead(
 
     When not all robots decide at once, whoever is bound for a vertex counts as being there, and
     keeps to it until somebody has looked from it. So each decision leads to a look, even when
-    what is thought of the others is out of date.
+    what is thought of the others is out of date. Who is away for a battery keeps nothing from the
+    others; it begins at home.
     """
     tree, at, robots = situation.tree, situation.at, situation.robots
     goals: dict[int, Cell] = {}
@@ -86,7 +87,7 @@ def _ahead(
         goals = {
             r: goal
             for r, goal in outlook.goals.items()
-            if r in at and goal in tree and not tree.has_looked(goal)
+            if r in at and r not in situation.away and goal in tree and not tree.has_looked(goal)
         }
     if tree.is_explored(tree.root):
         goals.update(dict.fromkeys(robots, tree.root))
@@ -96,7 +97,9 @@ def _ahead(
     if asked:
         small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
         wide = ground.with_nooks() if small else ground  # nobody keeps to a mere guess
-        sites = Sites.of(situation, wide, {**at, **goals})
+        sites = Sites.of(
+            situation, wide, {**at, **goals, **dict.fromkeys(situation.away, tree.root)}
+        )
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():
             goals[robot] = goal
@@ -121,7 +124,7 @@ def _clocks(
             clocks[robot] = now + step_cost(metric)
         else:
             look = 0.0 if tree.has_looked(cell) else metric.look
-            clocks[robot] = now + metric.tour_leg(at[robot], cell) + look
+            clocks[robot] = now + metric.from_rest(metric.tour_leg(at[robot], cell)) + look
     return now, clocks
 
 

@@ -34,6 +34,8 @@ class Situation:
     memory: Memory | None = None
     """What the last decision handed back; None at the first."""
     metric: Metric = field(default_factory=Metric)
+    away: frozenset[int] = frozenset()
+    """Robots in `at` that are away for a battery: they will go on, but not soon."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,8 @@ UNSEEN, UNSEEN_BY_MANY = 1.0, 1.5
 """What an unobserved cell adds to a tour on average, in steps: up to two robots, and more."""
 BEHIND = 4.0
 """What an unobserved cell might well add to a tour, in steps; a team cares, as it can share."""
+FLOWN_UNSEEN, FLOWN_BEHIND = 0.0, 0.5
+"""The same in straight flight, where a cell that was left behind is not far out of the way."""
 DEPTH, OCCUPIED = 0.6, 3.0
 """A robot without a route follows to where it is deep, and not where others go."""
 _MARGIN = 3
@@ -165,9 +167,12 @@ class Sites:
             row[: len(nodes)] = nodes
         looks = self.metric.look / step_cost(self.metric)
         weight = UNSEEN if len(self.places) <= 2 else UNSEEN_BY_MANY
+        further = BEHIND
+        if self.metric.straight:
+            weight, further = FLOWN_UNSEEN, FLOWN_BEHIND
         unseen = self.unseen[: len(self.nodes)].astype(np.float64)
         loads = looks + weight * (1.0 + looks) * unseen
-        behind = BEHIND * (1.0 + looks) * unseen * (len(self.places) > 1)
+        behind = further * (1.0 + looks) * unseen * (len(self.places) > 1)
         lengths = np.array([len(nodes) for nodes in rows], np.int32)
         each = min(MOVES_EACH, MOVES_ALONE + MOVES_MORE * (len(self.places) - 1))
         moves = min(MOVES, each * len(self.nodes))
@@ -220,15 +225,17 @@ class Sites:
 def step_cost(metric: Metric) -> float:
     """What a step of one cell adds to a closed tour, in the dearer of both directions."""
     here = Cell(0, 0)
-    return max(metric.tour_leg(here, near) for near in here.neighbours()[:2])
+    return metric.from_rest(max(metric.tour_leg(here, near) for near in here.neighbours()[:2]))
 
 
 def _straight(metric: Metric, cells: Sequence[Cell]) -> NDArray[np.float64]:
-    """`metric.tour_leg` between all cells, in steps."""
+    """`metric.tour_leg` between all cells, from rest to rest, in steps."""
     at = np.array(cells, np.float64)
     east = at[:, None, 0] - at[None, :, 0]
     north = at[:, None, 1] - at[None, :, 1]
     along = east * metric.drift_east + north * metric.drift_north
     rest = metric.speed**2 - metric.drift_speed**2
     legs: NDArray[np.float64] = np.sqrt(along**2 + rest * (east**2 + north**2)) / rest
+    ramp = metric.ramp
+    legs = np.where(legs < ramp, 2.0 * np.sqrt(legs * ramp), legs + ramp)
     return legs / step_cost(metric)

@@ -13,7 +13,7 @@ from missions.bounds import rdfs_bound_moves
 from missions.explorers import Decision, Situation
 from missions.explorers.horizon import Horizon, Outlook
 from missions.explorers.retreat import Retreat
-from missions.explorers.sites import Sites
+from missions.explorers.sites import Ground, Sites
 from missions.explorers.ways import distances
 from missions.metric import Metric
 from missions.roi import component, eden, thin
@@ -229,3 +229,27 @@ def test_pockets_are_closed_on_the_way() -> None:
     """A rectangle with an even side has a tour through every cell once; not knowing costs a bit."""
     roi = {Cell(e, n) for e in range(8) for n in range(6)}
     assert run(Horizon(), roi, START, 1).makespan <= 54
+
+
+def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others() -> None:
+    """One cell is left and robot 1 was bound for it: robot 2 waits, unless 1 went home."""
+    last = Cell(0, 3)
+    tree = Tree.rooted(START).looked(START, [Cell(0, 1)]).looked(Cell(0, 1), [Cell(0, 2)])
+    tree = tree.looked(Cell(0, 2), [last])
+    there = Situation(
+        tree, {1: last, 2: Cell(0, 2)}, (2,), Outlook(goals={1: last}), Metric(straight=True)
+    )
+    assert Horizon().decide(there).moves == {2: None}
+    assert Horizon().decide(replace(there, away=frozenset({1}))).moves == {2: last}
+
+
+def test_speeding_up_is_paid_for_by_the_short_legs_most() -> None:
+    """A vehicle that needs 3 s to speed up and brake: a leg of 1 s takes 3.46 s, of 9 s 12."""
+    metric = Metric(speed=1.0, straight=True, ramp=3.0)
+    tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
+    sites = Sites.of(Situation(tree, {1: START}, (1,), None, metric), Ground.of(tree), {1: START})
+    step = 2.0 * 3.0**0.5
+    north, east = (sites.nodes.index(cell) for cell in (Cell(0, 1), Cell(1, 0)))
+    assert sites.legs[2, north] == pytest.approx(1.0)
+    assert sites.legs[north, east] == pytest.approx(2.0 * (3.0 * 2.0**0.5) ** 0.5 / step)
+    assert metric.from_rest(9.0) == 12.0

@@ -28,6 +28,7 @@ from missions.events import (
     from_json,
     to_json,
 )
+from missions.explorers import EXPLORERS
 from missions.mission_file import Mission
 from missions.orders import (
     AwaitBattery,
@@ -401,6 +402,26 @@ def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Servi
     order = service.order()
     assert isinstance(order, FlyTo)
     assert order.cell == ROOT
+
+
+def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair: Service) -> None:
+    pair.setting = replace(pair.setting, explorer=EXPLORERS["horizon"])
+    last, centre = Cell(2, 7), pair.setting.grid.centre_of
+    for vehicle, at in ((1, centre(Cell(2, 3))), (2, centre(ROOT))):
+        pair.connect(vehicle, at=GridPoint(8.0 * vehicle, 0.0))
+        pair.exploring(vehicle)
+        pair.track(vehicle, at, 12.0 if vehicle == 1 else 18.0)
+    ahead = replace(pair.state.vehicles[1], vertex=last, at_target=False, order=None)
+    behind = replace(pair.state.vehicles[2], order=None)
+    tree = Tree.rooted(ROOT).looked(ROOT, [last])
+    pair.state = replace(pair.state, tree=tree, vehicles={1: ahead, 2: behind})
+    pair.track(2, centre(ROOT), 18.0)
+    assert pair.order(2) == Hold()
+    low_wh = pair.setting.energy.reserve_wh + 2.0
+    orders = dict(pair.post(Tracked(1, pair.now_s + 1.0, centre(Cell(2, 3)), 12.0, low_wh)))
+    assert pair.state.vehicles[1].errand is Errand.BATTERY
+    assert isinstance(orders[2], FlyTo)
+    assert orders[2].cell == last
 
 
 def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> None:
