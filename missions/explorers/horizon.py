@@ -141,12 +141,14 @@ def _in_time(
         return True
     step = step_cost(metric)
 
-    def bound(cells: int) -> float:
-        moves = rdfs_bound_moves(cells, tree.depth, len(situation.at))
+    def bound(cells: int, depth: int) -> float:
+        moves = rdfs_bound_moves(cells, depth, len(situation.at))
         return moves * (step + metric.look / 2.0) + metric.look
 
     after = {r: moves.get(r) or cell for r, cell in situation.at.items()}
     steps = ground.steps_from(tree.root)
     home = max(ahead.clocks[r] + step * steps[ground.number(c)] for r, c in after.items())
+    if home <= bound(len(tree), int(steps.max())):  # (1) holds with c' = c and a depth below d
+        return True
     left = sum(not tree.is_explored(cell) for cell in tree.vertices)
-    return bool(home + bound(left) <= 2.0 * bound(len(tree)) + 1e-9)
+    return bool(home + bound(left, tree.depth) <= 2.0 * bound(len(tree), tree.depth) + 1e-9)

@@ -78,10 +78,11 @@ class Ground:
         flat = (cell.north - self.corner.north) * self.width + cell.east - self.corner.east
         return int(self.cells.searchsorted(flat))
 
-    def cell(self, number: int) -> Cell:
-        """The inverse of `number`."""
-        north, east = divmod(int(self.cells[number]), self.width)
-        return Cell(east + self.corner.east, north + self.corner.north)
+    def cells_of(self, numbers: NDArray[np.intp]) -> tuple[Cell, ...]:
+        """The inverse of `number`, for many."""
+        north, east = np.divmod(self.cells[numbers], self.width)
+        east, north = east + self.corner.east, north + self.corner.north
+        return tuple(map(Cell, east.tolist(), north.tolist()))
 
     def steps_from(self, cell: Cell) -> NDArray[np.int32]:
         """Steps from a cell to every other, by number."""
@@ -116,7 +117,8 @@ class Ground:
 
         steps = self.steps_from(goal)
         fresh = self.picture[self.cells] != kernels.LOOKED
-        return self.cell(kernels.step_on(self.near, steps, fresh, self.number(start)))
+        number = kernels.step_on(self.near, steps, fresh, self.number(start))
+        return self.cells_of(np.array([number]))[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,10 +144,11 @@ class Sites:
         from missions.kernels import ground as kernels  # noqa: PLC0415, as above
 
         tree, metric = situation.tree, situation.metric
-        unlooked = np.flatnonzero(ground.picture[ground.cells] != kernels.LOOKED)
         others = [ground.number(cell) for cell in (*places.values(), tree.root)]
-        free = unlooked[~np.isin(unlooked, others)]
-        nodes = tuple(ground.cell(number) for number in free.tolist())
+        open_to_all = ground.picture[ground.cells] != kernels.LOOKED
+        open_to_all[others] = False
+        free = np.flatnonzero(open_to_all)
+        nodes = ground.cells_of(free)
         cells = (*nodes, *places.values(), tree.root)
         numbers = np.array([*free.tolist(), *others], np.int32)
         if metric.straight:
@@ -194,7 +197,8 @@ class Sites:
             robot = idle.pop(0)
             row = self.legs[self._site(robot), : len(self.nodes)]
             goals[robot] = self.nodes[int(row.argmin())]
-        goals.update(self._behind(idle, goals))
+        if idle:
+            goals.update(self._behind(idle, goals))
         return {robot: goals[robot] for robot in asked}
 
     def _site(self, robot: int) -> int:

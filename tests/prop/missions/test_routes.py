@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.kernels.ground import imagine, is_compact
-from missions.kernels.routes import arrange, nearest, price
+from missions.kernels.routes import arrange, improve, improve_alone, nearest, price
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -49,6 +49,24 @@ def test_the_nearest_are_the_first_by_cost_then_by_number(
     for node in range(nodes):
         rest = [other for other in range(nodes + robots) if other != node]
         assert found[node].tolist() == sorted(rest, key=lambda o: (legs[node, o], o))[:many]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
+    """`improve_alone` takes what `improve` takes, attempt by attempt. Legs are whole numbers, as on
+    a grid: sums of others hang on their order."""
+    rng = np.random.default_rng(seed)
+    nodes = int(rng.integers(2, 40))
+    places = rng.integers(0, 12, (nodes + 2, 2))
+    legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
+    loads, behind = rng.integers(0, 3, nodes).astype(np.float64), np.zeros(nodes)
+    routes, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int32)
+    costs = np.array([price(legs, loads, behind, routes[0], nodes, 0)])
+    alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
+    improve(legs, loads, behind, routes, counts, costs, 2000, 0.0, seed)
+    improve_alone(legs, alone, length, 2000, 0.0, seed)
+    assert alone.tolist() == routes[0].tolist()
+    assert costs[0] < (length + 1.0) ** 6 or nodes < 4
 
 
 def test_a_nook_is_imagined_where_the_roi_is_compact() -> None:
