@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from missions.kernels.attempts import nearest
 from missions.kernels.ground import imagine, is_compact
-from missions.kernels.routes import arrange, improve, improve_alone, nearest, price
+from missions.kernels.route_alone import improve_alone
+from missions.kernels.routes import arrange, improve, price
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -21,13 +23,13 @@ def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
     last, counts = np.zeros((robots, 1), np.int32), np.zeros(robots, np.int32)
     costs = []
     for moves in (0, 3000):
-        routes, many = arrange(legs, loads, behind, last, counts, moves, 0.02, seed)
+        routes, many = arrange(legs, loads, behind, 0.3, last, counts, moves, 0.02, seed)
         visited = [int(n) for route, count in zip(routes, many, strict=True) for n in route[:count]]
         assert sorted(visited) == list(range(nodes))
         costs.append(
-            sum(price(legs, loads, behind, routes[r], int(many[r]), r) for r in range(robots))
+            sum(price(legs, loads, behind, 0.3, routes[r], int(many[r]), r) for r in range(robots))
         )
-        again = arrange(legs, loads, behind, last, counts, moves, 0.02, seed)
+        again = arrange(legs, loads, behind, 0.3, last, counts, moves, 0.02, seed)
         assert (again[0] == routes).all()
     assert costs[1] <= costs[0] * 1.05
 
@@ -61,9 +63,9 @@ def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
     legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
     loads, behind = rng.integers(0, 3, nodes).astype(np.float64), np.zeros(nodes)
     routes, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int32)
-    costs = np.array([price(legs, loads, behind, routes[0], nodes, 0)])
+    costs = np.array([price(legs, loads, behind, 0.3, routes[0], nodes, 0)])
     alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
-    improve(legs, loads, behind, routes, counts, costs, 2000, 0.0, seed)
+    improve(legs, loads, behind, 0.3, routes, counts, costs, 2000, 0.0, seed)
     improve_alone(legs, alone, length, 2000, 0.0, seed)
     assert alone.tolist() == routes[0].tolist()
     assert costs[0] < (length + 1.0) ** 6 or nodes < 4
