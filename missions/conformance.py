@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missions.arena import Comms, Run, look, patience_of, run
+from missions.certificate import promised_moves
 from missions.errors import StrategyError
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.metric import Metric
@@ -143,7 +144,7 @@ def _bound(explorer: Explorer, rois: Rois) -> Iterator[str]:
     for robots in (*TEAMS, 20):
         for kind, roi in rois.items():
             result = run(explorer, roi, START, robots)
-            bound = explorer.bound_moves(len(result.tree), result.tree.depth, robots)
+            bound = promised_moves(explorer, result.tree, robots, Metric())
             if bound is not None and result.makespan > bound + 1e-9:
                 yield f"{kind}, {robots} robots: {result.makespan:g} moves, stated {bound:g}"
 

@@ -37,7 +37,8 @@ class Metric:
     look: float = 0.0
     """Time that a robot hovers over a cell to look from it."""
     ramp: float = 0.0
-    """Time that speeding up and braking add to a long leg; a short one never gets up to speed."""
+    """Time that speeding up and braking add to a long leg; a short one never gets up to speed.
+    For planners (`from_rest`): `leg` and `tour_leg` are at full speed, so bounds from them hold."""
     passable: Callable[[Cell, Cell], bool] | None = None
     """Whether the straight way between two cells is allowed; None allows all."""
 

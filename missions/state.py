@@ -130,7 +130,8 @@ class Setting:
     def metric(self) -> Metric:
         """What a leg between two cells costs in seconds, in the frame of the ROI.
 
-        A vehicle flies straight, over whatever lies between, from rest to rest.
+        A vehicle flies straight, over whatever lies between, from rest to rest. A look is its
+        frames: the seconds of `look_s` besides are kept for the battery, and seldom needed.
         """
         grid, votes = self.grid, self.mission.votes
         return Metric(

@@ -49,7 +49,7 @@ class Horizon:
     name: str = "horizon"
     guarantee: str = "T <= 4 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)) moves"
     source: str = "a rolling-horizon team planner of this project; falls back to Algorithm 1"
-    when: str = "you want the shortest flights, in nearly every shape; the one to take first"
+    when: str = "you want the shortest tours from cell to cell in nearly every shape, and a promise"
     until: float = float("inf")
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
@@ -77,8 +77,8 @@ def _ahead(
 
     When not all robots decide at once, whoever is bound for a vertex counts as being there, and
     keeps to it until somebody has looked from it. So each decision leads to a look, even when
-    what is thought of the others is out of date. Who is away for a battery keeps nothing from the
-    others; it begins at home.
+    what is thought of the others is out of date. Who is away for a battery has no share until
+    it is back.
     """
     tree, at, robots = situation.tree, situation.at, situation.robots
     goals: dict[int, Cell] = {}
@@ -97,9 +97,9 @@ def _ahead(
     if asked:
         small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
         wide = ground.with_nooks() if small else ground  # nobody keeps to a mere guess
-        sites = Sites.of(
-            situation, wide, {**at, **goals, **dict.fromkeys(situation.away, tree.root)}
-        )
+        away = situation.away.difference(robots)
+        places = {r: cell for r, cell in {**at, **goals}.items() if r not in away}
+        sites = Sites.of(situation, wide, places)
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():
             goals[robot] = goal
@@ -148,7 +148,7 @@ def _in_time(
     after = {r: moves.get(r) or cell for r, cell in situation.at.items()}
     steps = ground.steps_from(tree.root)
     home = max(ahead.clocks[r] + step * steps[ground.number(c)] for r, c in after.items())
-    if home <= bound(len(tree), int(steps.max())):  # (1) holds with c' = c and a depth below d
+    if home <= bound(len(tree), int(steps.max())):  # (1) holds with c' = c and at most d
         return True
     left = sum(not tree.is_explored(cell) for cell in tree.vertices)
     return bool(home + bound(left, tree.depth) <= 2.0 * bound(len(tree), tree.depth) + 1e-9)

@@ -35,7 +35,7 @@ class Situation:
     """What the last decision handed back; None at the first."""
     metric: Metric = field(default_factory=Metric)
     away: frozenset[int] = frozenset()
-    """Robots in `at` that are away for a battery: they will go on, but not soon."""
+    """Robots in `at` that are on their way home or on the ground: if they go on, then not soon."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.kernels.attempts import Floats, Ints
 from missions.kernels.jit import kernel
+from missions.kernels.routes import Floats, Ints
 
 Picture = NDArray[np.int8]
 """Cells row by row: 0 not known to be ROI, or one of the following."""

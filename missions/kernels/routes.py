@@ -11,10 +11,21 @@ node. So what is uncertain comes early on a route. `routes` has a row of nodes f
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from missions.kernels.attempts import NEAR, Floats, Ints, attempt, nearest
 from missions.kernels.jit import kernel
-from missions.kernels.route_alone import improve_alone
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+NEAR, ONE_FAR = 8, 8
+"""How many nodes and robots are near a node; one attempt in so many takes any other instead."""
+
+
+@kernel
+def draw(state: int) -> int:
+    """The next state of a small congruential generator; its upper bits, `state >> 8`, are drawn."""
+    return (state * 1103515245 + 12345) & 0x7FFFFFFF
 
 
 @kernel
@@ -127,6 +138,51 @@ def _take(
 
 
 @kernel
+def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
+    """For each node the `many` nearest of the other nodes and the `starts` robots, nearest first.
+
+    `many` is less than `nodes + starts`.
+    """
+    found = np.zeros((nodes, many), np.int32)
+    cost = np.empty(many)
+    for node in range(nodes):
+        cost[:] = np.inf
+        for other in range(nodes + starts):
+            if other == node or legs[node, other] >= cost[many - 1]:
+                continue
+            place = many - 1
+            while place > 0 and cost[place - 1] > legs[node, other]:
+                cost[place] = cost[place - 1]
+                found[node, place] = found[node, place - 1]
+                place -= 1
+            cost[place] = legs[node, other]
+            found[node, place] = other
+    return found
+
+
+@kernel
+def attempt(near: Ints, starts: int, state: int) -> tuple[int, int, bool, int, bool, float, int]:
+    """What the local search tries next: bring a node beside another one or a robot, by relocating
+    up to so many nodes, perhaps turned round, or else by turning or swapping pieces; the part of
+    the heat that it may cost; and the generator's next state."""
+    nodes = near.shape[0]
+    state = draw(state)
+    node = (state >> 8) % nodes
+    state = draw(state)
+    relocates = (state >> 8) % 10 < 6
+    state = draw(state)
+    other = (state >> 8) % (nodes + starts)
+    state = draw(state)
+    if (state >> 8) % ONE_FAR != 0:
+        state = draw(state)
+        other = near[node, (state >> 8) % near.shape[1]]
+    state = draw(state)
+    many, turned = 1 + (state >> 8) % 4, (state >> 16) % 2 == 1
+    state = draw(state)
+    return node, other, relocates, many, turned, (state >> 8) / 8388608.0, state
+
+
+@kernel
 def improve(
     legs: Floats,
     loads: Floats,
@@ -195,6 +251,74 @@ def improve(
             if mine != theirs:
                 costs[theirs] = other_cost
                 _take(routes, counts, theirs, b, right, owner, place_of)
+
+
+@kernel
+def improve_alone(
+    legs: Floats, route: Ints, length: float, moves: int, heat: float, state: int
+) -> None:
+    """`improve` for a single robot, in place: with `behind` 0 everywhere the shortest route is the
+    cheapest, and how much an attempt saves shows in the few legs that it changes.
+
+    `route` holds all nodes; `length` is the route's with the loads of its nodes.
+    """
+    nodes = route.size
+    way = np.empty(nodes + 2, np.int32)  # from the robot through the nodes home
+    way[0], way[1 : nodes + 1], way[nodes + 1] = nodes, route, nodes + 1
+    place_of = np.empty(nodes + 1, np.int32)
+    place_of[way[: nodes + 1]] = np.arange(nodes + 1)
+    near = nearest(legs, nodes, 1, min(NEAR, nodes))
+    for move in range(moves):
+        node, other, relocates, many, turned, warmth, state = attempt(near, 1, state)
+        warmth *= heat * (1.0 - 1.25 * move / moves)
+        i, j = place_of[node], place_of[other] + 1
+        last = min(i + many - 1, nodes)
+        allowed = (length + 1.0) * warmth / 6.0 if warmth > 0.0 else -1e-9 * (length + 1.0)
+        if relocates:  # the nodes at i .. last to between j - 1 and j
+            if turned and j > 1:
+                j -= 1  # so that the node comes beside the other
+            if i <= j <= last + 1:
+                continue
+            left, right = (last, i) if turned else (i, last)
+            gain = (
+                legs[way[i - 1], way[last + 1]]
+                - legs[way[i - 1], way[i]]
+                - legs[way[last], way[last + 1]]
+                + legs[way[j - 1], way[left]]
+                + legs[way[right], way[j]]
+                - legs[way[j - 1], way[j]]
+            )
+            if gain < allowed:
+                if turned:
+                    way[i : last + 1] = way[i : last + 1][::-1].copy()
+                if j > last:
+                    _rotate(way, i, last + 1, j)
+                else:
+                    _rotate(way, j, i, last + 1)
+        else:  # the piece between the two turned round
+            first, last = min(i + 1, j), max(i, j - 1)
+            if first >= last:
+                continue
+            gain = (
+                legs[way[first - 1], way[last]]
+                + legs[way[first], way[last + 1]]
+                - legs[way[first - 1], way[first]]
+                - legs[way[last], way[last + 1]]
+            )
+            if gain < allowed:
+                way[first : last + 1] = way[first : last + 1][::-1].copy()
+        if gain < allowed:
+            length += gain
+            place_of[way[: nodes + 1]] = np.arange(nodes + 1)
+    route[:] = way[1 : nodes + 1]
+
+
+@kernel
+def _rotate(way: Ints, start: int, middle: int, end: int) -> None:
+    """Swap the neighbouring pieces start .. middle-1 and middle .. end-1."""
+    piece = way[start:middle].copy()
+    way[start : start + end - middle] = way[middle:end].copy()
+    way[start + end - middle : end] = piece
 
 
 @kernel

@@ -16,7 +16,7 @@ from missions.explorers.retreat import Retreat
 from missions.explorers.sites import Ground, Sites
 from missions.explorers.ways import distances
 from missions.metric import Metric
-from missions.roi import component, eden, thin
+from missions.roi import component, eden, grown, thin
 from missions.tree import Tree
 from missions.units import Cell
 
@@ -241,6 +241,32 @@ def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others() -> None:
     )
     assert Horizon().decide(there).moves == {2: None}
     assert Horizon().decide(replace(there, away=frozenset({1}))).moves == {2: last}
+
+
+def test_nobody_waits_for_the_share_of_one_who_is_away() -> None:
+    """Two cells beside the root, and robot 1 in between on the ground: the others take one each."""
+    tree = Tree.rooted(START).looked(START, [Cell(1, 0), Cell(0, 1), Cell(0, -1)])
+    tree = tree.looked(Cell(1, 0), [Cell(2, 0)]).looked(Cell(2, 0), [])
+    at = {1: START, 2: Cell(1, 0), 3: Cell(2, 0)}
+    there = Situation(tree, at, (2, 3), None, Metric(straight=True), frozenset({1}))
+    assert set(Horizon().decide(there).moves.values()) == {Cell(0, 1), Cell(0, -1)}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed: int) -> None:
+    """What the quick check of the promise rests on, all through a run."""
+    depths = []
+
+    class Watched(Horizon):
+        def decide(self, situation: Situation) -> Decision:
+            tree = situation.tree
+            farthest = int(Ground.of(tree).steps_from(tree.root).max())
+            depths.append((farthest, tree.depth))
+            return Horizon.decide(self, situation)
+
+    roi = grown("eden", 60, seed)
+    run(Watched(), roi.cells, roi.start, 3)
+    assert all(farthest <= depth for farthest, depth in depths)
 
 
 def test_speeding_up_is_paid_for_by_the_short_legs_most() -> None:

@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.kernels.attempts import nearest
 from missions.kernels.ground import imagine, is_compact
-from missions.kernels.route_alone import improve_alone
-from missions.kernels.routes import arrange, improve, price
+from missions.kernels.routes import arrange, improve, improve_alone, nearest, price
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -69,6 +67,24 @@ def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
     improve_alone(legs, alone, length, 2000, 0.0, seed)
     assert alone.tolist() == routes[0].tolist()
     assert costs[0] < (length + 1.0) ** 6 or nodes < 4
+
+
+def test_the_search_for_one_robot_warms_up_as_that_for_a_team() -> None:
+    """With heat the two differ in rounding only: in the mean their routes are as long."""
+    ends = np.zeros(2)
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        places = rng.integers(0, 12, (32, 2))
+        legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
+        none, counts = np.zeros(30), np.array([30], np.int32)
+        routes = rng.permutation(30).astype(np.int32)[None, :]
+        costs = np.array([price(legs, none, none, 0.3, routes[0], 30, 0)])
+        alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
+        improve(legs, none, none, 0.3, routes, counts, costs, 3000, 0.1, seed)
+        improve_alone(legs, alone, length, 3000, 0.1, seed)
+        for k, route in enumerate((routes[0], alone)):
+            ends[k] += price(legs, none, none, 0.3, route, 30, 0) ** (1.0 / 6.0) - 1.0
+    assert abs(ends[1] / ends[0] - 1.0) < 0.01
 
 
 def test_a_nook_is_imagined_where_the_roi_is_compact() -> None:
