@@ -33,8 +33,8 @@ _MARGIN = 3
 class Outlays:
     """What the planner puts down for what it cannot see, in steps.
 
-    Tuned on 200 grown ROIs of 120 cells, and in flight on ROIs of 300 and 400; other growths have
-    other optima, so the figures are round.
+    Tuned on grown ROIs of 120 and 500 cells, and in flight on ROIs of 300 and 400; other growths
+    have other optima, so the figures are round.
     """
 
     unseen: float
@@ -48,7 +48,7 @@ class Outlays:
     """How much such a longer tour counts beside the tour as it is known."""
 
 
-FEW, MANY = Outlays(0.5, 3.5, 0.4, 0.15), Outlays(1.0, 4.0, 0.8, 0.3)
+FEW, MANY = Outlays(0.5, 3.5, 0.4, 0.15), Outlays(1.0, 4.0, 0.4, 0.3)
 """Up to `SMALL_TEAM` robots, and more."""
 FLOWN = Outlays(0.0, 0.5, 0.0, 0.3)
 """In straight flight, where a cell that was left behind is not far out of the way."""
