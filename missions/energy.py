@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from missions.mission_file import Mission
+from missions.mission_file.schema import Mission
 
 LANDING_SPEED_M_S = 0.5
 """ArduCopter's final descent rate, taken for the whole descent."""

@@ -3,10 +3,10 @@
     UavmapError                 anything a user can cause or mend; one line, exit code 2
     ├── MissionFileError        a mission file: names the file, the key, the value, the remedy
     ├── GeodesyError            a place where UTM is not defined
-    ├── WorldError              a file that does not tell a simulated ground
+    ├── WorldError              a file that does not describe a simulated ground
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
-    ├── RoiError                a file or a wish that does not tell a ROI
+    ├── RoiError                a file or option that does not describe a ROI
     ├── StudyError          a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── OutputError             a file that cannot be written, or of a kind that is not written

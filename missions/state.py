@@ -9,16 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from missions.belief import Belief
 from missions.energy import EnergyModel
 from missions.explorers import EXPLORERS, Explorer, Memory
-from missions.fence import Fence
-from missions.grid import Grid
-from missions.metric import Metric
-from missions.mission_file import Mission, positions
+from missions.explorers.metric import Metric
+from missions.ground.fence import Fence
+from missions.ground.grid import Grid
+from missions.ground.lanes import Lane, lanes, share_out
+from missions.mapping.belief import Belief
+from missions.mapping.tree import Tree
+from missions.mission_file.schema import Mission, positions
 from missions.orders import FlyTo, Hold, Order, Sweep
-from missions.search import Lane, lanes, share_out
-from missions.tree import Tree
 from missions.units import Cell, GridPoint
 
 _ORIGIN = GridPoint(0.0, 0.0)
@@ -40,7 +40,7 @@ class Phase(StrEnum):
     FAILED = "failed"
 
 
-class Errand(StrEnum):
+class ReturnReason(StrEnum):
     """Why a vehicle flies home."""
 
     DONE = "done"
@@ -55,7 +55,7 @@ class VehicleState:
     """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
 
     vehicle: int
-    layer_m: float
+    cruise_altitude_m: float
     phase: Phase = Phase.OFFLINE
     tracked_s: float = 0.0
     home: GridPoint = _ORIGIN
@@ -64,7 +64,7 @@ class VehicleState:
     remaining_wh: float = 0.0
     drawn_w: float = 0.0
     order: Order | None = None
-    errand: Errand | None = None
+    return_reason: ReturnReason | None = None
     over_home: bool = False
     lanes: tuple[Lane, ...] = ()
     on_lane: bool = False
@@ -76,7 +76,7 @@ class VehicleState:
     cleared: bool = True
     """Whether the operator has cleared it for take-off; a flight uses the clearance up, a battery
     swap or a resume renews it. Nothing takes off beside people because a link came back."""
-    in_vain: int = 0
+    fruitless_sorties: int = 0
     """Sorties that the battery ended, since the last progress; the last counts itself."""
     braking_until_s: float | None = None
     """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
@@ -164,7 +164,7 @@ class State:
     """ROI cells that nobody could look from: beyond the fence or out of reach."""
     memory: Memory | None = None
     """What the explorer wants to see again."""
-    pondered: tuple[Tree, Mapping[int, Cell], frozenset[int]] | None = None
+    last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int]] | None = None
     """Who was told to wait, and what was known then: nobody is asked twice for the same."""
     undecided: frozenset[Cell] = frozenset()
     """Cells that were looked from, with votes missing."""
@@ -199,7 +199,7 @@ class State:
         )
 
     @property
-    def mapped(self) -> bool:
+    def exploration_finished(self) -> bool:
         """Whether the question of the mission is answered: explored, or searched in vain."""
         if self.tree is None:
             return self.exhausted
@@ -209,7 +209,7 @@ class State:
     def completed(self) -> bool:
         """Mapped without a gap, and everybody is home."""
         return (
-            self.mapped
+            self.exploration_finished
             and not self.abandoned
             and not self.undecided
             and all(v.landed for v in self.vehicles.values())

@@ -3,16 +3,17 @@
     step(setting, state, event) -> (state, orders)
 
 Pure: the same state and event give the same orders, so a resume, a replay and a test are one
-mechanism. `missions.apply` says what an event changes, `missions.assign` what idle vehicles do.
+mechanism. `missions.flight.transitions` says what an event changes, `missions.flight.dispatch`
+what idle vehicles do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from missions.apply import apply
-from missions.assign import assign
 from missions.events import Event
+from missions.flight.dispatch import assign
+from missions.flight.transitions import apply
 from missions.orders import Order
 from missions.state import Setting, State
 

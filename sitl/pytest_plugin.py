@@ -34,7 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
         "sitl(autopilot, vehicles, home, speedup, seed, ...): the simulated vehicles of a test, "
-        "by the fields of sitl.setup.Setup",
+        "by the fields of sitl.scenario.Setup",
     )
 
 
@@ -54,7 +54,7 @@ def sitl_fleet(request: pytest.FixtureRequest) -> Iterator[Callable[..., Fleet]]
     """Makes fleets: `sitl_fleet(3)`, `sitl_fleet(3, seed=7)`. All are ended with the test."""
     # here and not above: every pytest run of the installation imports this module
     from missions.errors import UavmapError  # noqa: PLC0415
-    from sitl.setup import Setup  # noqa: PLC0415
+    from sitl.scenario import Setup  # noqa: PLC0415
     from sitl.testing import Fleet  # noqa: PLC0415
 
     fleets: list[Fleet] = []

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.background import Background
-from sitl.setup import Setup
+from sitl.codec.wire import Framer, Message, Packer
+from sitl.scenario import Setup
+from sitl.sockets.background import Background
 from sitl.vehicle import SimVehicle, VehicleTruth
-from sitl.wire import Framer, Message, Packer
 
 if TYPE_CHECKING:
-    from sitl.faults import Faults
+    from sitl.faults.faults import Faults
 
 STEP_S = 0.05
 _LOOK_S = 0.005  # on a socket: how often to look, wall time
@@ -56,7 +56,7 @@ class Vehicle:
 
     @property
     def fail(self) -> Faults:
-        """What can go wrong: `sitl.fail.gps(after_s=30)`; see `sitl.faults`."""
+        """What can go wrong: `sitl.fail.gps(after_s=30)`; see `sitl.faults.faults`."""
         return self._vehicle.fail
 
     @property

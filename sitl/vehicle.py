@@ -15,22 +15,22 @@ from dataclasses import replace
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.battery import Battery
-from sitl.camera import Shot
-from sitl.commands import Commands, Request, statustext
-from sitl.faults import Faults
-from sitl.flavours import FLAVOURS, Kit
-from sitl.injection import SIM_PARAMETERS, inject
-from sitl.links import Link
-from sitl.payload import Exposure, Payload
-from sitl.physics import MAX_STEP_S, Body
-from sitl.sensors import PositionError
-from sitl.signing import Signing
-from sitl.spec import VehicleSpec, VehicleTruth
-from sitl.spoil import Spoiler
-from sitl.streams import Streams
-from sitl.wire import Message
-from sitl.world import World
+from sitl.autopilot_types import FLAVOURS, Kit
+from sitl.body.battery import Battery
+from sitl.body.physics import MAX_STEP_S, Body
+from sitl.body.sensors import PositionError
+from sitl.camera.corrupt_images import Spoiler
+from sitl.camera.render import Shot
+from sitl.codec.wire import Message
+from sitl.faults.faults import Faults
+from sitl.faults.injection import SIM_PARAMETERS, inject
+from sitl.mavlink.camera_component import Exposure, Payload
+from sitl.mavlink.commands import Commands, Request, statustext
+from sitl.mavlink.links import Link
+from sitl.mavlink.signing import Signing
+from sitl.mavlink.streams import Streams
+from sitl.vehicle_spec import VehicleSpec, VehicleTruth
+from sitl.world.world import World
 
 __all__ = ["SimVehicle", "VehicleSpec", "VehicleTruth"]
 

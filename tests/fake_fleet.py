@@ -31,8 +31,8 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.homes import homes
-from missions.mission_file import Mission
+from missions.mission_file.launch_pads import homes
+from missions.mission_file.schema import Mission
 from missions.orders import (
     AwaitBattery,
     FlyTo,

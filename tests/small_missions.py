@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missions.grid import Grid
-from missions.mission_checks import parse_mission
-from missions.mission_file import Mission
-from missions.roi import eden
+from missions.arena.roi import eden
+from missions.ground.grid import Grid
+from missions.mission_file.checks import parse_mission
+from missions.mission_file.schema import Mission
 from missions.state import Setting
 from missions.units import Cell, GridPoint, LatLon
 

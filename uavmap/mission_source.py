@@ -8,8 +8,8 @@ from pathlib import Path
 
 from missions.errors import MissionFileError
 from missions.explorers import EXPLORERS
-from missions.mission_checks import parse_mission
-from missions.mission_file import Mission
+from missions.mission_file.checks import parse_mission
+from missions.mission_file.schema import Mission
 from vision.detectors import detector_names
 
 

@@ -13,42 +13,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from shapely.geometry import Point, Polygon
-from shapely.geometry.base import BaseGeometry
-from shapely.ops import unary_union
+from shapely.geometry import Point
 
 from missions.errors import LinkError
-from missions.grid import Grid
-from missions.homes import homes
-from missions.mission_file import Mission, SimFault, positions
+from missions.mission_file.launch_pads import homes
+from missions.mission_file.schema import Mission, SimFault, positions
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
-from sitl.camera import CameraSpec
-from sitl.faults import Faults
-from sitl.server import serve
-from sitl.setup import Home, Setup
-from sitl.telemetry import IDENTITY
+from sitl.camera.render import CameraSpec
+from sitl.faults.faults import Faults
+from sitl.scenario import Home, Setup
+from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle
-from sitl.world import Patch
+from sitl.world.world import Patch
 from uavmap.link.session import Session
 
 STEP_S = 0.05
-SIMULATOR_IDENTITY = IDENTITY
-"""How the bundled simulator is told from an aircraft, over whatever link."""
 _LOOK_EVERY_STEPS = 2
-
-
-def true_roi(mission: Mission, grid: Grid) -> BaseGeometry:
-    """The true ROI of a mission's simulated world, in the grid's moving frame."""
-    return unary_union(
-        [
-            Polygon(
-                [grid.fixed(p) for p in positions(region.polygon)],
-                [[grid.fixed(p) for p in positions(hole)] for hole in region.holes],
-            )
-            for region in mission.sim.roi
-        ]
-    )
 
 
 def setup_of(
@@ -261,7 +242,7 @@ async def serve_vehicles(
 
 
 def setup_without_mission(**fields: Any) -> Setup:
-    """A simulation without a mission, by the fields of `sitl.setup.Setup`; `UavmapError`."""
+    """A simulation without a mission, by the fields of `sitl.scenario.Setup`; `UavmapError`."""
     return Setup(**fields)
 
 

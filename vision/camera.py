@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Pose, Quaternion
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Cell, Pose
 from vision.camera import Camera, project
 from vision.detectors.interface import Detector

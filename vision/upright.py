@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from vision.camera import project
 from vision.look import OBLIQUE_LIMIT, Frame
 

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from missions.explorers.interface import Decision, Situation
-from missions.metric import Metric
-from missions.tree import Tree
+from missions.explorers.metric import Metric
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 _DEGREE = 4

@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
+from missions.explorers.grid_paths import step_home
 from missions.explorers.interface import Decision, Situation
-from missions.explorers.travel import Ways
-from missions.explorers.ways import step_home
-from missions.metric import Metric
+from missions.explorers.leg_costs import Ways
+from missions.explorers.metric import Metric
 from missions.units import Cell
 
 
@@ -24,7 +24,7 @@ from missions.units import Cell
 class Greedy:
     """To the nearest unvisited cell that no other robot heads for, while there is one.
 
-    >>> from missions.arena import run
+    >>> from missions.arena.run import run
     >>> run(Greedy(), {Cell(0, 0), Cell(0, 1), Cell(1, 0), Cell(1, 1)}, Cell(0, 0), 1).makespan
     4.0
     """

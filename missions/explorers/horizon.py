@@ -5,7 +5,7 @@ nodes and home; a node counts with the unobserved cells round it besides, for wh
 The routes are improved from those of the last step, and each robot makes the first step of its own.
 
 It watches its own progress, and in good time goes home and leaves the rest to Algorithm 1
-(`missions.explorers.retreat`), so that it never takes more than twice Algorithm 1's bound.
+(`missions.explorers.fallback`), so that it never takes more than twice Algorithm 1's bound.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from missions.bounds import rdfs_bound_moves
+from missions.explorers.bounds import rdfs_bound_moves
+from missions.explorers.fallback import Retreat
 from missions.explorers.interface import Decision, Situation
-from missions.explorers.retreat import Retreat
-from missions.explorers.sites import SMALL_TEAM, Ground, Sites, step_cost
+from missions.explorers.route_planner import SMALL_TEAM, Ground, Sites, step_cost
 from missions.units import Cell
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class PlannerMemory:
     """What the planner remembers."""
 
     routes: Mapping[int, tuple[Cell, ...]] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class Outlook:
 class Horizon:
     """The planner. `until` is a time after which it retreats in any case.
 
-    >>> from missions.tree import Tree
+    >>> from missions.mapping.tree import Tree
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
     >>> both = {1: Cell(0, 0), 2: Cell(0, 0)}
     >>> sorted(Horizon().decide(Situation(tree, both, (1, 2))).moves.values())
@@ -58,7 +58,9 @@ class Horizon:
 
     def decide(self, situation: Situation) -> Decision:
         """The first steps of the routes, or those of the retreat."""
-        outlook = situation.memory if isinstance(situation.memory, Outlook) else Outlook()
+        outlook = (
+            situation.memory if isinstance(situation.memory, PlannerMemory) else PlannerMemory()
+        )
         if outlook.retreat is None:
             ground = Ground.of(situation.tree)
             moves, ahead = _ahead(situation, outlook, ground)
@@ -71,8 +73,8 @@ class Horizon:
 
 
 def _ahead(
-    situation: Situation, outlook: Outlook, ground: Ground
-) -> tuple[dict[int, Cell | None], Outlook]:
+    situation: Situation, outlook: PlannerMemory, ground: Ground
+) -> tuple[dict[int, Cell | None], PlannerMemory]:
     """Where the routes lead next, and what to remember.
 
     When not all robots decide at once, whoever is bound for a vertex counts as being there, and
@@ -109,11 +111,11 @@ def _ahead(
         moves[robot] = None if goal == at[robot] else wide.towards(situation, at[robot], goal)
     kept = {r: goal for r, goal in goals.items() if goal in tree and not tree.has_looked(goal)}
     now, clocks = _clocks(situation, outlook, moves)
-    return moves, Outlook(routes, kept, clocks, now, outlook.decisions + 1)
+    return moves, PlannerMemory(routes, kept, clocks, now, outlook.decisions + 1)
 
 
 def _clocks(
-    situation: Situation, outlook: Outlook, moves: Mapping[int, Cell | None]
+    situation: Situation, outlook: PlannerMemory, moves: Mapping[int, Cell | None]
 ) -> tuple[float, dict[int, float]]:
     """What time it is, and when each robot is done with its move; to wait is to wait for a step."""
     tree, at, metric = situation.tree, situation.at, situation.metric
@@ -129,9 +131,9 @@ def _clocks(
 
 
 def _in_time(
-    situation: Situation, moves: Mapping[int, Cell | None], ahead: Outlook, ground: Ground
+    situation: Situation, moves: Mapping[int, Cell | None], ahead: PlannerMemory, ground: Ground
 ) -> bool:
-    """Whether (1) of `missions.explorers.retreat` holds after the moves.
+    """Whether (1) of `missions.explorers.fallback` holds after the moves.
 
     In time rather than moves: a move costs a step at most, and at most every second one ends with
     a look, for tours are closed and a vertex is looked from once.

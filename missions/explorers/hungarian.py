@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from missions.explorers.assignment import assign
+from missions.explorers.grid_paths import step_home
 from missions.explorers.interface import Decision, Situation
-from missions.explorers.travel import Ways
-from missions.explorers.ways import step_home
-from missions.tree import Tree
+from missions.explorers.leg_costs import Ways
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 DEPTH_BIAS = 0.6
@@ -28,7 +28,7 @@ CROWDING = 3.0
 class Hungarian:
     """All robots to all open cells at once, deep cells first.
 
-    >>> from missions.arena import run
+    >>> from missions.arena.run import run
     >>> run(Hungarian(), {Cell(0, 0), Cell(0, 1), Cell(1, 0)}, Cell(0, 0), 2).makespan
     2.0
     """

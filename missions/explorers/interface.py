@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from missions.metric import Metric
-from missions.tree import Tree
+from missions.explorers.metric import Metric
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 Memory = object

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
+from missions.explorers.grid_paths import step_home
 from missions.explorers.interface import Decision, Situation
-from missions.explorers.ways import step_home
 from missions.units import Cell
 
 _MASK = (1 << 64) - 1
@@ -35,7 +35,7 @@ def mix(*numbers: int) -> int:
 class RandomWalk:
     """A random neighbour at every move.
 
-    >>> from missions.tree import Tree
+    >>> from missions.mapping.tree import Tree
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1)])
     >>> RandomWalk().decide(Situation(tree, {1: Cell(0, 0)}, (1,)))
     Decision(moves={1: Cell(east=0, north=1)}, memory=1)

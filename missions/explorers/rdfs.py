@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from missions.bounds import rdfs_bound_moves
+from missions.explorers.bounds import rdfs_bound_moves
+from missions.explorers.grid_paths import distances
 from missions.explorers.interface import Decision, Situation
-from missions.explorers.ways import distances
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 Branch = tuple[Cell, ...]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from missions.explorers.interface import Decision, Situation
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 

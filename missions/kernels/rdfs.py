@@ -1,9 +1,9 @@
 """`rdfs` in the arena, on arrays: millions of moves a second.
 
-The readable pair is `missions.explorers.rdfs` and `missions.arena`; a property test holds the two
-equal leg by leg. What is different is the counting: nobody walks up the tree. The robots at or
-below a vertex change by one where a robot steps down or up, and a vertex tells its parent once
-that it is explored.
+The readable pair is `missions.explorers.rdfs` and `missions.arena.run`; a property test holds
+the two equal leg by leg. What is different is the counting: nobody walks up the tree. The
+robots at or below a vertex change by one where a robot steps down or up, and a vertex tells its
+parent once that it is explored.
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sitl.items import Item
-from sitl.modes import Phase
-from sitl.physics import IDLE, Command
+from sitl.body.physics import IDLE, Command
+from sitl.copter.mission_items import Item
+from sitl.copter.modes import Phase
+from sitl.copter.route import Progress
 from sitl.px4.commander import Commander, Wish
 from sitl.px4.modes import Px4Mode
-from sitl.route import Progress
 
 _WARNING = 4
 _LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from sitl.aircraft import SEVERITY_INFO, Aircraft
-from sitl.battery import Battery
-from sitl.fence import names
-from sitl.modes import Phase
-from sitl.params import Parameters
-from sitl.physics import Body
+from sitl.body.battery import Battery
+from sitl.body.physics import Body
+from sitl.body.sensors import PositionError
+from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
+from sitl.copter.fence import names
+from sitl.copter.modes import Phase
+from sitl.copter.params import Parameters
 from sitl.px4.failsafes import CRITICAL, Px4Failsafes
 from sitl.px4.fence import Px4Fence
 from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
 from sitl.px4.offboard import Setpoints
 from sitl.px4.params import TABLE
 from sitl.px4.tuning import Px4Tuning
-from sitl.sensors import PositionError
 
 Wish = tuple[float | None, float | None, float | None]
 """East, north, up; None where it is left open."""

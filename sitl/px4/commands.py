@@ -11,11 +11,11 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geodesy import LocalPlane
-from sitl.base_commands import HIGHEST_M, BaseCommands
+from missions.ground.geodesy import LocalPlane
+from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
+from sitl.mavlink.reply import ACCEPTED, DENIED, UNSUPPORTED, Reply, Request, statustext
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
-from sitl.reply import ACCEPTED, DENIED, UNSUPPORTED, Reply, Request, statustext
 
 _FORCE = 21196.0
 _LEFT_AS_IT_IS = 2**31 - 1

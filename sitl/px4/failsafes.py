@@ -13,10 +13,10 @@ from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.battery import CELLS, Battery
-from sitl.control import Estimate
-from sitl.fence import Fence, Place, names
-from sitl.params import Parameters
+from sitl.body.battery import CELLS, Battery
+from sitl.copter.control import Estimate
+from sitl.copter.fence import Fence, Place, names
+from sitl.copter.params import Parameters
 from sitl.px4.modes import Px4Mode
 from sitl.px4.offboard import Setpoints
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from sitl.fence import ALT_MAX, CIRCLE, POLYGON, Fence, Place
-from sitl.params import Parameters
+from sitl.copter.fence import ALT_MAX, CIRCLE, POLYGON, Fence, Place
+from sitl.copter.params import Parameters
 
 
 class Px4Fence(Fence):
@@ -23,7 +23,7 @@ class Px4Fence(Fence):
     def violations(
         self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
     ) -> int:
-        """Bits of `sitl.fence` that a place breaks."""
+        """Bits of `sitl.copter.fence` that a place breaks."""
         if not self.enabled(parameters):
             return 0
         broken = 0

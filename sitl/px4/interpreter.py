@@ -6,16 +6,16 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.commands import Commands
-from sitl.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
-from sitl.params import INT32, Parameter
+from sitl.codec.wire import Message
+from sitl.copter.params import INT32, Parameter
+from sitl.copter.transfer import Transfer
+from sitl.mavlink.commands import Commands
+from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
+from sitl.mavlink.streams import Streams
+from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.items import check
 from sitl.px4.params import bytewise, from_bytewise
-from sitl.streams import Streams
-from sitl.telemetry import Telemetry
-from sitl.transfer import Transfer
-from sitl.wire import Message
 
 _RETRY_S, _GIVE_UP_S = 0.25, 5.0
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.items import IDLE_COMMANDS, MISSION, Item
-from sitl.items import check as check_any
+from sitl.copter.mission_items import IDLE_COMMANDS, MISSION, Item
+from sitl.copter.mission_items import check as check_any
 
 _TERRAIN = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
 # parameters (from 0) by which an item is flown; all others may be not-a-numbers

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from sitl.params import INT32, REAL32, Parameter
+from sitl.copter.params import INT32, REAL32, Parameter
 
 _ROWS = (
     Parameter("BAT1_CAPACITY", -1.0, REAL32),  # mAh, set to the pack's at the start

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geodesy import LocalPlane
+from missions.ground.geodesy import LocalPlane
+from sitl.codec.wire import Message
+from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode
-from sitl.telemetry import IDENTITY, Telemetry
-from sitl.wire import Message
 
 _VERSION_1_15_4 = (1 << 24) | (15 << 16) | (4 << 8) | 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
 _CAPABILITIES = (

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-from sitl.control import Limits
-from sitl.params import Parameters
+from sitl.copter.control import Limits
+from sitl.copter.params import Parameters
 
 _NOSE_FORWARD = (0, 3, 4)  # MPC_YAW_MODE
 _ANYWHERE_M = 0.0
 
 
 class Px4Tuning:
-    """MPC_*, RTL_*, NAV_*; see `sitl.tuning.Tuning`.
+    """MPC_*, RTL_*, NAV_*; see `sitl.copter.tuning.Tuning`.
 
     >>> from sitl.px4.params import TABLE
     >>> tuning = Px4Tuning(Parameters(TABLE))

@@ -17,11 +17,11 @@ import time
 
 import numpy as np
 
-from missions.arena import run
+from missions.arena.fast import Lattice, Summary, run_rdfs
+from missions.arena.roi import grown
+from missions.arena.run import run
 from missions.explorers import EXPLORERS
-from missions.fast_arena import Lattice, Summary, run_rdfs
-from missions.metric import Metric
-from missions.roi import grown
+from missions.explorers.metric import Metric
 from missions.units import Cell
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)

@@ -20,10 +20,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from uavmap.flight import fly
-from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.fly.flight import fly
+from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
-from uavmap.progress import Silent
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
 MISSIONS = {"runway": "runway", "burn": str(Path(__file__).parents[1] / "data" / "burn.toml")}
 STRATEGIES = ("rdfs", "horizon", "hungarian", "greedy")

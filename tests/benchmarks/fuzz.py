@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 from tests.hostile import bombard
 
 _HOME = LatLon(48.0, 11.0)

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from missions.arena import look, run
+from missions.arena.run import look, run
 from missions.explorers import Situation
 from missions.explorers.horizon import Horizon
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 TEAMS = (1, 2, 4, 8, 20)

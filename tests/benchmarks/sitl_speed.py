@@ -24,8 +24,8 @@ import time
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.background import free_ports
-from sitl.setup import Setup
+from sitl.scenario import Setup
+from sitl.sockets.background import free_ports
 from sitl.testing import Fleet
 
 RATE_HZ = 10

@@ -15,7 +15,7 @@ import json
 import time
 from pathlib import Path
 
-from missions.arena import run
+from missions.arena.run import run
 from missions.explorers import EXPLORERS
 from missions.units import Cell
 

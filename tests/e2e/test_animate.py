@@ -12,7 +12,7 @@ from tests.e2e.conftest import Flight
 from tests.e2e.rig import uavmap
 from uavmap.animation.film import FPS, LONGEST_S
 from uavmap.cli import main
-from uavmap.flight_plan import JOURNAL
+from uavmap.record.flight_plan import JOURNAL
 from uavmap.results.palette import STATES, track_colour
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from sitl.setup import Setup
+from sitl.scenario import Setup
 from sitl.testing import Fleet
 from tests.e2e.rig import PATIENCE_S, environment
 

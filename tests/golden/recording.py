@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.events import Event
-from missions.mission_checks import parse_mission
+from missions.mission_file.checks import parse_mission
 from missions.state import Setting
-from uavmap.figures import figures, summary
+from uavmap.results.figures import figures, summary
 
 HERE: Final = Path(__file__).parent
 MISSION: Final = HERE / "mission.toml"

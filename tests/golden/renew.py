@@ -11,10 +11,10 @@ import tempfile
 from pathlib import Path
 
 from tests.golden.recording import EVENTS, MISSION, OUTCOME, SEED, outcome
-from uavmap.flight import fly
-from uavmap.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.journal import Journal
-from uavmap.progress import Silent
+from uavmap.fly.flight import fly
+from uavmap.fly.progress import Silent
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.journal import Journal
 
 
 def flown(folder: Path) -> list[str]:

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from shapely.geometry.base import BaseGeometry
 
 from missions.events import Connected, Event, FrameSeen, Tracked
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.state import Setting, State
 from missions.step import step
 from missions.units import Cell
 from uavmap.animation.film import Change, Film, Fix, Place, Unit
-from uavmap.figures import LIFT_OFF_M
-from uavmap.outcome import cell_state
+from uavmap.results.figures import LIFT_OFF_M
 from uavmap.results.model import State as CellState
-from uavmap.score import MISSED_SHARE, cells_near, shares_of
+from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
+from uavmap.results.write_results import cell_state
 
 
 def film_of_flight(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import OutputError
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 from uavmap.animation.backbone import backbone, ribs, spread
 from uavmap.animation.drawing import Box, Disc, Line, Point, Shape, Words, png, svg, words_width

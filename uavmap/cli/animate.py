@@ -10,10 +10,10 @@ from missions.errors import OutputError
 from missions.state import Setting
 from uavmap.animation import film_of_flight
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
-from uavmap.flight_plan import JOURNAL, FlightPlan
-from uavmap.journal import Journal
-from uavmap.progress import Terminal
-from uavmap.simulation import true_roi
+from uavmap.fly.progress import Terminal
+from uavmap.record.flight_plan import JOURNAL, FlightPlan
+from uavmap.record.journal import Journal
+from uavmap.results.score import true_roi
 
 ANIMATION: Final = "flight.gif"
 TREE: Final = "tree.png"

@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
-from missions.search import search_length_m, share_out
+from missions.ground.lanes import search_length_m, share_out
 from missions.state import Setting
 from missions.units import GridPoint
 from uavmap.mission_source import load_source

@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 from missions.errors import JournalError, OutputError, UavmapError
-from missions.mission_file import MAX_VEHICLES
-from uavmap.flight_plan import JOURNAL
+from missions.mission_file.schema import MAX_VEHICLES
+from uavmap.record.flight_plan import JOURNAL
 
 INCOMPLETE: Final = 3
 INTERRUPTED: Final = 130

@@ -9,10 +9,10 @@ from typing import Any
 from missions.errors import LinkError, MissionFileError
 from missions.explorers import EXPLORERS
 from uavmap.cli.common import report, results_folder, seed_number, speedup, vehicle_count
-from uavmap.flight import fly
-from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.fly.flight import fly
+from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
-from uavmap.progress import Terminal
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
 _EXAMPLES = """\
 examples:

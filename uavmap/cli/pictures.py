@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from uavmap.animation import DRAWINGS, FILMS, Film, check_path, draw_tree, live, write_film
 from uavmap.cli.common import index_number
 from uavmap.clock import ScaledClock

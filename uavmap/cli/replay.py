@@ -9,12 +9,12 @@ from typing import Any
 
 from missions.state import Setting
 from uavmap.cli.common import report, results_folder
-from uavmap.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.journal import Journal
+from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source
-from uavmap.photos import list_photos
-from uavmap.progress import Terminal
-from uavmap.replay import replay
+from uavmap.offline.photos import list_photos
+from uavmap.offline.replay import replay
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.journal import Journal
 
 _EXAMPLES = """\
 examples:

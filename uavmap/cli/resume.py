@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from uavmap.cli.common import report
-from uavmap.flight import resume
-from uavmap.progress import Terminal
+from uavmap.fly.flight import resume
+from uavmap.fly.progress import Terminal
 
 _EXAMPLES = """\
 examples:

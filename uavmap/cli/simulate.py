@@ -13,11 +13,11 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from missions.arena import Comms
+from missions.arena.roi import KINDS, MAX_CELLS, Roi, grown
+from missions.arena.run import Comms
 from missions.errors import OutputError, RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS, Explorer
-from missions.metric import Metric
-from missions.roi import KINDS, MAX_CELLS, Roi, grown
+from missions.explorers.metric import Metric
 from missions.units import LatLon
 from uavmap.animation import film_of_run
 from uavmap.cli.common import (
@@ -35,10 +35,10 @@ from uavmap.cli.pictures import (
     write_pictures,
 )
 from uavmap.notices import tell_if_uncompiled
+from uavmap.offline.roi_files import load_rois
+from uavmap.offline.trials import Terms, Trial, explored, means, trials
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
-from uavmap.roi_files import load_rois
-from uavmap.trials import Terms, Trial, explored, means, trials
 
 MAX_ROBOTS: Final = 1000
 REPORT_S: Final = 2.0

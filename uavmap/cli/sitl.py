@@ -11,9 +11,8 @@ from typing import Any
 
 from missions.errors import LinkError, UavmapError
 from uavmap.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
-from uavmap.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.mission_source import load_source
-from uavmap.simulation import serve_setup, serve_vehicles, setup_without_mission
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
 _EXAMPLES = """\
 examples:
@@ -103,8 +102,12 @@ _Serving = Callable[[Callable[[list[str]], None]], Coroutine[Any, Any, None]]
 
 def _by_mission(options: argparse.Namespace) -> _Serving:
     """The vehicles and the world of a mission."""
+    from uavmap import simulation  # noqa: PLC0415 - real flights need none of it
+
     if options.autopilot is not None:
-        setup_without_mission(autopilot=options.autopilot)  # says what it thinks of the flavour
+        simulation.setup_without_mission(
+            autopilot=options.autopilot
+        )  # says what it thinks of the flavour
     source = load_source(options.mission or "runway")
     plan = FlightPlan(
         source.source,
@@ -117,7 +120,7 @@ def _by_mission(options: argparse.Namespace) -> _Serving:
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
     mission = plan.mission()
-    return lambda on_ready: serve_vehicles(
+    return lambda on_ready: simulation.serve_vehicles(
         mission,
         options.seed,
         autopilot=options.autopilot,
@@ -131,11 +134,13 @@ def _by_mission(options: argparse.Namespace) -> _Serving:
 
 def _by_home(options: argparse.Namespace) -> _Serving:
     """Vehicles over an empty meadow, or over what some files say."""
+    from uavmap import simulation  # noqa: PLC0415 - real flights need none of it
+
     speed_m_s, from_deg = 0.0, 0.0
     if options.wind is not None:
         expected = "SPEED,FROM in m/s and degrees, such as 6,270"
         speed_m_s, from_deg = pair(f"--wind {options.wind}", options.wind, expected)
-    setup = setup_without_mission(
+    setup = simulation.setup_without_mission(
         autopilot=options.autopilot or "ardupilot",
         vehicles=options.vehicles or 1,
         home=options.home,
@@ -147,7 +152,7 @@ def _by_home(options: argparse.Namespace) -> _Serving:
         world=tuple(options.world or ()),
         world_epsg=options.world_crs,
     )
-    return lambda on_ready: serve_setup(
+    return lambda on_ready: simulation.serve_setup(
         setup, base_port=options.port, http_port=options.http_port, on_ready=on_ready
     )
 

@@ -17,7 +17,7 @@ from uavmap.cli.common import (
     worker_count,
 )
 from uavmap.studies import STUDIES
-from uavmap.studies.spread import Progress, spread
+from uavmap.studies.executors import Progress, spread
 from uavmap.studies.study import Page
 
 SHOWN_ROWS: Final = 20

@@ -38,16 +38,18 @@ class Autopilot:
     """Of MAV_CMD_DO_SET_MODE for `follows`."""
     amsl: bool
     """Whether heights of commands are above the sea, or else above home."""
-    blank: float
+    unused_param: float
     """A parameter of a command that says nothing."""
     tells_failsafe: bool
     """Whether system_status CRITICAL means that a failsafe flies, in whatever mode."""
 
-    def place(self, height_m: float, home_amsl_m: float) -> tuple[int, float]:
+    def altitude_on_wire(self, height_m: float, home_amsl_m: float) -> tuple[int, float]:
         """Frame and height on the wire of a command for `height_m` above home.
 
-        >>> PX4.place(12.0, home_amsl_m=488.0), ARDUPILOT.place(12.0, home_amsl_m=488.0)
-        ((0, 500.0), (3, 12.0))
+        >>> PX4.altitude_on_wire(12.0, home_amsl_m=488.0)
+        (0, 500.0)
+        >>> ARDUPILOT.altitude_on_wire(12.0, home_amsl_m=488.0)
+        (3, 12.0)
         """
         if self.amsl:
             return mav.MAV_FRAME_GLOBAL, home_amsl_m + height_m
@@ -68,7 +70,7 @@ ARDUPILOT: Final = Autopilot(
     streams={**_STREAMS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 1.0},
     follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4),
     amsl=False,
-    blank=0.0,
+    unused_param=0.0,
     tells_failsafe=False,
 )  # fmt: skip
 
@@ -94,7 +96,7 @@ PX4: Final = Autopilot(
     streams={**_STREAMS, mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0},
     follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4, 3),
     amsl=True,
-    blank=math.nan,
+    unused_param=math.nan,
     tells_failsafe=True,
 )  # fmt: skip
 

@@ -60,7 +60,7 @@ def parse_url(url: str) -> Endpoint:
     if match := _SERIAL_PATH.fullmatch(text) or _SERIAL_URL.fullmatch(text):
         baud = int(match["baud"] or DEFAULT_BAUD)
         if baud == 0:
-            raise LinkError(f"{url!r}: a baud rate of 0 hangs up; leave it out for {DEFAULT_BAUD}")
+            raise LinkError(f"{url!r}: the baud rate must be positive (default {DEFAULT_BAUD})")
         return Endpoint("serial", match["device"], baud)
     match = _NETWORK.fullmatch(text)
     transport = _SYNONYMS.get(match["scheme"]) if match else None

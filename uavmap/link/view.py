@@ -19,6 +19,8 @@ PREARM_BIT: Final = 0x10000000
 EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
+SIMULATOR_IDENTITY: Final = (0x5541, 0x534D)
+"""vendor_id and product_id of the bundled simulator: nobody stands beside its aircraft."""
 
 
 @dataclass(slots=True)
@@ -87,6 +89,11 @@ class VehicleView:
     def on_ground(self) -> bool:
         """Landed and disarmed."""
         return self.landed_state == mav.MAV_LANDED_STATE_ON_GROUND and not self.armed
+
+    @property
+    def is_simulator(self) -> bool:
+        """Whether this is an aircraft of the bundled simulator, over whatever link."""
+        return self.identity == SIMULATOR_IDENTITY
 
     @property
     def ground_speed_m_s(self) -> float:

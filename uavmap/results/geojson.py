@@ -18,9 +18,9 @@ from typing import Any
 from shapely.geometry import MultiPolygon, Polygon
 
 from missions.units import GridPoint, LatLon
-from uavmap.outline import outline
 from uavmap.results.atomic import write_text
 from uavmap.results.model import MapData, Track
+from uavmap.results.outline import outline
 
 DECIMALS = 7
 

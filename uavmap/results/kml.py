@@ -13,9 +13,9 @@ from pathlib import Path
 from shapely.geometry import MultiPolygon
 
 from missions.units import GridPoint, LatLon
-from uavmap.outline import outline
 from uavmap.results.atomic import write_bytes
 from uavmap.results.model import MapData, State
+from uavmap.results.outline import outline
 from uavmap.results.palette import OUTLINE, STATES, Colour, track_colour
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"

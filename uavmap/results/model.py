@@ -7,7 +7,7 @@ from typing import Literal
 
 from shapely.geometry.base import BaseGeometry
 
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
 
 State = Literal["non-roi", "unexplored", "under exploration", "explored"]

@@ -19,10 +19,10 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from missions.units import GridPoint
-from uavmap.outline import outline
 from uavmap.results.atomic import write_bytes
 from uavmap.results.legend import Entry, draw_legend, legend_height_px
 from uavmap.results.model import MapData
+from uavmap.results.outline import outline
 from uavmap.results.palette import OUTLINE, STATES, TRUTH, Colour, track_colour
 from uavmap.results.view import View, ground, ring_on_map, track_on_map, view_of
 

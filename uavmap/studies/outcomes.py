@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-from missions.arena import run
-from missions.certificate import Certificate, bound_time, certify
+from missions.arena.certificate import Certificate, bound_time, certify
+from missions.arena.fast import Lattice, run_rdfs
+from missions.arena.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.arena.roi import Roi, grown
+from missions.arena.run import run
 from missions.explorers import EXPLORERS
-from missions.explorers.ways import distances
-from missions.fast_arena import Lattice, run_rdfs
-from missions.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
-from missions.metric import Metric
-from missions.roi import Roi, grown
+from missions.explorers.grid_paths import distances
+from missions.explorers.metric import Metric
 
 _SHARED_BY_TRIALS = 256
 MANY_CELLS = 5000
 PLAIN = "rdfs, plain"
-"""`rdfs` with the child rule and no more, as `missions.fast_arena.run_rdfs` has it."""
+"""`rdfs` with the child rule and no more, as `missions.arena.fast.run_rdfs` has it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from itertools import groupby
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from missions.bounds import rdfs_bound_moves
+from missions.explorers.bounds import rdfs_bound_moves
 from uavmap.studies.outcomes import PLAIN, Job, eccentricity, explore, roi_of
 from uavmap.studies.study import COLOURS, MARKERS, Page, Study, Table, trial_seed
 

@@ -12,8 +12,8 @@ from itertools import groupby, pairwise
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from missions.bounds import rdfs_bound_moves
-from missions.metric import Metric
+from missions.explorers.bounds import rdfs_bound_moves
+from missions.explorers.metric import Metric
 from uavmap.studies.lawn_mower import lawn_mower
 from uavmap.studies.outcomes import explore, roi_of
 from uavmap.studies.study import COLOURS, Page, Study, Table, trial_seed

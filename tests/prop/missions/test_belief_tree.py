@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena import look
-from missions.belief import Belief, FrameId, Tally
-from missions.roi import KINDS, component
-from missions.tree import Tree, VertexState
+from missions.arena.roi import KINDS, component
+from missions.arena.run import look
+from missions.mapping.belief import Belief, FrameId, Tally
+from missions.mapping.tree import Tree, VertexState
 from missions.units import Cell
 
 FAST = settings(max_examples=120, deadline=None, derandomize=True)

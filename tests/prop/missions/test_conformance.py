@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from missions.conformance import check, failures
+from missions.arena.conformance import check, failures
 from missions.errors import StrategyError
 from missions.explorers import EXPLORERS, Decision, Situation
-from missions.explorers.ways import step_home
+from missions.explorers.grid_paths import step_home
 from missions.units import Cell
 
 

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from missions.arena import Run, patience_of, run
-from missions.bounds import drift_factor, rdfs_bound_moves
-from missions.certificate import bound_time
-from missions.conformance import check
+from missions.arena.certificate import bound_time
+from missions.arena.conformance import check
+from missions.arena.roi import KINDS, component, eden, thin
+from missions.arena.run import Run, patience_of, run
 from missions.explorers import EXPLORERS, Situation
-from missions.explorers.ways import distances
-from missions.metric import Metric
-from missions.roi import KINDS, component, eden, thin
-from missions.tree import Tree
+from missions.explorers.bounds import drift_factor, rdfs_bound_moves
+from missions.explorers.grid_paths import distances
+from missions.explorers.metric import Metric
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 NAMES = list(EXPLORERS)

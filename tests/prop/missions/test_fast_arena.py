@@ -7,15 +7,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from missions import arena
-from missions.arena import run
-from missions.bounds import rdfs_bound_moves
+from missions.arena import run as arena
+from missions.arena.fast import Lattice, Summary, run_rdfs, run_rdfs_legs
+from missions.arena.roi import KINDS
+from missions.arena.run import run
 from missions.errors import RoiError
 from missions.explorers import EXPLORERS, Decision, rdfs
+from missions.explorers.bounds import rdfs_bound_moves
+from missions.explorers.metric import Metric
 from missions.explorers.rdfs import Rdfs
-from missions.fast_arena import Lattice, Summary, run_rdfs, run_rdfs_legs
-from missions.metric import Metric
-from missions.roi import KINDS
 from missions.units import Cell
 
 START = Cell(0, 0)

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
 
-from missions.fence import Fence, route_length_m
-from missions.search import lanes, rest_of, search_length_m, share_out
-from missions.separation import Volume, is_free
+from missions.flight.volumes import Volume, is_free
+from missions.ground.fence import Fence, route_length_m
+from missions.ground.lanes import lanes, rest_of, search_length_m, share_out
 from missions.units import GridPoint
 
 FAST = settings(max_examples=150, deadline=None, derandomize=True)

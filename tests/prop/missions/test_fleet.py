@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from missions.belief import Belief, FrameId
+from missions.arena.roi import component
 from missions.events import Event, FrameSeen
 from missions.explorers import EXPLORERS
+from missions.mapping.belief import Belief, FrameId
 from missions.orders import Hold, TakeOff
-from missions.roi import component
 from missions.state import Phase
 from missions.step import fold
 from tests.fake_fleet import Fleet, fleet

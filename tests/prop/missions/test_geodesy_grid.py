@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.errors import GeodesyError
-from missions.geodesy import LocalPlane, UtmZone
-from missions.grid import Grid
+from missions.ground.geodesy import LocalPlane, UtmZone
+from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 
 FAST = settings(max_examples=150, deadline=None, derandomize=True)

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from missions.arena import Comms, Run, run
-from missions.bounds import rdfs_bound_moves
+from missions.arena.roi import component, eden, grown, thin
+from missions.arena.run import Comms, Run, run
 from missions.explorers import Decision, Situation
-from missions.explorers.horizon import Horizon, Outlook
-from missions.explorers.retreat import Retreat
-from missions.explorers.sites import Ground, Sites
-from missions.explorers.ways import distances
-from missions.metric import Metric
-from missions.roi import component, eden, grown, thin
-from missions.tree import Tree
+from missions.explorers.bounds import rdfs_bound_moves
+from missions.explorers.fallback import Retreat
+from missions.explorers.grid_paths import distances
+from missions.explorers.horizon import Horizon, PlannerMemory
+from missions.explorers.metric import Metric
+from missions.explorers.route_planner import Ground, Sites
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 START = Cell(0, 0)
@@ -78,7 +78,7 @@ class Watched:
     def decide(self, situation: Situation) -> Decision:
         decision = self.explorer.decide(situation)
         memory = decision.memory
-        assert isinstance(memory, Outlook)
+        assert isinstance(memory, PlannerMemory)
         if self.home_by is None and memory.retreat is not None:
             steps = distances(situation.tree, situation.tree.root)
             self.home_by = self.rounds + max(steps[cell] for cell in situation.at.values())
@@ -237,7 +237,7 @@ def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others() -> None:
     tree = Tree.rooted(START).looked(START, [Cell(0, 1)]).looked(Cell(0, 1), [Cell(0, 2)])
     tree = tree.looked(Cell(0, 2), [last])
     there = Situation(
-        tree, {1: last, 2: Cell(0, 2)}, (2,), Outlook(goals={1: last}), Metric(straight=True)
+        tree, {1: last, 2: Cell(0, 2)}, (2,), PlannerMemory(goals={1: last}), Metric(straight=True)
     )
     assert Horizon().decide(there).moves == {2: None}
     assert Horizon().decide(replace(there, away=frozenset({1}))).moves == {2: last}

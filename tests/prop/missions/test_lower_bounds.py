@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.arena import run
-from missions.certificate import certify
-from missions.explorers import EXPLORERS
-from missions.lower_bounds import (
+from missions.arena.certificate import certify
+from missions.arena.lower_bounds import (
     LowerBounds,
     drift_lower_bound,
     flight_lower_bound,
     one_way_lower_bound,
 )
-from missions.metric import Metric
-from missions.roi import KINDS, Roi, grown
+from missions.arena.roi import KINDS, Roi, grown
+from missions.arena.run import run
+from missions.explorers import EXPLORERS
+from missions.explorers.metric import Metric
 from missions.units import Cell
 
 SHARED = os.environ.get("UAVMAP_SHARED") or Path(__file__).resolve().parents[3] / "../shared"

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.arena import run
+from missions.arena.roi import KINDS, component, eden, thin
+from missions.arena.run import run
 from missions.explorers import EXPLORERS, Situation
 from missions.explorers.assignment import assign
 from missions.explorers.lrv import Lrv
+from missions.explorers.metric import Metric
 from missions.explorers.random_walk import RandomWalk, mix
-from missions.metric import Metric
-from missions.roi import KINDS, component, eden, thin
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 START = Cell(0, 0)

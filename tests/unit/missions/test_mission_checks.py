@@ -9,10 +9,10 @@ import pytest
 
 from missions.errors import MissionFileError
 from missions.explorers import EXPLORERS
-from missions.geodesy import LocalPlane
-from missions.grid import Grid
-from missions.homes import homes
-from missions.mission_checks import parse_mission
+from missions.ground.geodesy import LocalPlane
+from missions.ground.grid import Grid
+from missions.mission_file.checks import parse_mission
+from missions.mission_file.launch_pads import homes
 from missions.units import LatLon
 
 START = LatLon(48.0, 11.0)

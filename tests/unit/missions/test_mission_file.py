@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from missions.errors import MissionFileError
-from missions.mission_file import Mission, parse_fields
+from missions.mission_file.schema import Mission, parse_fields
 from missions.units import LatLon
 
 HEAD = """

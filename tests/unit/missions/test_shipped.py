@@ -8,9 +8,9 @@ from itertools import pairwise
 import pytest
 from shapely.geometry import Polygon
 
-from missions.grid import Grid
-from missions.mission_checks import parse_mission
-from missions.mission_file import Mission, positions
+from missions.ground.grid import Grid
+from missions.mission_file.checks import parse_mission
+from missions.mission_file.schema import Mission, positions
 
 NAMES = ["runway", "runway-field", "spill", "road"]
 

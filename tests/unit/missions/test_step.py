@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 from shapely.geometry import LineString, Point
 
-from missions.apply import apply
 from missions.events import (
     Airborne,
     Arrived,
@@ -29,7 +28,9 @@ from missions.events import (
     to_json,
 )
 from missions.explorers import EXPLORERS
-from missions.mission_file import Mission
+from missions.flight.transitions import apply
+from missions.mapping.tree import Tree
+from missions.mission_file.schema import Mission
 from missions.orders import (
     AwaitBattery,
     FlyTo,
@@ -42,9 +43,8 @@ from missions.orders import (
     Sweep,
     TakeOff,
 )
-from missions.state import Errand, Phase, Setting, State
+from missions.state import Phase, ReturnReason, Setting, State
 from missions.step import Orders, step
-from missions.tree import Tree
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
 from tests.small_missions import mission, square
@@ -165,10 +165,10 @@ def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sor
     service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
     low_wh = service.setting.energy.reserve_wh
     service.post(Tracked(1, 13.0, service.setting.lanes[0][0], 12.0, low_wh))
-    assert service.state.vehicles[1].errand is Errand.BATTERY
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
     service.post(frame(1, 13.5, Cell(0, 6), Cell(0, 6)))
     assert service.state.vehicles[1].candidate == Cell(0, 6)
-    assert service.state.vehicles[1].errand is Errand.BATTERY
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
 
 
 def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Service) -> None:
@@ -220,7 +220,8 @@ def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None
     full = pair.state.vehicles[2]
     landing = replace(
         full,
-        phase=Phase.AIRBORNE, landed=False, order=Hold(), errand=Errand.BATTERY, over_home=True,
+        phase=Phase.AIRBORNE, landed=False, order=Hold(), over_home=True,
+        return_reason=ReturnReason.BATTERY,
         position=pad, height_m=18.0, lanes=full.lanes[-1:],
     )  # fmt: skip
     pair.state = pair.state.with_vehicle(idle).with_vehicle(landing)
@@ -242,14 +243,14 @@ def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
     for t in range(3):
         service.post(frame(1, 30.0 + t, ROOT, ROOT, north))
     assert service.state.tree.children(ROOT) == (north,)
-    assert not service.state.mapped
+    assert not service.state.exploration_finished
 
 
 def test_a_look_that_ends_early_leaves_the_cell_undecided(service: Service) -> None:
     service.exploring()
     service.post(frame(1, 20.0, ROOT, ROOT, of=(ROOT,)), LookEnded(1, 21.0))
     assert service.state.undecided == {ROOT}
-    assert service.state.mapped
+    assert service.state.exploration_finished
     assert not service.state.completed
 
 
@@ -257,7 +258,7 @@ def test_a_silent_camera_brings_the_vehicle_home_for_good(service: Service) -> N
     service.exploring()
     service.post(LookEnded(1, 21.0))
     vehicle = service.state.vehicles[1]
-    assert vehicle.errand is Errand.FAULT
+    assert vehicle.return_reason is ReturnReason.FAULT
     assert isinstance(vehicle.order, FlyTo)
     service.post(Arrived(1, 25.0, HOME))
     assert service.order() == Land()
@@ -285,7 +286,7 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
         service.track(1, GridPoint(0.0, 90.0))
     assert service.state.tree is not None
     assert root not in service.state.abandoned
-    assert service.state.mapped or service.state.vehicles[1].vertex == near
+    assert service.state.exploration_finished or service.state.vehicles[1].vertex == near
 
 
 def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
@@ -294,7 +295,7 @@ def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
     flight.start()
     flight.run()
     assert flight.faults == []
-    assert flight.state.mapped
+    assert flight.state.exploration_finished
     assert not flight.state.completed
     assert flight.state.abandoned == {Cell(0, 10)}
 
@@ -358,7 +359,7 @@ def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service
     service.connect()
     service.post(Airborne(1, 8.0))
     service.post(OrderFailed(1, 9.0, "fly to", "denied"))
-    assert service.state.vehicles[1].errand is Errand.FAULT
+    assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
     service.track(1, HOME)
     service.track(1, HOME)
     assert service.order() == Land()
@@ -419,7 +420,7 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
     assert pair.order(2) == Hold()
     low_wh = pair.setting.energy.reserve_wh + 2.0
     orders = dict(pair.post(Tracked(1, pair.now_s + 1.0, centre(Cell(2, 3)), 12.0, low_wh)))
-    assert pair.state.vehicles[1].errand is Errand.BATTERY
+    assert pair.state.vehicles[1].return_reason is ReturnReason.BATTERY
     assert isinstance(orders[2], FlyTo)
     assert orders[2].cell == last
 
@@ -428,7 +429,7 @@ def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> No
     pair.connect(1)
     pair.connect(2, at=GridPoint(8.0, 0.0))
     pair.post(Airborne(1, 8.0), Recalled(9.0))
-    assert pair.state.vehicles[1].errand is Errand.RECALLED
+    assert pair.state.vehicles[1].return_reason is ReturnReason.RECALLED
     assert pair.state.vehicles[2].order == Land(), "its take-off is called off, wherever it is"
     pair.post(Landed(2, 12.0, 59.0))
     assert pair.state.vehicles[2].phase is Phase.FINISHED
@@ -493,12 +494,12 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     descending = replace(
         pair.state.vehicles[2],
         phase=Phase.AIRBORNE, landed=False, order=Land(), position=pad, height_m=9.0,
-        errand=Errand.BATTERY, over_home=True,
+        return_reason=ReturnReason.BATTERY, over_home=True,
     )  # fmt: skip
     low = replace(
         pair.state.vehicles[1],
         phase=Phase.AIRBORNE, landed=False, order=None, position=GridPoint(60.0, 0.0),
-        height_m=12.0, errand=Errand.BATTERY,
+        height_m=12.0, return_reason=ReturnReason.BATTERY,
     )  # fmt: skip
     pair.state = pair.state.with_vehicle(descending).with_vehicle(low)
     pair.track(1, GridPoint(60.0, 0.0))
@@ -559,4 +560,4 @@ def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0))
     service.track(1, GridPoint(0.0, -500.0))
-    assert service.state.vehicles[1].errand is Errand.FAULT
+    assert service.state.vehicles[1].return_reason is ReturnReason.FAULT

@@ -10,9 +10,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.camera import CameraSpec
+from sitl.camera.render import CameraSpec
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import Patch, World, WorldSpec
+from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.battery import Battery
+from sitl.body.battery import Battery
 
 happenings = st.one_of(
     st.tuples(st.just("draw"), st.floats(0.0, 900.0), st.floats(0.0, 60.0)),

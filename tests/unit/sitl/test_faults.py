@@ -10,14 +10,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import MissionFileError
-from missions.mission_file import parse_fields
+from missions.mission_file.schema import parse_fields
 from missions.units import LatLon
-from sitl.battery import Battery
-from sitl.faults import Faults
-from sitl.injection import CAMERA_UNIT
-from sitl.modes import Mode
-from sitl.physics import Body
-from sitl.sensors import PositionError
+from sitl.body.battery import Battery
+from sitl.body.physics import Body
+from sitl.body.sensors import PositionError
+from sitl.copter.modes import Mode
+from sitl.faults.faults import Faults
+from sitl.faults.injection import CAMERA_UNIT
 from uavmap.simulation import make_vehicles
 
 INJECT = mav.MAV_CMD_INJECT_FAILURE

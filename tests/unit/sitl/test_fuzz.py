@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.wire import Packer
+from sitl.codec.wire import Packer
 from tests.hostile import Hostile, bombard, condition
 
 SIZE = 400_000

@@ -17,14 +17,14 @@ from PIL import ExifTags, Image
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Polygon, shape
 
-from missions.geodesy import LocalPlane
+from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon, Quaternion
-from sitl.camera import CameraSpec, render
-from sitl.exif import EPOCH_UTC_S, Geotag, camera_angles, tagged
+from sitl.camera.exif import EPOCH_UTC_S, Geotag, camera_angles, tagged
+from sitl.camera.render import CameraSpec, render
 from tests.unit.sitl.conftest import Client
 from uavmap.cli import main
 from uavmap.mission_source import load_source
-from uavmap.photos import list_photos
+from uavmap.offline.photos import list_photos
 from uavmap.simulation import make_vehicles
 
 MISSION = Path(__file__).resolve().parents[2] / "data" / "speck.toml"

@@ -12,11 +12,11 @@ import pytest
 from PIL import Image, TiffImagePlugin
 
 from missions.errors import WorldError
-from missions.geodesy import LocalPlane, UtmZone
+from missions.ground.geodesy import LocalPlane, UtmZone
 from missions.units import LatLon
-from sitl.camera import CameraSpec, Shot, ground_to_pixel, render
-from sitl.ground import load_ground, load_orthophoto, load_patches
-from sitl.world import World, WorldSpec
+from sitl.camera.render import CameraSpec, Shot, ground_to_pixel, render
+from sitl.world.files import load_ground, load_orthophoto, load_patches
+from sitl.world.world import World, WorldSpec
 
 HOME = LatLon(48.0, 11.0)
 PLANE = LocalPlane(HOME)

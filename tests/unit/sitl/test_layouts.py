@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl import layouts, wire
-from sitl.layouts import int16, int32, layout, uint16
-from sitl.wire import Packer
+from sitl.codec import fast_packing as layouts
+from sitl.codec import wire
+from sitl.codec.fast_packing import int16, int32, layout, uint16
+from sitl.codec.wire import Packer
 
 # each kind that is streamed, with the number of its fields that telemetry fills in
 KINDS = {

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.params import BY_NAME, INT8, INT16, INT32, REAL32, TABLE, Parameters
+from sitl.copter.params import BY_NAME, INT8, INT16, INT32, REAL32, TABLE, Parameters
 
 
 def read(client, name):

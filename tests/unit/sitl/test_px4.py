@@ -13,10 +13,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import LatLon
 from sitl.px4.modes import Px4Mode, packed, wanted
 from sitl.px4.params import TABLE, bytewise, from_bytewise
-from sitl.setup import Setup
+from sitl.scenario import Setup
 from sitl.testing import Fleet
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 from tests.hostile import bombard
 
 NAN = math.nan

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 
 ARM, MODE, START = 400, 176, 300
 AUTO, GUIDED, RTL, BRAKE = 3, 4, 6, 17

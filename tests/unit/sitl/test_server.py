@@ -10,12 +10,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.ports import Connection, TcpPort, datagrams
-from sitl.server import serve
-from sitl.signing import Signing
+from sitl.codec.wire import Packer, cut
+from sitl.mavlink.signing import Signing
+from sitl.sockets.client_sockets import Connection, TcpPort, datagrams
+from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.wire import Packer, cut
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 
 HOME = LatLon(48.0, 11.0)
 GLOBAL_POSITION_INT = mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 
 KEY = bytes(range(1, 33))
 MINUTE = 6_000_000  # in units of 10 us

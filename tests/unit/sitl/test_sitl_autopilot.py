@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
+from sitl.codec.wire import Framer
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.wire import Framer
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
 UNSUPPORTED, FAILED = mav.MAV_RESULT_UNSUPPORTED, mav.MAV_RESULT_FAILED

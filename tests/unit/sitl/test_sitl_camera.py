@@ -10,9 +10,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon, Quaternion
-from sitl.camera import CameraSpec, Shot, ground_to_pixel, render
-from sitl.texture import TILE_M
-from sitl.world import Patch, World, WorldSpec
+from sitl.camera.render import CameraSpec, Shot, ground_to_pixel, render
+from sitl.world.texture import TILE_M
+from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)
 LENS_M = 0.1

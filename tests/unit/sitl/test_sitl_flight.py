@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.control import sqrt_controller
-from sitl.physics import Body, Command
+from sitl.body.physics import Body, Command
+from sitl.copter.control import sqrt_controller
 
 
 @pytest.mark.parametrize("distance_m", [0.5, 4.0, 20.0, 80.0])

@@ -9,10 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.pictures import PictureServer
-from sitl.server import serve
+from sitl.camera.http import PictureServer
+from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world import World, WorldSpec
+from sitl.world.world import World, WorldSpec
 
 HOME = LatLon(48.0, 11.0)
 

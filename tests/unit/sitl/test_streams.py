@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.streams import Streams
+from sitl.mavlink.streams import Streams
 
 
 class OneByOne:

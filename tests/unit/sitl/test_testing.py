@@ -9,7 +9,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.setup import Setup
+from sitl.scenario import Setup
 from sitl.testing import Fleet
 
 

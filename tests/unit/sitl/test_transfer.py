@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.items import FENCE, MISSION, RALLY, Item
-from sitl.transfer import Plans, Transfer
+from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
+from sitl.copter.transfer import Plans, Transfer
 
 ACCEPTED, CANCELLED = mav.MAV_MISSION_ACCEPTED, mav.MAV_MISSION_OPERATION_CANCELLED
 WP, TAKEOFF, RTL = mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_TAKEOFF, 20

@@ -16,7 +16,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.params import BY_NAME
+from sitl.copter.params import BY_NAME
 
 SHARED = os.environ.get("UAVMAP_SHARED") or Path(__file__).resolve().parents[3] / "../shared"
 LOG = Path(SHARED) / "data/arducopter/flight-4.6.tlog"

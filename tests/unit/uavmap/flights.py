@@ -10,17 +10,18 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Event, Overridden
-from missions.grid import Grid
-from missions.mission_file import Mission, SimRegion
+from missions.ground.grid import Grid
+from missions.mission_file.schema import Mission, SimRegion
 from missions.orders import Order, StandDown
 from missions.state import Setting
 from missions.units import GridPoint
 from tests.small_missions import CELL_M, START, mission, square
 from uavmap.clock import VirtualClock, run
-from uavmap.eyes import Classifier, Eyes
+from uavmap.fly.classifier import Classifier
+from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.link.session import GROUND_SYSTEM_ID, Session
 from uavmap.simulation import STEP_S, make_vehicles
-from uavmap.vehicle import MavlinkVehicle
 
 Message = Any
 PILOT_SYSTEM_ID = 255
@@ -59,7 +60,7 @@ class Flight:
             1,
             "sim",
             self.session,
-            Eyes(1, self.session, classifier, self._fetch, self.now_s),
+            CameraDriver(1, self.session, classifier, self._fetch, self.now_s),
             made,
             grid,
             self.now_s,

@@ -11,9 +11,9 @@ import pytest
 
 from tests.unit.uavmap.photographs import write_photo
 from uavmap.cli import main
-from uavmap.flight_plan import JOURNAL, TLOG
-from uavmap.journal import Journal
 from uavmap.mission_source import load_source
+from uavmap.record.flight_plan import JOURNAL, TLOG
+from uavmap.record.journal import Journal
 
 RUNWAY = load_source("runway").text
 

@@ -11,7 +11,7 @@ import pytest
 
 from missions.explorers import EXPLORERS
 from uavmap.cli import main, simulate
-from uavmap.trials import Trial, trials
+from uavmap.offline.trials import Trial, trials
 
 KEYS = {"makespan", "lower_bound", "bound", "bound_held", "moves", "tree_depth", "wall_s"}
 

@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 import pytest
 
-from uavmap.crew import Crew
+from uavmap.fly.ground_crew import Crew
 
 SOON_S = 0.15
 

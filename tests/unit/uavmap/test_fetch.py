@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from missions.errors import LinkError
-from uavmap.http_pictures import fetch_over_http
+from uavmap.fly.http_pictures import fetch_over_http
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from missions.state import Setting
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
 from tests.small_missions import mission, random_scenario, square
-from uavmap.figures import Figures, figures, summary
+from uavmap.results.figures import Figures, figures, summary
 
 HOME = GridPoint(0.0, 0.0)
 

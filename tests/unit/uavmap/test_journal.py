@@ -18,7 +18,7 @@ import pytest
 from missions.errors import JournalError
 from missions.events import Airborne, Event, FrameSeen, Recalled, Tracked, Vote, to_json
 from missions.units import Cell, GridPoint
-from uavmap.journal import APPLICATION_ID, Journal
+from uavmap.record.journal import APPLICATION_ID, Journal
 
 META = {"plan": {"seed": 7, "mission_text": "name = 'x'\n# é", "urls": []}}
 ROOT = Path(__file__).resolve().parents[3]
@@ -243,7 +243,7 @@ def test_a_second_writer_is_refused(path: Path) -> None:
 def test_events_that_come_again_are_checked_not_written(path: Path) -> None:
     events = some_events(40)
     with Journal.open(path) as journal:
-        assert journal.expect_again() == 80
+        assert journal.start_verification() == 80
         for event in events[:79]:
             journal.append(event)
         assert journal.expected == 1
@@ -251,7 +251,7 @@ def test_events_that_come_again_are_checked_not_written(path: Path) -> None:
             journal.append(Recalled(1.0))
         assert len(journal.bodies()) == 80
     with Journal.open(path) as journal:
-        journal.expect_again()
+        journal.start_verification()
         for event in events:
             journal.append(event)
         journal.append(Recalled(99.0))
@@ -262,7 +262,7 @@ PROGRAM = """
     import sys
     from pathlib import Path
     from missions.events import Airborne
-    from uavmap.journal import Journal
+    from uavmap.record.journal import Journal
     path = Path(sys.argv[1])
     journal = Journal.open(path) if path.exists() else Journal.create(path, {"plan": {}})
     first = len(journal.bodies())

@@ -12,10 +12,11 @@ import pytest
 from PIL import Image
 
 from missions.errors import ImageError
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Quaternion
 from tests.unit.uavmap.photographs import DJI, dji, write_photo
-from uavmap.photos import list_photos, read_image
+from uavmap.offline.photos import list_photos
+from uavmap.pictures import read_image
 from vision.camera import Camera, rotation
 from vision.look import Frame
 from vision.upright import upside_down

@@ -22,7 +22,7 @@ from missions.events import (
     Overridden,
     Released,
 )
-from missions.mission_file import Mission
+from missions.mission_file.schema import Mission
 from missions.orders import AwaitBattery, FlyTo, Land, Look, ReturnToLaunch, StandDown, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.px4.modes import Px4Mode

@@ -13,17 +13,17 @@ import pytest
 from PIL import Image
 
 from missions.events import FrameSeen
-from missions.grid import Grid
-from missions.mission_checks import parse_mission
+from missions.ground.grid import Grid
+from missions.mission_file.checks import parse_mission
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 from tests.small_missions import CELL_M, START, ring, square
 from tests.unit.uavmap.photographs import dji, write_photo
-from uavmap.flight_plan import JOURNAL
-from uavmap.journal import Journal
+from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
-from uavmap.progress import Silent
-from uavmap.replay import replay
+from uavmap.offline.replay import replay
+from uavmap.record.flight_plan import JOURNAL
+from uavmap.record.journal import Journal
 
 REAL = Path(__file__).resolve().parents[3] / "../shared/data/brighton_beach"
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from missions.arena.roi import KINDS, MAX_CELLS, boundary, component, grown
 from missions.errors import RoiError, UavmapError
-from missions.roi import KINDS, MAX_CELLS, boundary, component, grown
 from missions.units import Cell, LatLon
-from uavmap.roi_files import load_rois
+from uavmap.offline.roi_files import load_rois
 
 LON, LAT = -91.994, 46.842
 M_EAST, M_NORTH = 1 / 76_240.0, 1 / 111_180.0  # degrees a metre there

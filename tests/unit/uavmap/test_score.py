@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from shapely import affinity
 from shapely.geometry import Polygon, box
 
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
-from uavmap.score import cells_near, score, share_of, shares_of
+from uavmap.results.score import cells_near, score, share_of, shares_of
 
 GRID = Grid.at(LatLon(37.2, -80.58), cell_m=4.0)
 # columns 0 to 4 wholly, column 5 to a quarter; rows 0 and 1

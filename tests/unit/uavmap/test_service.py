@@ -16,8 +16,8 @@ from missions.state import Setting, State
 from missions.units import GridPoint
 from tests.unit.uavmap.flights import small_mission
 from uavmap.clock import VirtualClock, run
-from uavmap.journal import Journal
-from uavmap.service import Service
+from uavmap.fly.service import Service
+from uavmap.record.journal import Journal
 
 HOME = GridPoint(0.0, 0.0)
 CONNECTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 25.0)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from missions.kernels import jit
-from uavmap import flight
 from uavmap.cli import main
+from uavmap.fly import flight
 
 TINY = Path(__file__).parents[2] / "data" / "tiny.toml"
 

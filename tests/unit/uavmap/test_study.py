@@ -11,14 +11,15 @@ from pathlib import Path
 import distributed
 import pytest
 
-from missions.metric import Metric
+from missions.explorers.metric import Metric
 from missions.units import Cell
 from uavmap.cli import main
 from uavmap.cli import study as command
-from uavmap.studies import STUDIES, greedy_table_1, lrv_figure_3, roi_bounds, roi_figure_7, spread
+from uavmap.studies import STUDIES, greedy_table_1, lrv_figure_3, roi_bounds, roi_figure_7
+from uavmap.studies import executors as spread
+from uavmap.studies.executors import Progress
 from uavmap.studies.lawn_mower import lawn_mower
 from uavmap.studies.outcomes import PLAIN
-from uavmap.studies.spread import Progress
 from uavmap.studies.strategies import reference
 
 

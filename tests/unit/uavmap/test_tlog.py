@@ -12,7 +12,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.unit.uavmap.peer import Peer, heartbeat, text
-from uavmap.tlog import TlogWriter
+from uavmap.record.tlog import TlogWriter
 
 EPOCH_S = 1_577_836_800.0
 
@@ -70,7 +70,7 @@ def test_what_was_recorded_before_a_kill_is_there_and_whole(tmp_path: Path) -> N
         import os, signal, sys
         from pathlib import Path
         from tests.unit.uavmap.peer import Peer, text
-        from uavmap.tlog import TlogWriter
+        from uavmap.record.tlog import TlogWriter
         peer = Peer()
         log = TlogWriter(Path(sys.argv[1]), lambda: 1577836800.0)
         for number in range(700):

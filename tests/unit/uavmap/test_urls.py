@@ -60,8 +60,8 @@ def test_the_url_of_an_endpoint_names_it_again(url: str) -> None:
         ("udpin://[]:14550", "write udpin://0.0.0.0:14550"),
         ("udpin://0.0.0.0:0", "between 1 and 65535"),
         ("udpin://0.0.0.0:65536", "between 1 and 65535"),
-        ("serial:///dev/ttyACM0:0", "leave it out"),
-        ("/dev/ttyACM0,0", "leave it out"),
+        ("serial:///dev/ttyACM0:0", "positive"),
+        ("/dev/ttyACM0,0", "positive"),
     ],
 )
 def test_what_is_refused_says_what_to_write(url: str, remedy: str) -> None:

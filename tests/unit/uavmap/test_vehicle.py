@@ -39,11 +39,11 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
-from sitl.modes import Mode
+from sitl.copter.modes import Mode
 from tests.unit.uavmap.flights import Flight, Message, fly, small_mission, under_way
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
-from uavmap.vehicle import ANSWER_S, LINK_GIVEN_UP_S
+from uavmap.fly.vehicle import ANSWER_S, LINK_GIVEN_UP_S
 
 UP_M = 12.0
 GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.LAND))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.errors import ImageError
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, paint, square
 from vision.camera import Camera

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from missions.arena import Comms, Run, look, run
+from missions.arena.roi import eden
+from missions.arena.run import Comms, Run, look, run
 from missions.explorers import EXPLORERS
-from missions.roi import eden
-from missions.tree import Tree
+from missions.mapping.tree import Tree
 from missions.units import Cell
 from uavmap.animation import Film, film_of_run
 

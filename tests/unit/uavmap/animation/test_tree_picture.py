@@ -13,7 +13,7 @@ from PIL import Image
 from shapely.geometry import LineString
 
 from missions.errors import OutputError
-from missions.tree import Tree, Vertex
+from missions.mapping.tree import Tree, Vertex
 from missions.units import Cell
 from tests.unit.uavmap.animation.runs import START, explored, small_roi, tree_until
 from uavmap.animation import draw_tree

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from shapely.geometry import Polygon, box
 
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.results.model import CellRow, MapData, State, Track
 

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.grid import Grid
+from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
-from uavmap.outline import outline
 from uavmap.results import atomic, summary
+from uavmap.results.outline import outline
 
 GRID = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
 

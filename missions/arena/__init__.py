@@ -1,0 +1,1 @@
+"""Strategies without flight: perfect robots on a ROI, lower bounds, certificates."""

@@ -1,0 +1,108 @@
+"""The certificate of an exploration: how long it took, and how long it must or may take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from missions.arena.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.arena.run import Comms, Run
+from missions.explorers import Explorer
+from missions.explorers.metric import Metric
+from missions.mapping.tree import Tree
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A makespan between its bounds; all times in the same unit.
+
+    >>> Certificate(30.0, 20.0, 38.0, tree_depth=9, cells=20, robots=1).ratio
+    1.5
+    """
+
+    makespan: float
+    lower_bound: float
+    """What nobody can beat on this ROI."""
+    bound: float | None
+    """What the strategy promises on this ROI, None where it promises nothing."""
+    tree_depth: int
+    cells: int
+    robots: int
+
+    @property
+    def ratio(self) -> float | None:
+        """The makespan in lower bounds, 1 or more; None where there is nothing to do."""
+        return self.makespan / self.lower_bound if self.lower_bound > 0.0 else None
+
+    @property
+    def bound_held(self) -> bool | None:
+        """Whether the strategy kept its promise, None where it gives none."""
+        if self.bound is None:
+            return None
+        return self.makespan <= self.bound * (1.0 + _ROUNDING)
+
+
+def certify(
+    run: Run,
+    explorer: Explorer,
+    robots: int,
+    metric: Metric,
+    static: LowerBounds,
+    comms: Comms = Comms.SHARED,
+) -> Certificate:
+    """The certificate of a run in the arena that explored the whole ROI.
+
+    `static` holds the bounds of its ROI from its start. They are for steps to neighbours; straight
+    flight has its own. The promises of the strategies are for teams that share what they know:
+    robots that talk only where they meet walk into what others have explored, and have no bound.
+    Nor is one stated where the strategy does not stand by it (`promised_moves`).
+    """
+    tree = run.tree
+    lower = flight_lower_bound(tree.vertices, tree.root, robots, metric)
+    if not metric.straight:
+        lower = max(lower, drift_lower_bound(static.moves(robots), metric))
+    shared = comms is Comms.SHARED
+    moves = promised_moves(explorer, tree, robots, metric) if shared else None
+    return Certificate(
+        makespan=run.makespan,
+        lower_bound=lower,
+        bound=bound_time(moves, metric),
+        tree_depth=tree.depth,
+        cells=len(tree),
+        robots=robots,
+    )
+
+
+def promised_moves(explorer: Explorer, tree: Tree, robots: int, metric: Metric) -> float | None:
+    """What a strategy promises for a final tree, in moves; None where it promises nothing.
+
+    A theorem may speak of some legs or teams only. A strategy with such a one has a method
+    `bound_holds(robots, metric)`; the bound of a strategy without it holds with every metric.
+
+    >>> from missions.explorers import EXPLORERS
+    >>> from missions.units import Cell
+    >>> tree, drift = Tree.rooted(Cell(0, 0)), Metric(drift_east=0.5)
+    >>> promised_moves(EXPLORERS["bfdn"], tree, 2, Metric())
+    1.0
+    >>> promised_moves(EXPLORERS["bfdn"], tree, 2, drift) is None
+    True
+    """
+    holds = getattr(explorer, "bound_holds", None)
+    if holds is not None and not holds(robots, metric):
+        return None
+    return explorer.bound_moves(len(tree), tree.depth, robots)
+
+
+def bound_time(moves: float | None, metric: Metric) -> float | None:
+    """A bound in moves as a bound in time, None from None.
+
+    Tours are closed: a move and its way back cost at most 2 Sr / (Sr^2 - Sp^2). A vertex is looked
+    from once, when it is first reached, so at most every second move ends with a look.
+
+    >>> bound_time(10.0, Metric(speed=1.0, drift_east=0.6, look=2.0))
+    25.625
+    """
+    if moves is None:
+        return None
+    return moves * (metric.most_per_length + metric.look / 2.0)

@@ -1,0 +1,75 @@
+"""How far it is, and where to go first: cell by cell, or straight as in flight.
+
+Lengths are in cells. Where robots fly straight the length of a leg is the time that it adds to a
+closed tour, times the speed, so that it is a length again; a leg that is not allowed is as long as
+the way over known cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from missions.explorers.metric import Metric
+from missions.mapping.breadth_first import neighbours_in, reached
+from missions.mapping.tree import Tree
+from missions.units import Cell
+
+
+class Ways:
+    """Ways over what is known at one decision.
+
+    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1)])
+    >>> tree = tree.looked(Cell(0, 1), [Cell(1, 1)])
+    >>> Ways(tree, Metric()).lengths(Cell(0, 0), [Cell(1, 1)])
+    {Cell(east=1, north=1): 2.0}
+    >>> in_flight = Ways(tree, Metric(straight=True))
+    >>> round(in_flight.lengths(Cell(0, 0), [Cell(1, 1)])[Cell(1, 1)], 3)
+    1.414
+    >>> in_flight.next_stop(Cell(0, 0), Cell(1, 1))
+    Cell(east=1, north=1)
+    """
+
+    def __init__(self, tree: Tree, metric: Metric) -> None:
+        self._metric = metric
+        known = tree.vertices
+        beside = neighbours_in(known)
+        self._near = {cell: beside(cell) for cell in known}
+        self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
+        """The known cells that nobody has looked from, in the order in which they were found."""
+
+    def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:
+        """Steps from a vertex to every vertex over known cells, nearest first; with `until` no
+        farther than to the nearest of these."""
+        return reached(self._near.__getitem__, start, until)
+
+    def nearest(self, start: Cell, goals: Collection[Cell]) -> list[Cell]:
+        """Those of some vertices that are nearest to one: several when they are equally near."""
+        wanted = frozenset(goals)
+        if self._metric.straight:
+            far = self.lengths(start, wanted)
+            return [cell for cell in far if far[cell] == min(far.values())]
+        steps = self.steps(start, wanted)
+        last = next(reversed(steps.values()))
+        return [cell for cell, count in steps.items() if count == last and cell in wanted]
+
+    def lengths(self, start: Cell, goals: Collection[Cell]) -> dict[Cell, float]:
+        """The length of the way from a vertex to each of some others, nearest first."""
+        wanted = frozenset(goals)
+        found = {cell: float(n) for cell, n in self.steps(start).items() if cell in wanted}
+        if not self._metric.straight:
+            return found
+        for cell in found:
+            if self._is_straight(start, cell):
+                found[cell] = self._metric.tour_leg(start, cell) * self._metric.speed
+        return dict(sorted(found.items(), key=lambda item: item[1]))
+
+    def next_stop(self, start: Cell, goal: Cell) -> Cell:
+        """The vertex to move to on the way to another: itself where robots fly straight."""
+        if self._metric.straight and self._is_straight(start, goal):
+            return goal
+        steps = self.steps(goal, [start])
+        return min((n for n in self._near[start] if n in steps), key=steps.__getitem__)
+
+    def _is_straight(self, start: Cell, end: Cell) -> bool:
+        passable = self._metric.passable
+        return passable is None or passable(start, end)

@@ -1,0 +1,101 @@
+"""What idle vehicles do next.
+
+A vehicle in the air comes home when called, when the battery or the camera says so, or when all
+is done (`missions.flight.return_home`); it searches until the ROI is found
+(`missions.flight.searching`), then explores (`missions.flight.exploring`). No order is given
+that would take a vehicle out of its fence, beyond its energy, or through the air that another
+vehicle claims (`missions.flight.deconfliction`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from missions.flight.deconfliction import give_if_clear, hold, where
+from missions.flight.exploring import explore, explore_moves
+from missions.flight.return_home import fly_home, has_energy_for, turn_back
+from missions.flight.searching import find_work, idle_in_search, search
+from missions.flight.visiting import mark_unreachable
+from missions.orders import AwaitBattery, StandDown, TakeOff
+from missions.state import Phase, Setting, State, VehicleState
+from missions.units import GridPoint
+
+MOST_FRUITLESS_SORTIES = 3
+"""So many in a row, and the next place counts as out of reach."""
+
+
+def assign(setting: Setting, state: State) -> State:
+    """The state with an order for everybody who can have one."""
+    if state.tree is None and all(idle_in_search(v) for v in state.vehicles.values()):
+        state = replace(state, exhausted=True)
+    for number in sorted(state.vehicles):
+        state = turn_back(setting, state, state.vehicles[number])
+    state = explore_moves(setting, state)
+    for number in sorted(state.vehicles):
+        vehicle = state.vehicles[number]
+        if vehicle.idle and vehicle.phase is Phase.AIRBORNE:
+            state = _airborne(setting, state, vehicle)
+        elif vehicle.phase is Phase.GROUNDED and not isinstance(vehicle.order, TakeOff):
+            state = _grounded(setting, state, vehicle)
+    return state
+
+
+def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    if vehicle.braking_until_s is not None:
+        return hold(state, vehicle)
+    if vehicle.return_reason is not None:
+        return fly_home(setting, state, vehicle)
+    if state.tree is None:
+        return search(setting, state, vehicle)
+    return explore(setting, state, vehicle)
+
+
+def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Take off, wait for a battery, or stay."""
+    if state.exploration_finished or state.recalled:
+        return state.with_vehicle(
+            replace(vehicle, phase=Phase.FINISHED, order=StandDown(), vertex=None)
+        )
+    if not vehicle.idle:
+        return state
+    if not vehicle.cleared:
+        return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
+    if state.tree is None and idle_in_search(vehicle):
+        state = find_work(state, vehicle)
+        vehicle = state.vehicles[vehicle.vehicle]
+    target = _first_target(setting, state, vehicle)
+    if target is None:
+        return state
+    if not setting.fence.contains(vehicle.position):
+        note = "it stands outside of the geofence; move it, or the fence"
+        return state.with_vehicle(
+            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+        )
+    if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
+        return _out_of_reach(state, vehicle)
+    if not has_energy_for(setting, vehicle, target, setting.look_s):
+        if vehicle.remaining_wh < 0.95 * setting.energy.capacity_wh:
+            return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
+        return _out_of_reach(state, vehicle)
+    return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_altitude_m))
+
+
+def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
+    """Where the vehicle would fly first, None when there is nothing for it to do."""
+    cell = vehicle.vertex or vehicle.candidate
+    if cell is not None:
+        return where(setting, state, cell)
+    return vehicle.lanes[0][0] if vehicle.lanes else None
+
+
+def _out_of_reach(state: State, vehicle: VehicleState) -> State:
+    """A full battery does not get there and back: somebody nearer, or nobody, will."""
+    alone = not any(
+        other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
+        for other in state.vehicles.values()
+        if other.vehicle != vehicle.vehicle
+    )
+    if alone and vehicle.vertex is not None:
+        return mark_unreachable(state, vehicle, vehicle.vertex)
+    note = "its next place is out of reach on a full battery"
+    return state.with_vehicle(replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note))

@@ -1,0 +1,71 @@
+"""Searching the box: lanes, suspicions, and sharing what is left of the work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from missions.flight.deconfliction import give_if_clear, hold
+from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
+from missions.flight.visiting import visit
+from missions.ground.lanes import rest_of
+from missions.orders import FlyTo, Order, Sweep
+from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+
+
+def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Look at what may be ROI, else fly the next lane."""
+    if vehicle.candidate is not None:
+        return visit(setting, state, vehicle, vehicle.candidate, stop=True)
+    if not vehicle.lanes:
+        state = find_work(state, vehicle)
+        vehicle = state.vehicles[vehicle.vehicle]
+        if not idle_in_search(vehicle):
+            return state
+        if vehicle.position.distance_to(vehicle.home) <= OVER_HOME_M:
+            return hold(state, vehicle)
+        # it waits over its own pad, where it is not in the way of anybody who has to land
+        return give_if_clear(setting, state, vehicle, home_order(setting, vehicle))
+    start, end = vehicle.lanes[0]
+    if vehicle.on_lane and setting.fence.allows_leg(vehicle.position, end):
+        # flown as far as the battery lasts; the next sortie takes up the rest
+        order: Order = Sweep(end, setting.mission.grid.cell_m, vehicle.cruise_altitude_m)
+        return give_if_clear(setting, state, vehicle, order)
+    if vehicle.on_lane:  # it left the lane for a suspicion, and the fence lies between
+        start, end = rest_of(vehicle.lanes[0], vehicle.position)
+        vehicle = replace(vehicle, on_lane=False, lanes=((start, end), *vehicle.lanes[1:]))
+    route = setting.fence.route(vehicle.position, start)
+    if route is None:  # a part of the box that no way inside the fence leads to
+        return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
+    if not has_energy_for(setting, vehicle, start, REACTION_S):
+        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
+    order = FlyTo(route, None, stop=False, height_m=vehicle.cruise_altitude_m)
+    return give_if_clear(setting, state, vehicle, order)
+
+
+def idle_in_search(vehicle: VehicleState) -> bool:
+    """Whether a vehicle has neither a lane nor a suspicion to look at."""
+    return not vehicle.lanes and vehicle.candidate is None
+
+
+def find_work(state: State, vehicle: VehicleState) -> State:
+    """Look at what one who dropped out suspected; or help whoever has most lanes left.
+
+    Lanes are taken from the far end, and all from one who dropped out.
+    """
+    for other in state.vehicles.values():
+        gone = other.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
+        if gone and other.candidate is not None:
+            state = state.with_vehicle(replace(other, candidate=None))
+            heir = replace(vehicle, candidate=other.candidate, at_target=False)
+            return state.with_vehicle(heir)
+
+    def spare(other: VehicleState) -> int:
+        active = other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
+        return len(other.lanes) - (1 if active else 0)
+
+    others = [v for v in state.vehicles.values() if v.vehicle != vehicle.vehicle and spare(v) > 0]
+    if not others:
+        return state
+    busiest = max(others, key=lambda v: (spare(v), -v.vehicle))
+    state = state.with_vehicle(replace(busiest, lanes=busiest.lanes[:-1]))
+    return state.with_vehicle(replace(vehicle, lanes=(busiest.lanes[-1],), on_lane=False))

@@ -1,0 +1,1 @@
+"""What is known of the region: votes by cell, the exploration tree, reach over cells."""

@@ -1,0 +1,325 @@
+"""The mission file: TOML in, a checked `Mission` out.
+
+Pydantic guards the edge where people write: unknown keys are errors, and every message names
+the file, the key, the value and what was expected (`missions.mission_file.messages`). Checks
+that need geometry (a box outside the fence, a polygon that crosses itself, a camera that sees
+too little) are in `missions.mission_file.checks`; `parse_mission` runs both. Defaults are the
+field values of Sung and Tokekar, section 7: 4 m cells, 12 m altitude, intensity 150, 7
+dilations, 5 frames, 3 votes.
+
+Positions are written `[latitude, longitude]` in degrees, as in a QGroundControl plan.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from missions.errors import MissionFileError
+from missions.mission_file.messages import explain
+from missions.units import LatLon
+
+# strict: "4" and true are not numbers, although Python could make some of them
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
+Degrees = Number
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Latitude = Annotated[Number, Field(ge=-90, le=90)]
+Longitude = Annotated[Number, Field(ge=-180, le=180)]
+Share = Annotated[Number, Field(ge=0, le=1)]
+MAX_VEHICLES = 50
+Vertex = tuple[Latitude, Longitude]
+Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
+
+
+def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
+    """The vertices of a ring as positions.
+
+    >>> positions(((48.0, 11.0),))
+    (LatLon(lat_deg=48.0, lon_deg=11.0),)
+    """
+    return tuple(LatLon(lat, lon) for lat, lon in ring)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Start(_Section):
+    """Where the first vehicle stands: home, and the centre of cell (0, 0)."""
+
+    position: Vertex
+    amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
+
+
+class Search(_Section):
+    """The box that holds at least a part of the ROI."""
+
+    box: Ring
+
+
+class Fence(_Section):
+    """The geofence: stay inside `polygon`, outside of every hole."""
+
+    polygon: Ring
+    holes: tuple[Ring, ...] = ()
+    margin_m: NotNegative = 2.0
+    """Legs are planned this far inside of the fence."""
+
+
+class GridSection(_Section):
+    """The grid."""
+
+    cell_m: Positive = 4.0
+
+
+class Flight(_Section):
+    """How the vehicles fly. `speed_m_s` is over ground."""
+
+    altitude_m: Annotated[Number, Field(gt=0, le=1000)] = 12.0
+    speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
+    settle_m_s: Positive = 0.5
+    """A frame is taken once the vehicle is slower than this."""
+
+
+class CameraSection(_Section):
+    """The camera. `fixed` tilts with the airframe, `gimbal` holds it straight down."""
+
+    hfov_deg: Annotated[Number, Field(gt=1, lt=170)] = 80.0
+    width_px: Annotated[Count, Field(ge=16, le=20000)] = 640
+    height_px: Annotated[Count, Field(ge=16, le=20000)] = 480
+    mounting: Literal["fixed", "gimbal"] = "fixed"
+    yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
+    interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
+    """Time between two frames of a cell."""
+
+
+class DetectorSection(_Section):
+    """The classifier of section 7 and its parameters."""
+
+    name: str = "threshold"
+    intensity: Annotated[Count, Field(ge=0, le=255)] = 150
+    dilations: Annotated[Count, Field(ge=0, le=100)] = 7
+    polarity: Literal["dark", "bright"] = "dark"
+    greenness: Annotated[float, Field(ge=0, le=1)] = 0.04
+    """Of the detector `paved`: what is greener than this grows."""
+    share: Annotated[Number, Field(gt=0, le=1)] = 0.3
+    """A cell is seen as ROI from this share of its pixels on."""
+    view: Literal["cross", "all"] = "cross"
+    """`cross`: a frame votes on the cell below and its four neighbours; `all`: on every cell
+    that it shows whole (recorded imagery from a height)."""
+
+
+class Votes(_Section):
+    """How many frames a cell gets, and how many of them must say yes."""
+
+    frames: Annotated[Count, Field(ge=1, le=100)] = 5
+    positive: Annotated[Count, Field(ge=1, le=100)] = 3
+
+    @model_validator(mode="after")
+    def _enough_frames(self) -> Votes:
+        if self.positive > self.frames:
+            raise ValueError(
+                f"positive = {self.positive} can never be reached with frames = {self.frames}"
+            )
+        return self
+
+
+class Battery(_Section):
+    """The battery: what it holds and what must be left of it at touch-down."""
+
+    capacity_wh: Positive = 60.0
+    hover_power_w: Positive = 300.0
+    reserve: Annotated[Number, Field(ge=0, lt=1)] = 0.15
+
+    @property
+    def endurance_s(self) -> float:
+        """Hovering time from full to empty in still air."""
+        return self.capacity_wh * 3600.0 / self.hover_power_w
+
+
+class Wind(_Section):
+    """The worst wind known for the flight."""
+
+    speed_m_s: Annotated[Number, Field(ge=0, le=40)] = 0.0
+    from_deg: Degrees = 0.0
+
+
+class Drift(_Section):
+    """A rigid translation of the ROI, known beforehand (section 3)."""
+
+    speed_m_s: Annotated[Number, Field(ge=0, le=20)] = 0.0
+    toward_deg: Degrees = 0.0
+
+
+class Team(_Section):
+    """How several vehicles keep apart: a layer of height each."""
+
+    separation_m: Positive = 4.0
+    """Two airborne vehicles are never nearer than this."""
+    layer_m: Positive = 6.0
+    """Height between two layers; more than `separation_m`, for what the vehicles waver."""
+
+
+class VehicleSection(_Section):
+    """One vehicle: where to reach it, and where it stands if not at the start."""
+
+    url: str | None = None
+    home: Vertex | None = None
+
+
+class SimRegion(_Section):
+    """One piece of the true ROI, for the simulator only."""
+
+    polygon: Ring
+    holes: tuple[Ring, ...] = ()
+
+
+class SimFault(_Section):
+    """Something that goes wrong in the simulation; the kinds are those of `sitl.faults.faults`."""
+
+    vehicle: Annotated[Count, Field(ge=1, le=50)] = 1
+    """Which vehicle, from 1; nothing happens where it does not fly."""
+    at_s: NotNegative
+    """When, on the mission's time."""
+    for_s: Positive | None = None
+    """How long; without it, to the end."""
+    kind: Literal[
+        "gps", "gps_glitch", "gps_drift", "battery_sag", "battery_cell", "compass", "wind_gust",
+        "motor", "camera_stall", "camera_black", "camera_corrupt", "reject", "rc", "link",
+        "companion_reboot",
+    ]  # fmt: skip
+    metres: Number | None = None
+    m_s: Number | None = None
+    volts: Number | None = None
+    deg: Number | None = None
+    toward_deg: Number | None = None
+    from_deg: Number | None = None
+    share: Share | None = None
+    command: Annotated[Count, Field(ge=0, le=65535)] | None = None
+    result: Annotated[Count, Field(ge=1, le=255)] | None = None
+    loss: Share | None = None
+    duplicate: Share | None = None
+    reorder: Share | None = None
+    corrupt: Share | None = None
+    delay_s: Annotated[Number, Field(ge=0, le=3600)] | None = None
+    jitter_s: Annotated[Number, Field(ge=0, le=3600)] | None = None
+    silent: bool | None = None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The kind's own numbers, as far as they are given."""
+        everywhere = {"vehicle", "at_s", "for_s", "kind"}
+        return self.model_dump(exclude=everywhere, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _fitting_values(self) -> SimFault:
+        needed, possible = _FAULT_VALUES.get(self.kind, ((), ()))
+        given = set(self.values)
+        if missing := [key for key in needed if key not in given]:
+            raise ValueError(f"kind = {self.kind!r} needs {', '.join(missing)}")
+        if foreign := sorted(given - {*needed, *possible}):
+            raise ValueError(f"kind = {self.kind!r} has no {', '.join(foreign)}")
+        if self.kind == "link" and not given:
+            raise ValueError(f"kind = 'link' needs one of {', '.join(possible)}")
+        if self.kind == "battery_cell" and self.for_s is not None:
+            raise ValueError("kind = 'battery_cell' has no for_s: a dead cell stays dead")
+        return self
+
+
+# of a kind of fault: the keys it needs, and those it may have besides
+_FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "gps_glitch": (("metres",), ("toward_deg",)),
+    "gps_drift": (("m_s",), ("toward_deg",)),
+    "battery_sag": (("volts",), ()),
+    "compass": (("deg",), ()),
+    "wind_gust": (("m_s",), ("from_deg",)),
+    "motor": ((), ("share",)),
+    "reject": (("command",), ("result",)),
+    "link": ((), ("loss", "duplicate", "reorder", "corrupt", "delay_s", "jitter_s", "silent")),
+}
+
+
+class Sim(_Section):
+    """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
+
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Whose behaviour the simulated vehicles have."""
+    roi: tuple[SimRegion, ...] = ()
+    roi_intensity: Annotated[Count, Field(ge=0, le=255)] = 85
+    ground_intensity: Annotated[Count, Field(ge=0, le=255)] = 190
+    texture: NotNegative = 14.0
+    sensor_noise: NotNegative = 4.0
+    illumination: Annotated[Number, Field(ge=0, lt=1)] = 0.08
+    gust_m_s: NotNegative = 0.5
+    gps_sigma_m: NotNegative = 0.3
+    gps_tau_s: Positive = 60.0
+    swap_s: NotNegative = 60.0
+    """How long the ground crew needs for a battery swap."""
+    faults: tuple[SimFault, ...] = ()
+    """What goes wrong, and when."""
+
+
+class Mission(_Section):
+    """A whole mission file.
+
+    Examples of keys and defaults are in the shipped missions (`missions/shipped`).
+    """
+
+    name: str = "mission"
+    strategy: str = "rdfs"
+    start: Start
+    search: Search
+    fence: Fence
+    grid: GridSection = GridSection()
+    flight: Flight = Flight()
+    camera: CameraSection = CameraSection()
+    detector: DetectorSection = DetectorSection()
+    votes: Votes = Votes()
+    battery: Battery = Battery()
+    wind: Wind = Wind()
+    drift: Drift = Drift()
+    team: Team = Team()
+    vehicles: Annotated[
+        tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)
+    ] = (VehicleSection(),)
+    sim: Sim = Sim()
+
+    @property
+    def home(self) -> LatLon:
+        """The start."""
+        return LatLon(*self.start.position)
+
+    def altitude_m(self, vehicle: int) -> float:
+        """The layer of a vehicle (from 0) above home."""
+        return self.flight.altitude_m + vehicle * self.team.layer_m
+
+
+def parse_toml(text: str, source: str) -> Mapping[str, Any]:
+    """The tables of a mission file. Raises `MissionFileError` where it is not TOML."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MissionFileError(f"{source}: not a TOML file: {error}") from None
+
+
+def parse_fields(text: str, source: str) -> Mission:
+    """A mission whose single values are right; `missions.mission_file.checks` looks at the whole.
+
+    Raises `MissionFileError` with a line a fault, each naming the file, the key, the value and
+    what was expected.
+
+    >>> parse_fields("grid.cell_m = 0", "x.toml")
+    Traceback (most recent call last):
+    missions.errors.MissionFileError: x.toml: start: missing; add it...
+    """
+    tables = parse_toml(text, source)
+    try:
+        return Mission.model_validate(tables)
+    except ValidationError as error:
+        lines = [f"{source}: {fault}" for fault in explain(error, Mission)]
+        raise MissionFileError("\n".join(lines)) from None

@@ -1,0 +1,1 @@
+"""How an ArduCopter behaves: modes, arming, failsafes."""

@@ -1,0 +1,261 @@
+"""What an ArduCopter decides: modes, arming, take-off, guided flight, missions, failsafes."""
+
+from __future__ import annotations
+
+from sitl.ardupilot.failsafes import Failsafes
+from sitl.body.battery import Battery
+from sitl.body.physics import IDLE, Body, Command
+from sitl.body.sensors import PositionError
+from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
+from sitl.copter.fence import Fence, names
+from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
+from sitl.copter.modes import UNARMABLE, Mode, Phase
+from sitl.copter.params import Parameters
+from sitl.copter.route import Progress
+from sitl.copter.tuning import CopterTuning
+
+_LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
+_ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
+_TOTALS = {MISSION: "MIS_TOTAL", FENCE: "FENCE_TOTAL", RALLY: "RALLY_TOTAL"}
+
+
+class Autopilot(Aircraft):
+    """An ArduCopter."""
+
+    mode: Mode
+    failsafes: Failsafes
+
+    def __init__(
+        self,
+        body: Body,
+        error: PositionError,
+        battery: Battery,
+        *,
+        ready_after_s: float,
+        max_speed_m_s: float,
+        max_accel_m_s2: float,
+    ) -> None:
+        parameters = Parameters()
+        super().__init__(
+            body,
+            error,
+            battery,
+            parameters,
+            CopterTuning(parameters),
+            Fence(),
+            first_item=1,
+            ready_after_s=ready_after_s,
+            max_speed_m_s=max_speed_m_s,
+            max_accel_m_s2=max_accel_m_s2,
+        )
+        self.mode = Mode.STABILIZE
+        self.failsafes = Failsafes()
+        self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
+        self._mission_started = False  # on the ground, AUTO waits for MISSION_START
+
+    @property
+    def navigating(self) -> bool:
+        """In the air in a mode that needs a position."""
+        return self.armed and self.airborne and self.mode != Mode.STABILIZE
+
+    @property
+    def in_mission(self) -> bool:
+        """AUTO."""
+        return self.mode == Mode.AUTO
+
+    # --- what can be asked for ------------------------------------------------------------------
+
+    def arm(self, force: bool = False) -> str | None:
+        """Start the motors; the reason for a refusal, or None."""
+        if self.armed:
+            return None
+        refusal = self._arm_refusal(force)
+        if refusal is not None:
+            return refusal
+        self.armed = self.body.motors_on = True
+        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
+        self.home_changed = True
+        self._control.reset()
+        self._enter(Phase.LANDED)
+        self.say(SEVERITY_INFO, "Arming motors")
+        if self.mode == Mode.AUTO and self._takes_off_in_auto and self.route.begins_with_takeoff:
+            self._mission_started = True
+            self.route.begin(self)
+        return None
+
+    @property
+    def _takes_off_in_auto(self) -> bool:
+        return bool(int(self.parameters["AUTO_OPTIONS"]) & _TAKE_OFF_IN_AUTO)
+
+    def _arm_refusal(self, force: bool) -> str | None:
+        if self.body.crashed:
+            return "Arm: Crash detected"
+        if self.battery.empty or (self.failsafes.charge_state > 1 and not force):
+            return "Arm: Battery 1 low voltage failsafe"
+        if not force and self.parameters["ARMING_CHECK"] != 0.0:
+            refusal = self.prearm_refusal()
+            if refusal is not None:
+                return refusal
+        auto = self.mode == Mode.AUTO and int(self.parameters["AUTO_OPTIONS"]) & _ARM_IN_AUTO
+        if self.mode in UNARMABLE and not auto:
+            return f"Arm: {self.mode.name} mode not armable"
+        return None
+
+    def prearm_refusal(self) -> str | None:
+        """What the checks before arming object to, or None."""
+        if not self.prearm_ok:
+            return "PreArm: GPS 1: Bad fix" if self.error.lost else "PreArm: Gyros still settling"
+        if not self.position_ok:
+            return "PreArm: Need Position Estimate"
+        if self.battery.voltage_v < self.parameters["BATT_ARM_VOLT"]:
+            return "PreArm: Battery 1 below minimum arming voltage"
+        now = self.estimate
+        here = (now.east, now.north, now.up)
+        if broken := self.fence.violations(self.parameters, here, here, low=False):
+            return f"PreArm: vehicle outside {names(broken)} fence"
+        return None
+
+    def disarm(self, force: bool = False) -> str | None:
+        """Stop the motors; in the air only by force, and then it falls."""
+        if not self.armed:
+            return None
+        if self.airborne and not force:
+            return "Disarm: vehicle is flying"
+        self.armed = self.body.motors_on = False
+        self.target = self.velocity_target = None
+        self.route.reset()
+        self._mission_started = False
+        self._enter(Phase.LANDED)
+        self.say(SEVERITY_INFO, "Disarming motors")
+        return None
+
+    def set_mode(self, mode: Mode) -> str | None:
+        """Change the mode; the heartbeat tells at once."""
+        if mode == self.mode:
+            return None
+        if (reason := self._mode_refusal(mode)) is not None:
+            return f"Mode change to {mode.name} failed: {reason}"
+        if self.mode == Mode.AUTO:
+            self.route.stop()
+        self.mode = mode
+        self.mode_changed = True
+        self.target = self.velocity_target = None
+        self._speeds.clear()
+        self._limits_version = -1
+        if self.phase == Phase.SPOOL:
+            self._enter(Phase.LANDED)
+        if self.airborne:
+            self._control.yaw_target = None
+            self.hold = self._stopping_point()
+            if mode == Mode.LAND:
+                self.land()
+            elif mode == Mode.RTL:
+                self.go_home()
+            else:
+                self._enter(Phase.FLY)
+        if mode == Mode.AUTO:
+            self._mission_started = self.airborne or self._takes_off_in_auto
+            if self._mission_started and self.armed:
+                self.route.begin(self)
+        return None
+
+    def _mode_refusal(self, mode: Mode) -> str | None:
+        if mode == Mode.AUTO and self.route.total == 0:
+            return "no mission"
+        if mode == Mode.STABILIZE and self.airborne:
+            return "no radio control"
+        if mode not in (Mode.STABILIZE, Mode.LAND) and not self.position_ok:
+            return "requires position"
+        if mode == Mode.AUTO and self.armed and not self.airborne:
+            if self.route.begins_with_takeoff:
+                return None
+            return "Missing Takeoff Cmd"
+        return None
+
+    def start_mission(self) -> str | None:
+        """MISSION_START: into AUTO, and off the ground."""
+        if not self.armed:
+            return "Mission start: not armed"
+        if (refusal := self.set_mode(Mode.AUTO)) is not None:
+            return refusal
+        if self.route.progress != Progress.ACTIVE:
+            if not (self.airborne or self.route.begins_with_takeoff):
+                return "Auto: Missing Takeoff Cmd"
+            self.route.begin(self)
+        self._mission_started = True
+        return None
+
+    def pause_mission(self, pause: bool) -> bool:
+        """DO_PAUSE_CONTINUE; False when there is nothing to pause or to go on with."""
+        if self.mode != Mode.AUTO or not self.airborne:
+            return False
+        return self.route.pause(self) if pause else self.route.proceed(self)
+
+    def mission_done(self) -> None:
+        """The last item is behind it: stay here, or stop the motors on the ground."""
+        if not self.airborne:
+            self.disarm()
+
+    def take_off(self, height_m: float) -> str | None:
+        """Climb to `height_m` above home, in GUIDED and armed."""
+        if self.mode != Mode.GUIDED or not self.armed or self.airborne or not height_m > 0.0:
+            return "Takeoff refused"
+        self.climb_to(self.home[2] + height_m)
+        return None
+
+    def go_to(
+        self, east_m: float, north_m: float, up_m: float, yaw_rad: float | None = None
+    ) -> bool:
+        """A guided target; False when it is dropped (not GUIDED, not flying, outside a fence)."""
+        place = (east_m, north_m, up_m)
+        if self.mode != Mode.GUIDED or not self.airborne:
+            return False
+        if self.fence.violations(self.parameters, self.home, place):
+            return False
+        self.fly_to(place, yaw_rad)
+        return True
+
+    def go_with(self, v_east: float, v_north: float, v_up: float) -> bool:
+        """A guided velocity, m/s, kept for GUID_TIMEOUT; False when it is dropped."""
+        if self.mode != Mode.GUIDED or not self.airborne:
+            return False
+        self.velocity_target = (v_east, v_north, v_up)
+        self.target = None
+        self._velocity_until_s = self.t_s + self.parameters["GUID_TIMEOUT"]
+        if self.phase == Phase.CLIMB:
+            self._enter(Phase.FLY)
+        return True
+
+    def turn_to(self, yaw_rad: float) -> bool:
+        """Turn the nose to a true bearing, flying in GUIDED or AUTO."""
+        if self.mode not in (Mode.GUIDED, Mode.AUTO) or not self.airborne:
+            return False
+        self.face(yaw_rad)
+        return True
+
+    def enable_fence(self, on: bool) -> None:
+        """FENCE_ENABLE."""
+        self.parameters.change("FENCE_ENABLE", float(on))
+
+    def count_items(self, kind: int, items: list[Item]) -> None:
+        """MIS_TOTAL, FENCE_TOTAL, RALLY_TOTAL."""
+        self.parameters.change(_TOTALS[kind], len(items))
+
+    # --- time -----------------------------------------------------------------------------------
+
+    def _watch_failsafes(self) -> None:
+        self.failsafes.step(self)
+
+    def _decide(self, dt_s: float) -> Command:
+        if self.mode == _AUTO and self.armed and self._mission_started:
+            self.route.step(self)
+        if self.phase is _LANDED:
+            if self.armed and (
+                self.mode in (Mode.RTL, Mode.LAND)
+                or self.t_s - self._since_s > self.parameters["DISARM_DELAY"]
+            ):
+                self.disarm()
+            return IDLE
+        if not self._pass_phases(dt_s):
+            return IDLE
+        return self._fly(dt_s, position=self.position_ok)

@@ -1,0 +1,108 @@
+"""Whose behaviour a simulated vehicle has: the one place where an autopilot is chosen.
+
+Body, physics, battery, camera, links, faults and signing are the same for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from missions.ground.geodesy import LocalPlane
+from sitl.ardupilot.autopilot import Autopilot
+from sitl.body.battery import Battery
+from sitl.body.physics import Body
+from sitl.body.sensors import PositionError
+from sitl.copter.aircraft import Aircraft
+from sitl.mavlink.base_commands import BaseCommands
+from sitl.mavlink.commands import Commands
+from sitl.mavlink.flight_commands import FlightCommands
+from sitl.mavlink.interpreter import Interpreter
+from sitl.mavlink.streams import Streams
+from sitl.mavlink.telemetry import Telemetry
+from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.commands import Px4Commands
+from sitl.px4.interpreter import Px4Interpreter
+from sitl.px4.telemetry import DEFAULT_S, Px4Telemetry
+from sitl.vehicle_spec import VehicleSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Kit:
+    """What an autopilot is built into: a device, and the plane that the world lies on."""
+
+    spec: VehicleSpec
+    body: Body
+    error: PositionError
+    battery: Battery
+    plane: LocalPlane
+    amsl_m: float
+    wind: Callable[[], tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flavour:
+    """An autopilot and its ways on the wire.
+
+    `default_s` are the messages that are streamed unasked and their intervals, `banner` is what a
+    TCP client is greeted with.
+    """
+
+    aircraft: Aircraft
+    telemetry: Telemetry
+    flight: BaseCommands
+    interpreter: Callable[[Commands, Streams], Interpreter]
+    default_s: Mapping[int, float] = field(default_factory=dict)
+    banner: bytes = b""
+    tells_mode_at_once: bool = True
+    camera_feedback: bool = True
+
+
+def _ardupilot(kit: Kit) -> Flavour:
+    spec = kit.spec
+    autopilot = Autopilot(
+        kit.body,
+        kit.error,
+        kit.battery,
+        ready_after_s=spec.ready_after_s,
+        max_speed_m_s=spec.max_speed_m_s,
+        max_accel_m_s2=spec.max_accel_m_s2,
+    )
+    telemetry = Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    return Flavour(
+        aircraft=autopilot,
+        telemetry=telemetry,
+        flight=FlightCommands(autopilot, kit.plane, kit.amsl_m),
+        interpreter=lambda commands, streams: Interpreter(
+            spec.system_id, autopilot, commands, streams, telemetry
+        ),
+        banner=b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n",
+    )
+
+
+def _px4(kit: Kit) -> Flavour:
+    spec = kit.spec
+    autopilot = Px4Autopilot(
+        kit.body,
+        kit.error,
+        kit.battery,
+        system_id=spec.system_id,
+        ready_after_s=spec.ready_after_s,
+        max_speed_m_s=spec.max_speed_m_s,
+        max_accel_m_s2=spec.max_accel_m_s2,
+    )
+    telemetry = Px4Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    return Flavour(
+        aircraft=autopilot,
+        telemetry=telemetry,
+        flight=Px4Commands(autopilot, kit.plane, kit.amsl_m),
+        interpreter=lambda commands, streams: Px4Interpreter(
+            spec.system_id, autopilot, commands, streams, telemetry
+        ),
+        default_s=DEFAULT_S,
+        tells_mode_at_once=False,
+        camera_feedback=False,
+    )
+
+
+FLAVOURS: Mapping[str, Callable[[Kit], Flavour]] = {"ardupilot": _ardupilot, "px4": _px4}

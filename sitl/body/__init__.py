@@ -1,0 +1,1 @@
+"""The airframe: dynamics, trajectory shaping, battery, sensors. No MAVLink, no autopilot."""

@@ -1,0 +1,1 @@
+"""The simulated camera: rendering, the MAVLink camera component, pictures, geotags."""

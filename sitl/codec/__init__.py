@@ -1,0 +1,1 @@
+"""Bytes of MAVLink frames, packed fast."""

@@ -1,0 +1,1 @@
+"""What every simulated autopilot has: phases of flight, missions, geofence, parameters."""

@@ -1,0 +1,188 @@
+"""What every simulated autopilot has: an estimate, home, readiness, plans, a voice, time.
+
+What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
+`sitl.px4.autopilot` a PX4.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Protocol
+
+from sitl.body.battery import Battery
+from sitl.body.physics import Body, Command
+from sitl.body.sensors import PositionError
+from sitl.copter.fence import Fence
+from sitl.copter.mission_items import Item
+from sitl.copter.motion import Motion
+from sitl.copter.params import Parameters
+from sitl.copter.route import Route
+from sitl.copter.transfer import Plans
+from sitl.copter.tuning import Tuning
+
+_PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
+_HOME_SHARE = 0.5
+
+SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
+
+
+class Guards(Protocol):
+    """What the failsafes tell of themselves."""
+
+    @property
+    def charge_state(self) -> int:
+        """MAV_BATTERY_CHARGE_STATE."""
+
+    @property
+    def active(self) -> bool:
+        """Any of them: the heartbeat says CRITICAL."""
+
+    def hear_station(self, now_s: float) -> None:
+        """A heartbeat of the ground station."""
+
+    def position_gone(self, now_s: float) -> bool:
+        """The filter has no position any more."""
+
+
+class Aircraft(Motion, ABC):
+    """One autopilot; `step` moves it on, the methods are what a pilot can ask for.
+
+    It sees the world through an estimate of its position and moves it through `Body`. It speaks
+    no MAVLink: requests are method calls that return None or the reason for a refusal.
+    """
+
+    failsafes: Guards
+
+    def __init__(
+        self,
+        body: Body,
+        error: PositionError,
+        battery: Battery,
+        parameters: Parameters,
+        tuning: Tuning,
+        fence: Fence,
+        *,
+        first_item: int,
+        ready_after_s: float,
+        max_speed_m_s: float,
+        max_accel_m_s2: float,
+    ) -> None:
+        super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2)
+        self.error = error
+        self.battery = battery
+        self.armed = False
+        self.radio_lost = False  # set by a fault; without one nobody holds a radio control
+        self.plans = Plans()
+        self.route = Route(self.plans.mission, first_item)
+        self.fence = fence
+        self.texts: list[tuple[int, str]] = []
+        self.mode_changed = False
+        self.home_changed = False
+        self._ready_after_s = ready_after_s
+        self._home_known = False
+
+    # --- what it knows of itself ---------------------------------------------------------------
+
+    @property
+    def prearm_ok(self) -> bool:
+        """The prearm bit of SYS_STATUS."""
+        settled = self.t_s >= _PREARM_SHARE * self._ready_after_s
+        return settled and not (self.body.crashed or self.position_lost)
+
+    @property
+    def position_ok(self) -> bool:
+        """The navigation filter has an absolute position."""
+        return self.t_s >= self._ready_after_s and not self.failsafes.position_gone(self.t_s)
+
+    @property
+    def position_lost(self) -> bool:
+        """No satellites."""
+        return self.error.lost
+
+    @property
+    def home_known(self) -> bool:
+        """Satellite navigation has had a fix and home is set."""
+        return self._home_known
+
+    @property
+    @abstractmethod
+    def in_mission(self) -> bool:
+        """Whether the mode is the one that flies missions."""
+
+    # --- what can be asked for ------------------------------------------------------------------
+
+    def say(self, severity: int, text: str) -> None:
+        """Tell whoever listens."""
+        self.texts.append((severity, text))
+
+    @abstractmethod
+    def arm(self, force: bool = False) -> str | None:
+        """Start the motors; the reason for a refusal, or None."""
+
+    @abstractmethod
+    def prearm_refusal(self) -> str | None:
+        """What the checks before arming object to, or None."""
+
+    @abstractmethod
+    def disarm(self, force: bool = False) -> str | None:
+        """Stop the motors; in the air only by force, and then it falls."""
+
+    @abstractmethod
+    def go_to(
+        self, east_m: float, north_m: float, up_m: float, yaw_rad: float | None = None
+    ) -> bool:
+        """A target by SET_POSITION_TARGET_*; False when it is dropped."""
+
+    @abstractmethod
+    def go_with(self, v_east: float, v_north: float, v_up: float) -> bool:
+        """A velocity by SET_POSITION_TARGET_*, m/s; False when it is dropped."""
+
+    @abstractmethod
+    def mission_done(self) -> None:
+        """The last item of the mission is behind it."""
+
+    @abstractmethod
+    def enable_fence(self, on: bool) -> None:
+        """DO_FENCE_ENABLE."""
+
+    @abstractmethod
+    def count_items(self, kind: int, items: list[Item]) -> None:
+        """A list of this MAV_MISSION_TYPE has changed."""
+
+    def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
+        """DO_SET_HOME."""
+        self.home = (east_m, north_m, up_m)
+        self._home_known = self.home_changed = True
+
+    # --- time -----------------------------------------------------------------------------------
+
+    def step(self, wind: tuple[float, float], dt_s: float) -> None:
+        """One step of estimate, decision, control, physics and battery."""
+        self.t_s += dt_s
+        if not self._home_known and self.t_s >= _HOME_SHARE * self._ready_after_s:
+            self._home_known = self.home_changed = True
+        self.error.step(dt_s)
+        self._look()
+        self._watch_failsafes()
+        if self.body.motors_on and self.battery.empty:
+            self.body.motors_on = False
+            self.say(SEVERITY_CRITICAL, "Battery 1 is empty")
+        command = self._decide(dt_s)
+        self.body.step(command, wind, dt_s)
+        if self.armed and not self.body.motors_on and self.body.on_ground:
+            self.disarm(force=True)
+
+    def _look(self) -> None:
+        body, error, now = self.body, self.error, self.estimate
+        now.east, now.north = body.east + error.east, body.north + error.north
+        now.up = body.up + error.up
+        now.v_east, now.v_north = body.v_east + error.v_east, body.v_north + error.v_north
+        now.v_up = body.v_up + error.v_up
+
+    @abstractmethod
+    def _watch_failsafes(self) -> None:
+        """Look at everything once."""
+
+    @abstractmethod
+    def _decide(self, dt_s: float) -> Command:
+        """What the motors are told."""

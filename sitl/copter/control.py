@@ -1,0 +1,156 @@
+"""From where the vehicle is and should be to thrust and turn rate: the autopilot's inner loops.
+
+The shape follows ArduCopter: a square-root controller turns a distance into a speed from which
+one can still stop, the speed is slewed at the permitted acceleration, and a velocity loop with a
+slow estimate of the disturbance (wind) turns it into thrust.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sitl.body.physics import Body, Command
+from sitl.copter.params import Parameters
+
+_VELOCITY_GAIN_1_S = 2.0
+_CLIMB_GAIN_1_S = 3.0
+_WIND_TAU_S = 0.5
+_YAW_GAIN_1_S = 2.0
+_MAX_VERTICAL_M_S2 = 3.0
+# The velocity loop and the tilt lag behind; braking planned a little softer than permitted
+# leaves them the room.
+_BRAKING_SHARE = 0.85
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the parameters allow, in SI units, held to what can be flown."""
+
+    speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+    accel_m_s2: float
+    accel_z_m_s2: float
+    p_xy: float
+    p_z: float
+    yaw_rate_rad_s: float
+
+    @classmethod
+    def of(cls, parameters: Parameters, max_speed_m_s: float, max_accel_m_s2: float) -> Limits:
+        """From the parameter table and the airframe's own limits."""
+        get = parameters.positive
+        return cls(
+            speed_m_s=min(max_speed_m_s, get("WPNAV_SPEED", 10, 5000) / 100),
+            climb_m_s=get("WPNAV_SPEED_UP", 10, 1000) / 100,
+            descent_m_s=get("WPNAV_SPEED_DN", 10, 500) / 100,
+            accel_m_s2=min(max_accel_m_s2, get("WPNAV_ACCEL", 50, 500) / 100),
+            accel_z_m_s2=get("WPNAV_ACCEL_Z", 50, 200) / 100,
+            p_xy=get("PSC_POSXY_P", 0.5, 2.0),
+            p_z=get("PSC_POSZ_P", 0.5, 2.0),
+            yaw_rate_rad_s=math.radians(get("ATC_SLEW_YAW", 500, 9000) / 100),
+        )
+
+
+def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:
+    """Speed at which to approach over a distance `error >= 0` metres and still stop.
+
+    Proportional near the target, with constant deceleration further out; the two meet smoothly.
+
+    >>> sqrt_controller(1.0, p_1_s=1.0, accel_m_s2=2.0)
+    1.0
+    >>> sqrt_controller(9.0, p_1_s=1.0, accel_m_s2=2.0)
+    5.656854249492381
+    """
+    linear_m = accel_m_s2 / (p_1_s * p_1_s)
+    if error <= linear_m:
+        return p_1_s * error
+    return math.sqrt(2.0 * accel_m_s2 * (error - 0.5 * linear_m))
+
+
+def _within(value: float, most: float) -> float:
+    """A value held to `-most` to `most`."""
+    return most if value > most else -most if value < -most else value
+
+
+@dataclass(slots=True)
+class Estimate:
+    """Where the autopilot believes to be: metres and m/s (east, north, up)."""
+
+    east: float = 0.0
+    north: float = 0.0
+    up: float = 0.0
+    v_east: float = 0.0
+    v_north: float = 0.0
+    v_up: float = 0.0
+
+
+class Controller:
+    """State of the loops between two steps."""
+
+    __slots__ = ("_ref_east", "_ref_north", "_ref_up", "_wind_east", "_wind_north", "yaw_target")
+
+    def __init__(self) -> None:
+        self.yaw_target: float | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all wanted motion: on the ground."""
+        self._ref_east = self._ref_north = self._ref_up = 0.0
+        self._wind_east = self._wind_north = 0.0
+        self.yaw_target = None
+
+    def velocity_towards(
+        self, east_m: float, north_m: float, limits: Limits
+    ) -> tuple[float, float]:
+        """Wanted horizontal velocity for a target that lies (east, north) metres away."""
+        distance = math.hypot(east_m, north_m)
+        if distance < 1e-6:
+            return 0.0, 0.0
+        braking = _BRAKING_SHARE * limits.accel_m_s2
+        speed = min(limits.speed_m_s, sqrt_controller(distance, limits.p_xy, braking))
+        return east_m / distance * speed, north_m / distance * speed
+
+    def climb_towards(self, up_m: float, limits: Limits) -> float:
+        """Wanted climb rate for a target that lies `up_m` higher."""
+        speed = sqrt_controller(abs(up_m), limits.p_z, 0.7 * limits.accel_z_m_s2)
+        return min(limits.climb_m_s, speed) if up_m >= 0.0 else -min(limits.descent_m_s, speed)
+
+    def command(
+        self,
+        now: Estimate,
+        body: Body,
+        velocity: tuple[float, float],
+        climb_m_s: float,
+        limits: Limits,
+        dt_s: float,
+    ) -> Command:
+        """Thrust and turn rate for a wanted velocity; `body` gives what an IMU measures."""
+        east, north, up = self._ref_east, self._ref_north, self._ref_up
+        d_east, d_north = velocity[0] - east, velocity[1] - north
+        step = math.hypot(d_east, d_north)
+        room = limits.accel_m_s2 * dt_s
+        if step > room:
+            d_east *= room / step
+            d_north *= room / step
+        d_up = _within(climb_m_s - up, limits.accel_z_m_s2 * dt_s)
+        self._ref_east, self._ref_north, self._ref_up = east, north, up = (
+            east + d_east, north + d_north, up + d_up,
+        )  # fmt: skip
+        learn = -math.expm1(-dt_s / _WIND_TAU_S)
+        wind_east, wind_north = self._wind_east, self._wind_north
+        self._wind_east = wind_east = wind_east + (body.drag_east - wind_east) * learn
+        self._wind_north = wind_north = wind_north + (body.drag_north - wind_north) * learn
+        lead = 1.0 / dt_s
+        return Command(
+            d_east * lead + _VELOCITY_GAIN_1_S * (east - now.v_east) - wind_east,
+            d_north * lead + _VELOCITY_GAIN_1_S * (north - now.v_north) - wind_north,
+            _within(d_up * lead + _CLIMB_GAIN_1_S * (up - now.v_up), _MAX_VERTICAL_M_S2),
+            self._yaw_rate(body.heading, limits),
+        )
+
+    def _yaw_rate(self, yaw_rad: float, limits: Limits) -> float:
+        if self.yaw_target is None:
+            return 0.0
+        error = math.remainder(self.yaw_target - yaw_rad, math.tau)
+        return _within(_YAW_GAIN_1_S * error, limits.yaw_rate_rad_s)

@@ -1,0 +1,142 @@
+"""The geofence: a height, a circle around home, uploaded polygons and circles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.copter.mission_items import CIRCLES, POLYGONS, Item
+from sitl.copter.params import Parameters
+
+# bits of FENCE_TYPE
+ALT_MAX, CIRCLE, POLYGON, ALT_MIN = 1, 2, 4, 8
+_NAMES = {ALT_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALT_MIN: "Min Alt"}
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """A polygon (`ring`) or a circle (one point and a radius) to stay inside, or outside of."""
+
+    ring: tuple[tuple[float, float], ...]
+    radius_m: float
+    inclusion: bool
+
+    def broken_at(self, east_m: float, north_m: float) -> bool:
+        """Whether being here is forbidden.
+
+        >>> zone = Zone(((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)), 0.0, inclusion=True)
+        >>> zone.broken_at(1.0, 1.0), zone.broken_at(5.0, 1.0)
+        (False, True)
+        """
+        return self._holds(east_m, north_m) != self.inclusion
+
+    def _holds(self, east_m: float, north_m: float) -> bool:
+        if len(self.ring) == 1:
+            (east, north), = self.ring  # fmt: skip
+            return math.hypot(east_m - east, north_m - north) < self.radius_m
+        inside = False
+        e0, n0 = self.ring[-1]
+        for e1, n1 in self.ring:
+            if (n0 > north_m) != (n1 > north_m) and (
+                east_m < e0 + (north_m - n0) / (n1 - n0) * (e1 - e0)
+            ):
+                inside = not inside
+            e0, n0 = e1, n1
+        return inside
+
+
+def zones(
+    items: list[Item], to_plane: Callable[[int, int], tuple[float, float]]
+) -> tuple[Zone, ...]:
+    """Zones of an accepted fence; `to_plane` takes latitude and longitude in 1e-7 degrees."""
+    found, at = [], 0
+    while at < len(items):
+        item = items[at]
+        count = int(item.p[0]) if item.command in POLYGONS else 1
+        ring = tuple(to_plane(i.x, i.y) for i in items[at : at + count])
+        if item.command in POLYGONS:
+            found.append(Zone(ring, 0.0, item.command == POLYGONS[0]))
+        elif item.command in CIRCLES:
+            found.append(Zone(ring, item.p[0], item.command == CIRCLES[0]))
+        at += count  # a return point is kept, and is not used by copters
+    return tuple(found)
+
+
+class Fence:
+    """The zones, and whether they are broken at present."""
+
+    def __init__(self) -> None:
+        self.zones: tuple[Zone, ...] = ()
+        self.broken = 0  # bits of FENCE_TYPE
+        self.count = 0
+        self.at_s = 0.0
+        self._risen = False
+
+    def enabled(self, parameters: Parameters) -> bool:
+        """FENCE_ENABLE."""
+        return parameters["FENCE_ENABLE"] != 0.0
+
+    def floor_m(self, parameters: Parameters) -> float:
+        """Height above home that has to be passed once before it is watched."""
+        return parameters["FENCE_ALT_MIN"]
+
+    def violations(
+        self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
+    ) -> int:
+        """Bits of the fences that a place breaks; 0 while the fence is off.
+
+        `low` looks at FENCE_ALT_MIN too.
+        """
+        if not self.enabled(parameters):
+            return 0
+        wanted, broken = int(parameters["FENCE_TYPE"]), 0
+        height_m = place[2] - home[2]
+        if wanted & ALT_MAX and height_m > parameters["FENCE_ALT_MAX"]:
+            broken |= ALT_MAX
+        if wanted & ALT_MIN and low and height_m < parameters["FENCE_ALT_MIN"]:
+            broken |= ALT_MIN
+        away_m = math.hypot(place[0] - home[0], place[1] - home[1])
+        if wanted & CIRCLE and away_m > parameters["FENCE_RADIUS"]:
+            broken |= CIRCLE
+        if wanted & POLYGON and any(z.broken_at(place[0], place[1]) for z in self.zones):
+            broken |= POLYGON
+        return broken
+
+    def watch(
+        self, parameters: Parameters, home: Place, place: Place, now_s: float, *, flying: bool
+    ) -> int:
+        """Bits that have been broken since the last look; call it as time passes."""
+        if not (flying and self.enabled(parameters)):
+            self.broken, self._risen = 0, False
+            return 0
+        self._risen = self._risen or place[2] - home[2] > self.floor_m(parameters)
+        broken = self.violations(parameters, home, place, low=self._risen)
+        fresh = broken & ~self.broken
+        self.broken = broken
+        if fresh:
+            self.count += 1
+            self.at_s = now_s
+        return fresh
+
+    @property
+    def breach_type(self) -> int:
+        """FENCE_BREACH of FENCE_STATUS."""
+        if self.broken & (POLYGON | CIRCLE):
+            return int(mav.FENCE_BREACH_BOUNDARY)
+        if self.broken & ALT_MAX:
+            return int(mav.FENCE_BREACH_MAXALT)
+        return int(mav.FENCE_BREACH_MINALT if self.broken else mav.FENCE_BREACH_NONE)
+
+
+def names(bits: int) -> str:
+    """In words.
+
+    >>> names(ALT_MAX | POLYGON)
+    'Max Alt, Polygon'
+    """
+    return ", ".join(name for bit, name in _NAMES.items() if bits & bit)

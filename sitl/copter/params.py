@@ -1,0 +1,173 @@
+"""The parameters of the simulated ArduCopter: those that change what it does or that clients
+ask for, with the names, defaults and types of ArduCopter 4.6."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """Name, default and MAV_PARAM_TYPE (2 INT8, 4 INT16, 6 INT32, 9 REAL32).
+
+    A `fixed` one is the autopilot's own: asked to change it, it answers with what it has.
+    """
+
+    name: str
+    default: float
+    type: int
+    fixed: bool = False
+
+
+INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
+
+_ROWS = (
+    Parameter("ARMING_CHECK", 1, INT32),  # 0: arm without a position
+    Parameter("ATC_SLEW_YAW", 6000.0, REAL32),  # centidegrees/s
+    Parameter("AUTO_OPTIONS", 0, INT32),  # 1: arm in AUTO, 2: take off without MISSION_START
+    Parameter("BATT_ARM_VOLT", 0.0, REAL32),  # V, 0: none
+    Parameter("BATT_CAPACITY", 3300, INT32),  # mAh, set to the pack's at the start
+    Parameter("BATT_CRT_MAH", 0.0, REAL32),  # mAh left, 0: none
+    Parameter("BATT_CRT_VOLT", 0.0, REAL32),  # V, 0: none
+    Parameter("BATT_FS_CRT_ACT", 0, INT8),
+    Parameter("BATT_FS_LOW_ACT", 0, INT8),
+    Parameter("BATT_LOW_MAH", 0.0, REAL32),  # mAh left, 0: none
+    Parameter("BATT_LOW_TIMER", 10, INT8),  # s below the voltage
+    Parameter("BATT_LOW_VOLT", 10.5, REAL32),  # V
+    Parameter("BATT_MONITOR", 4, INT8, fixed=True),
+    Parameter("COMPASS_ENABLE", 1, INT8, fixed=True),
+    Parameter("DISARM_DELAY", 10, INT8),  # s
+    Parameter("FENCE_ACTION", 1, INT8),
+    Parameter("FENCE_ALT_MAX", 100.0, REAL32),  # m
+    Parameter("FENCE_ALT_MIN", -10.0, REAL32),  # m
+    Parameter("FENCE_ENABLE", 0, INT8),
+    Parameter("FENCE_RADIUS", 150.0, REAL32),  # m
+    Parameter("FENCE_TOTAL", 0, INT8, fixed=True),
+    Parameter("FENCE_TYPE", 7, INT8),  # 1 top, 2 circle, 4 polygons, 8 bottom
+    Parameter("FORMAT_VERSION", 120, INT16, fixed=True),
+    Parameter("FRAME_CLASS", 1, INT8, fixed=True),
+    Parameter("FRAME_TYPE", 0, INT8, fixed=True),
+    Parameter("FS_EKF_ACTION", 1, INT8),
+    Parameter("FS_GCS_ENABLE", 0, INT8),
+    Parameter("FS_GCS_TIMEOUT", 5.0, REAL32),  # s
+    Parameter("FS_OPTIONS", 16, INT32),
+    Parameter("FS_THR_ENABLE", 1, INT8),
+    Parameter("GPS1_TYPE", 1, INT8, fixed=True),
+    Parameter("GUID_TIMEOUT", 3.0, REAL32),  # s
+    Parameter("LAND_ALT_LOW", 1000, INT16),  # cm
+    Parameter("LAND_SPEED", 50, INT16),  # cm/s
+    Parameter("LAND_SPEED_HIGH", 0, INT16),  # cm/s, 0: WPNAV_SPEED_DN
+    Parameter("MIS_RESTART", 0, INT8),  # 1: from the beginning each time
+    Parameter("MIS_TOTAL", 0, INT16, fixed=True),
+    Parameter("PSC_JERK_XY", 5.0, REAL32),  # m/s^3; 0: as directly as it can
+    Parameter("PSC_POSXY_P", 1.0, REAL32),  # 1/s
+    Parameter("PSC_POSZ_P", 1.0, REAL32),  # 1/s
+    Parameter("RALLY_INCL_HOME", 1, INT8),
+    Parameter("RALLY_LIMIT_KM", 0.3, REAL32),
+    Parameter("RALLY_TOTAL", 0, INT8, fixed=True),
+    Parameter("RTL_ALT", 1500, INT32),  # cm
+    Parameter("RTL_ALT_FINAL", 0, INT16),  # cm, 0: land
+    Parameter("RTL_CLIMB_MIN", 0, INT16),  # cm
+    Parameter("RTL_CONE_SLOPE", 3.0, REAL32),  # metres up a metre away
+    Parameter("RTL_LOIT_TIME", 5000, INT32),  # ms
+    Parameter("RTL_SPEED", 0, INT16),  # cm/s, 0: WPNAV_SPEED
+    Parameter("SYSID_MYGCS", 255, INT16),
+    Parameter("SYSID_THISMAV", 1, INT16, fixed=True),
+    # SIM_*: what sitl.faults.injection does with them
+    Parameter("SIM_BATT_VOLTAGE", 0.0, REAL32),  # V, 0: by the charge
+    Parameter("SIM_ENGINE_FAIL", 0, INT32),  # not 0: a motor gives SIM_ENGINE_MUL
+    Parameter("SIM_ENGINE_MUL", 1.0, REAL32),
+    Parameter("SIM_GPS1_ENABLE", 1, INT8),
+    Parameter("SIM_GPS_DISABLE", 0, INT8),
+    Parameter("SIM_GPS_GLITCH_X", 0.0, REAL32),  # degrees of latitude
+    Parameter("SIM_GPS_GLITCH_Y", 0.0, REAL32),  # degrees of longitude
+    Parameter("SIM_RC_FAIL", 0, INT8),
+    Parameter("SIM_SPEEDUP", 1.0, REAL32, fixed=True),
+    Parameter("SIM_WIND_DIR", 180.0, REAL32),  # degrees, where it comes from
+    Parameter("SIM_WIND_SPD", 0.0, REAL32),  # m/s besides the world's
+    Parameter("SYS_FAILURE_EN", 0, INT8),  # 1: MAV_CMD_INJECT_FAILURE is obeyed
+    Parameter("WPNAV_ACCEL", 250.0, REAL32),  # cm/s^2
+    Parameter("WPNAV_ACCEL_Z", 100.0, REAL32),  # cm/s^2
+    Parameter("WPNAV_RADIUS", 200.0, REAL32),  # cm
+    Parameter("WPNAV_SPEED", 1000.0, REAL32),  # cm/s
+    Parameter("WPNAV_SPEED_DN", 150.0, REAL32),  # cm/s
+    Parameter("WPNAV_SPEED_UP", 250.0, REAL32),  # cm/s
+    Parameter("WP_YAW_BEHAVIOR", 2, INT8),  # 0: keep the heading
+)
+
+TABLE = tuple(sorted(_ROWS, key=lambda parameter: parameter.name))
+
+_INTEGER_RANGE = {INT8: 2**7 - 1, INT16: 2**15 - 1, INT32: 2**31 - 1}
+_LARGEST = 3.4028234e38  # of a REAL32
+
+
+class Parameters:
+    """Values by name and by index, in the order of `table`, which is ArduCopter's.
+
+    >>> parameters = Parameters()
+    >>> parameters.set("RTL_ALT", 2000.7)
+    True
+    >>> parameters["RTL_ALT"]
+    2000.0
+    """
+
+    def __init__(self, table: tuple[Parameter, ...] = TABLE) -> None:
+        self.table = table
+        self.by_name = {p.name: p for p in table}
+        self.index = {p.name: i for i, p in enumerate(table)}
+        self._values = {p.name: float(p.default) for p in table}
+        # raised at every change, so that what is derived from parameters can be cached
+        self.version = 0
+        # told of what a client has set: simulated faults
+        self.watch: Callable[[str, float], None] | None = None
+        # names of what the autopilot has changed by itself and has not told yet
+        self.untold: list[str] = []
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def set(self, name: str, value: float) -> bool:
+        """Set as ArduPilot does: no range check, fractions of integers cut.
+
+        False, and nothing changed, for an unknown name or a value that is not a finite number.
+        """
+        parameter = self.by_name.get(name)
+        if parameter is None or not math.isfinite(value):
+            return False
+        if not parameter.fixed:
+            self._keep(parameter, value)
+            if self.watch is not None:
+                self.watch(name, self._values[name])
+        return True
+
+    def preset(self, name: str, value: float) -> None:
+        """The autopilot's own knowledge, at the start: nobody is told."""
+        self._keep(self.by_name[name], value)
+
+    def change(self, name: str, value: float) -> None:
+        """A change that no client has asked for: told with the index 65535."""
+        before = self._values[name]
+        self._keep(self.by_name[name], value)
+        if self._values[name] != before and name not in self.untold:
+            self.untold.append(name)
+
+    def _keep(self, parameter: Parameter, value: float) -> None:
+        limit = _INTEGER_RANGE.get(parameter.type)
+        if limit is not None:
+            value = float(max(-limit - 1, min(limit, math.trunc(value))))
+        else:
+            value = max(-_LARGEST, min(_LARGEST, value))
+        self._values[parameter.name] = value
+        self.version += 1
+
+    def positive(self, name: str, low: float, high: float) -> float:
+        """A value held to a range in which flying is possible."""
+        return max(low, min(high, self._values[name]))
+
+
+BY_NAME = {p.name: p for p in TABLE}

@@ -1,0 +1,307 @@
+"""A mission being flown: AUTO's items, one navigation item at a time, the rest on the way.
+
+After a navigation item has been reached, the items behind it are done while the next one is being
+flown to; a condition holds back what comes behind it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.copter.mission_items import IDLE_COMMANDS, NAMES, NAVIGATION, Item
+from sitl.copter.modes import Phase
+from sitl.copter.pilot import Pilot
+
+_MOST_JUMPS = 64  # without a navigation item between them
+_SEVERITY_INFO: int = mav.MAV_SEVERITY_INFO
+_SPEEDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
+
+Place = tuple[float, float, float]
+
+
+class Progress(IntEnum):
+    """How far a mission is; the values are MISSION_STATE's."""
+
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
+
+
+class Route:
+    """The mission `plan` and how far it has been flown.
+
+    Items before `first` are not flown: an ArduPilot's item 0 is home.
+    `locate` puts an item into the world's plane, `camera` takes the parameters of
+    IMAGE_START_CAPTURE (interval, count) or None to stop.
+    """
+
+    def __init__(self, plan: list[Item], first: int = 1) -> None:
+        self.plan = plan
+        self.first = first
+        self.progress = Progress.NOT_STARTED
+        self.current = 0
+        self.reached: list[int] = []  # not yet told
+        self.locate: Callable[[Item], Place | None] = lambda _: None
+        self.camera: Callable[[tuple[float, int] | None], None] = lambda _: None
+        self._item: Item | None = None
+        self._pending: list[int] = []
+        self._held_since: tuple[float, Place] | None = None  # when and where a condition began
+        self._jumps: dict[int, int] = {}
+        self._goal: Place | None = None
+        self._arrived_s: float | None = None
+        self._begun_s = 0.0
+        self._landing = False
+        self._every_m = 0.0
+        self._last_shot: Place | None = None
+
+    @property
+    def total(self) -> int:
+        """Items that are flown."""
+        return max(0, len(self.plan) - self.first)
+
+    @property
+    def begins_with_takeoff(self) -> bool:
+        """The navigation item that would be flown next is a take-off."""
+        start = self.current if self.progress == Progress.PAUSED else self.first
+        ahead = self.plan[max(self.first, start) :]
+        following = (item.command for item in ahead if item.command in NAVIGATION)
+        return bool(next(following, None) == mav.MAV_CMD_NAV_TAKEOFF)
+
+    # --- what can be asked for ------------------------------------------------------------------
+
+    def jump_to(self, seq: int, pilot: Pilot) -> bool:
+        """MISSION_SET_CURRENT; False when there is no such item. Home stands for the first."""
+        if not 0 <= seq < len(self.plan):
+            return False
+        seq = max(self.first, seq)
+        if seq >= len(self.plan):
+            return False
+        if self.progress == Progress.ACTIVE:
+            self._search(seq, pilot)
+        else:
+            self.current = seq
+            self.progress = Progress.PAUSED
+        return True
+
+    def begin(self, pilot: Pilot) -> None:
+        """Start, or go on with the item that was being flown."""
+        fresh = self.progress != Progress.PAUSED or pilot.tuning.mission_restarts
+        if fresh:
+            self.reset()
+        self.progress = Progress.ACTIVE
+        self._search(self.first if fresh else max(self.first, self.current), pilot)
+
+    def pause(self, pilot: Pilot) -> bool:
+        """DO_PAUSE_CONTINUE: stay where it is, in AUTO; False when nothing is being flown."""
+        if self.progress != Progress.ACTIVE or not pilot.airborne:
+            return False
+        self.progress = Progress.PAUSED
+        pilot.stay()
+        return True
+
+    def proceed(self, pilot: Pilot) -> bool:
+        """Go on after a pause; False when there is none."""
+        if self.progress != Progress.PAUSED:
+            return False
+        self.progress = Progress.ACTIVE
+        self._search(max(self.first, self.current), pilot)
+        return True
+
+    def stop(self) -> None:
+        """Another mode flies."""
+        self._every_m = 0.0
+        if self.progress == Progress.ACTIVE:
+            self.progress = Progress.PAUSED
+
+    def reset(self) -> None:
+        """From the beginning next time."""
+        self.current = 0
+        self._jumps.clear()
+        self._pending.clear()
+        self._item = None
+        self._every_m = 0.0
+        if self.progress != Progress.COMPLETE:
+            self.progress = Progress.NOT_STARTED
+
+    def plan_changed(self) -> None:
+        """The plan was replaced, perhaps while it is flown: what is being flown goes on."""
+        if self.progress == Progress.ACTIVE:
+            return
+        self.progress = Progress.NOT_STARTED
+        self.reset()
+
+    # --- time -----------------------------------------------------------------------------------
+
+    def step(self, pilot: Pilot) -> None:
+        """Look whether the present item is done; begin what follows."""
+        if self.progress != Progress.ACTIVE:
+            return
+        self._do_pending(pilot)
+        if self._every_m > 0.0:
+            self._shoot_by_distance(pilot)
+        if self._item is None:
+            if not self._pending:
+                self._complete(pilot)
+        elif self._verify(self._item, pilot):
+            self.reached.append(self.current)
+            self._search(self.current + 1, pilot)
+
+    def _search(self, index: int, pilot: Pilot) -> None:
+        """The next navigation item from `index` on; what lies between is to be done."""
+        self._pending.clear()
+        self._held_since = None
+        self._item = None
+        jumps = 0
+        while index < len(self.plan):
+            item = self.plan[index]
+            if item.command == mav.MAV_CMD_DO_JUMP:
+                jumps += 1
+                if jumps > _MOST_JUMPS:
+                    break
+                index = self._jump(index, item)
+            elif item.command in NAVIGATION:
+                self._item = item
+                self.current = index
+                self._start(item, pilot)
+                return
+            else:
+                self._pending.append(index)
+                index += 1
+
+    def _jump(self, index: int, item: Item) -> int:
+        target, repeat = int(item.p[0]), int(item.p[1])
+        done = self._jumps.get(index, 0)
+        if not self.first <= target < len(self.plan) or (repeat >= 0 and done >= repeat):
+            return index + 1
+        self._jumps[index] = done + 1
+        return target
+
+    def _complete(self, pilot: Pilot) -> None:
+        self.progress = Progress.COMPLETE
+        self._every_m = 0.0
+        pilot.mission_done()
+
+    # --- navigation -----------------------------------------------------------------------------
+
+    def _start(self, item: Item, pilot: Pilot) -> None:
+        pilot.say(_SEVERITY_INFO, f"Mission: {self.current} {NAMES[item.command]}")
+        self._arrived_s, self._goal, self._landing = None, None, False
+        self._begun_s = pilot.t_s
+        command = item.command
+        if command == mav.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            if pilot.airborne:
+                pilot.go_home()
+        elif command == mav.MAV_CMD_NAV_TAKEOFF:
+            place = self.locate(item)
+            pilot.climb_to(pilot.hold[2] if place is None else place[2])
+        elif command != mav.MAV_CMD_NAV_DELAY:
+            self._goal = self._place(item, pilot)
+            if pilot.airborne:
+                pilot.fly_to(self._goal)
+
+    def _place(self, item: Item, pilot: Pilot) -> Place:
+        """Where an item lies. Latitude and longitude 0 are here; landing keeps the height."""
+        place = self.locate(item)
+        east, north, up = pilot.hold
+        if place is None or (item.here and item.z == 0.0):
+            return pilot.hold
+        if not item.here:
+            east, north = place[:2]
+        if item.command != mav.MAV_CMD_NAV_LAND:
+            up = place[2]
+        return east, north, up
+
+    def _verify(self, item: Item, pilot: Pilot) -> bool:
+        command = item.command
+        if command == mav.MAV_CMD_NAV_TAKEOFF:
+            return pilot.phase == Phase.FLY
+        if command == mav.MAV_CMD_NAV_DELAY:
+            return pilot.t_s - self._begun_s >= item.p[0]
+        if command == mav.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return not pilot.airborne
+        if command == mav.MAV_CMD_NAV_LAND:
+            return self._verify_land(pilot)
+        if not pilot.airborne or not self._arrived(pilot):
+            return False
+        if command == mav.MAV_CMD_NAV_LOITER_UNLIM:
+            return False
+        return pilot.t_s - (self._arrived_s or 0.0) >= item.p[0]
+
+    def _verify_land(self, pilot: Pilot) -> bool:
+        if not pilot.airborne:
+            return True
+        if not self._landing and self._arrived(pilot):
+            self._landing = True
+            pilot.land()
+        return False
+
+    def _arrived(self, pilot: Pilot) -> bool:
+        near_m = pilot.tuning.arrival_m
+        if self._arrived_s is None and self._goal and pilot.distance_to(self._goal) <= near_m:
+            self._arrived_s = pilot.t_s
+        return self._arrived_s is not None
+
+    # --- on the way -----------------------------------------------------------------------------
+
+    def _do_pending(self, pilot: Pilot) -> None:
+        while self._pending:
+            index = self._pending[0]
+            if index >= len(self.plan):  # the mission was replaced by a shorter one
+                self._pending.clear()
+                return
+            item = self.plan[index]
+            if self._held_since is None:
+                text = f"Mission: {index} {NAMES[item.command]}"
+                idle = item.command in IDLE_COMMANDS
+                pilot.say(_SEVERITY_INFO, text + " has no effect" * idle)
+                now = pilot.estimate
+                self._held_since = (pilot.t_s, (now.east, now.north, now.up))
+                self._do(item, pilot)
+            if not self._condition_met(item, pilot):
+                return
+            self._held_since = None
+            self._pending.pop(0)
+
+    def _condition_met(self, item: Item, pilot: Pilot) -> bool:
+        assert self._held_since is not None
+        begun_s, _ = self._held_since
+        if item.command == mav.MAV_CMD_CONDITION_DELAY:
+            return pilot.t_s - begun_s >= item.p[0]
+        if item.command == mav.MAV_CMD_CONDITION_DISTANCE:
+            return self._goal is None or pilot.distance_to(self._goal) <= item.p[0]
+        return item.command != mav.MAV_CMD_CONDITION_YAW or pilot.turned
+
+    def _do(self, item: Item, pilot: Pilot) -> None:
+        command, p = item.command, item.p
+        if command == mav.MAV_CMD_DO_CHANGE_SPEED:
+            kind = _SPEEDS.get(int(p[0]))
+            if kind is not None and p[1] > 0.0:
+                pilot.set_speed(kind, p[1])
+        elif command == mav.MAV_CMD_CONDITION_YAW:
+            goal = math.radians(p[0])
+            if p[3] and not math.isnan(p[3]):
+                goal = pilot.yaw_goal + math.copysign(1.0, p[2]) * goal
+            pilot.face(goal)
+        elif command == mav.MAV_CMD_DO_DIGICAM_CONTROL:
+            if item.x == 1:
+                self.camera((0.0, 1))
+        elif command == mav.MAV_CMD_IMAGE_START_CAPTURE:
+            self.camera((p[1], int(max(0.0, min(p[2], 1e6)))))
+        elif command == mav.MAV_CMD_IMAGE_STOP_CAPTURE:
+            self.camera(None)
+        elif command == mav.MAV_CMD_DO_SET_CAM_TRIGG_DIST:
+            self._every_m = max(0.0, p[0])
+            self._last_shot = None
+        elif command == mav.MAV_CMD_DO_FENCE_ENABLE:
+            pilot.enable_fence(p[0] == 1.0)
+
+    def _shoot_by_distance(self, pilot: Pilot) -> None:
+        now = pilot.estimate
+        if self._last_shot is None or pilot.distance_to(self._last_shot) >= self._every_m:
+            self._last_shot = (now.east, now.north, now.up)
+            self.camera((0.0, 1))

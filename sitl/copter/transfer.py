@@ -1,0 +1,252 @@
+"""Missions, fences and rally points over the link: MAVLink's mission protocol, vehicle's side.
+
+A pure state machine: messages and the time in, messages out. The vehicle drives an upload: it
+asks for each item, again after a second, and gives up when nothing has come for eight. What has
+come of a mission until then stays: a stalled upload leaves a truncated mission behind, as on the
+real one. A fence takes effect only when it is complete. (This is ArduPilot's way; what PX4 does
+otherwise are arguments of `Transfer`.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.codec.wire import Message
+from sitl.copter.mission_items import ALL, FENCE, MISSION, OK, RALLY, Item, check, check_fence
+
+_RETRY_S, _GIVE_UP_S = 1.0, 8.0
+_SOON_S = 1e-6
+_MOST = {MISSION: 724, FENCE: 250, RALLY: 80}
+_NAMES = {MISSION: "Mission", FENCE: "Fence", RALLY: "Rally"}
+_DONE = {
+    MISSION: "Flight plan received", FENCE: "Fence received", RALLY: "Rally points received",
+}  # fmt: skip
+_DENIED: int = mav.MAV_MISSION_DENIED
+
+
+class Plans:
+    """The three lists. Item 0 of a mission is home; the mission begins with item 1."""
+
+    def __init__(self) -> None:
+        self.items: dict[int, list[Item]] = {MISSION: [], FENCE: [], RALLY: []}
+
+    @property
+    def mission(self) -> list[Item]:
+        """Home and the items behind it; empty when there is no mission."""
+        return self.items[MISSION]
+
+
+@dataclass(slots=True)
+class _Upload:
+    kind: int
+    count: int
+    partner: tuple[int, int]
+    asked_s: float
+    heard_s: float
+    received: list[Item] = field(default_factory=list)
+
+
+class Transfer:
+    """Answers the messages of the mission protocol, and asks for what is missing.
+
+    `home` gives the present home as an item, `running` whether the mission is being flown,
+    `changed` is told the kind of a list that has changed, `say` a severity and a text.
+    `ask_int` asks with MISSION_REQUEST_INT instead of MISSION_REQUEST. Without a `home` item 0 is
+    an item as any other; `whole`: a list takes effect only when it is complete, as fences always.
+    `check` gives the MAV_MISSION_RESULT for an item of a list.
+    """
+
+    def __init__(
+        self,
+        plans: Plans,
+        *,
+        home: Callable[[], Item] | None,
+        running: Callable[[], bool],
+        changed: Callable[[int], None],
+        say: Callable[[int, str], None],
+        ask_int: bool = False,
+        retry_s: float = _RETRY_S,
+        give_up_s: float = _GIVE_UP_S,
+        whole: bool = False,
+        check: Callable[[int, Item], int] = check,
+    ) -> None:
+        self._plans = plans
+        self._home = home
+        self._running = running
+        self._changed = changed
+        self._say = say
+        self._ask_int = ask_int
+        self._retry_s = retry_s
+        self._give_up_s = give_up_s
+        self._at_once = () if whole else (MISSION, RALLY)  # these change while they arrive
+        self._check = check
+        self._upload: _Upload | None = None
+        self._finished: tuple[int, int, tuple[int, int]] | None = None
+        self._handlers: dict[str, Callable[[Message, float], list[Message]]] = {
+            "MISSION_COUNT": self._count,
+            "MISSION_ITEM": self._item,
+            "MISSION_ITEM_INT": self._item,
+            "MISSION_REQUEST_LIST": self._list,
+            "MISSION_REQUEST": self._request,
+            "MISSION_REQUEST_INT": self._request,
+            "MISSION_CLEAR_ALL": self._clear,
+            "MISSION_WRITE_PARTIAL_LIST": self._partial,
+        }
+        self.handled = tuple(self._handlers)
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """A message of the protocol that is for this vehicle; the answers."""
+        known = message.mission_type in self._plans.items
+        if not known and not (
+            message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
+        ):
+            return [_ack(message, int(mav.MAV_MISSION_UNSUPPORTED))]
+        return self._handlers[message.get_type()](message, now_s)
+
+    def step(self, now_s: float) -> list[Message]:
+        """Ask again for a missing item, or give up."""
+        upload = self._upload
+        if upload is None:
+            return []
+        if now_s - upload.heard_s >= self._give_up_s - _SOON_S:
+            self._break_off(upload)
+            self._say(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
+            result = mav.MAV_MISSION_OPERATION_CANCELLED
+            return [mav.MAVLink_mission_ack_message(*upload.partner, result, upload.kind)]
+        if now_s - upload.asked_s >= self._retry_s - _SOON_S:
+            return [self._ask(upload, now_s)]
+        return []
+
+    # --- upload ---------------------------------------------------------------------------------
+
+    def _count(self, m: Message, now_s: float) -> list[Message]:
+        partner = _sender(m)
+        if self._upload is not None:
+            if self._upload.partner != partner:
+                return [_ack(m, _DENIED)]
+            if self._repeated(m, self._upload, now_s):
+                return [self._ask(self._upload, now_s)]
+            self._break_off(self._upload)
+        self._finished = None
+        if m.count > _MOST[m.mission_type]:
+            return [_ack(m, int(mav.MAV_MISSION_NO_SPACE))]
+        upload = _Upload(m.mission_type, m.count, partner, now_s, now_s)
+        if m.count == 0:
+            self._keep(upload)
+            return [_ack(m, OK)]
+        if upload.kind in self._at_once:
+            self._plans.items[upload.kind].clear()
+            self._changed(upload.kind)
+        self._upload = upload
+        return [self._ask(upload, now_s)]
+
+    def _repeated(self, m: Message, upload: _Upload, now_s: float) -> bool:
+        """Whether a count is a second copy of the one that began an upload.
+
+        A client whose items have just come does not begin again: that would lose them. After a
+        silence it may, and with other items; what has come is not mixed with those.
+        """
+        same = (m.mission_type, m.count) == (upload.kind, upload.count)
+        return same and now_s - upload.heard_s < self._retry_s
+
+    def _ask(self, upload: _Upload, now_s: float) -> Message:
+        upload.asked_s = now_s
+        build = (
+            mav.MAVLink_mission_request_int_message
+            if self._ask_int
+            else mav.MAVLink_mission_request_message
+        )
+        return build(*upload.partner, len(upload.received), upload.kind)
+
+    def _item(self, m: Message, now_s: float) -> list[Message]:
+        upload, partner = self._upload, _sender(m)
+        if upload is None:
+            if self._finished == (m.mission_type, m.seq, partner):
+                return [_ack(m, OK)]  # our ACK was lost
+            return [_ack(m, int(mav.MAV_MISSION_ERROR))]
+        if partner != upload.partner or m.mission_type != upload.kind:
+            return [_ack(m, _DENIED)]
+        expected = len(upload.received)
+        if m.seq < expected:
+            return []  # a second copy; the next one has been asked for
+        if m.seq > expected:
+            return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
+        item = Item.of(m)
+        result = self._check(upload.kind, item)
+        if result == OK:
+            upload.received.append(item)
+            upload.heard_s = now_s
+            if upload.kind in self._at_once:
+                self._plans.items[upload.kind].append(item)
+            if len(upload.received) < upload.count:
+                return [self._ask(upload, now_s)]
+            result = self._keep(upload)
+        if result == OK:
+            self._upload = None
+            self._finished = (upload.kind, m.seq, partner)
+        else:
+            self._break_off(upload)
+        return [_ack(m, result)]
+
+    def _break_off(self, upload: _Upload) -> None:
+        """What has come of a mission or of rally points stays."""
+        self._upload = None
+        if upload.kind in self._at_once:
+            self._changed(upload.kind)
+
+    def _keep(self, upload: _Upload) -> int:
+        """The upload is complete."""
+        result = check_fence(upload.received) if upload.kind == FENCE else OK
+        if result == OK:
+            self._plans.items[upload.kind][:] = upload.received
+            self._changed(upload.kind)
+            self._say(mav.MAV_SEVERITY_INFO, _DONE[upload.kind])
+        return result
+
+    # --- download -------------------------------------------------------------------------------
+
+    def _list(self, m: Message, _now_s: float) -> list[Message]:
+        if self._upload is not None:
+            return [_ack(m, _DENIED)]
+        count = len(self._plans.items[m.mission_type])
+        return [mav.MAVLink_mission_count_message(*_sender(m), count, m.mission_type)]
+
+    def _request(self, m: Message, _now_s: float) -> list[Message]:
+        items = self._plans.items[m.mission_type]
+        if m.mission_type == MISSION and m.seq == 0 and self._home is not None:
+            item = self._home()
+        elif m.seq < len(items):
+            item = items[m.seq]
+        else:
+            return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
+        exact = m.get_type() == "MISSION_REQUEST_INT"
+        return [item.message(m.seq, m.mission_type, _sender(m), current=False, exact=exact)]
+
+    # --- the rest -------------------------------------------------------------------------------
+
+    def _clear(self, m: Message, _now_s: float) -> list[Message]:
+        kinds = list(self._plans.items) if m.mission_type == ALL else [m.mission_type]
+        if self._upload is not None:
+            return [_ack(m, _DENIED)]
+        if MISSION in kinds and self._running():
+            return [_ack(m, int(mav.MAV_MISSION_ERROR))]
+        for kind in kinds:
+            self._plans.items[kind].clear()
+            self._changed(kind)
+        self._finished = None
+        return [_ack(m, OK)]
+
+    def _partial(self, m: Message, _now_s: float) -> list[Message]:
+        """Refused: part of a mission cannot be replaced."""
+        return [_ack(m, int(mav.MAV_MISSION_UNSUPPORTED))]
+
+
+def _sender(m: Message) -> tuple[int, int]:
+    return m.get_srcSystem(), m.get_srcComponent()
+
+
+def _ack(m: Message, result: int) -> Message:
+    return mav.MAVLink_mission_ack_message(*_sender(m), result, m.mission_type)

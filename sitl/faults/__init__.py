@@ -1,0 +1,1 @@
+"""What goes wrong on demand: kinds of faults, schedules, injection over MAVLink."""

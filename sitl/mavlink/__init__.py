@@ -1,0 +1,1 @@
+"""Messages in, messages out: interpreting, telemetry, transfers, signing, packing."""

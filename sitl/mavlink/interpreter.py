@@ -1,0 +1,264 @@
+"""Messages in, messages out: everything a ground station or companion can say to the vehicle.
+
+No message that arrives raises; what is not for this vehicle, or not understood, is passed over,
+except unknown commands, which are refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.codec.wire import Message, Packer
+from sitl.copter.aircraft import Aircraft
+from sitl.copter.mission_items import Item
+from sitl.copter.params import Parameter
+from sitl.copter.transfer import Transfer
+from sitl.mavlink.commands import Commands, Request
+from sitl.mavlink.streams import STREAM_GROUPS, Streams
+from sitl.mavlink.telemetry import Telemetry
+
+AUTOPILOT, CAMERA = mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_COMP_ID_CAMERA
+
+NO_POSITION = 0x7  # type_mask: ignore x, y, z
+NO_VELOCITY = 0x38
+NO_YAW = 0x400
+_FTP_NAK, _FTP_FAIL = 129, 1
+_READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
+_UNASKED = 65535  # index of a parameter that nobody has asked for
+
+
+class Interpreter:
+    """The vehicle's end of the link."""
+
+    def __init__(
+        self,
+        system_id: int,
+        autopilot: Aircraft,
+        commands: Commands,
+        streams: Streams,
+        telemetry: Telemetry,
+    ) -> None:
+        self.system_id = system_id
+        self.heard = False
+        self._ap = autopilot
+        self._commands = commands
+        self._streams = streams
+        self._telemetry = telemetry
+        self._reads = 0
+        self._transfer = self._make_transfer()
+        self.autopilot_wire = Packer(system_id, AUTOPILOT)
+        self.camera_wire = Packer(system_id, CAMERA)
+        self._handlers: dict[str, Callable[[Message], bytes]] = {
+            "COMMAND_LONG": self._command_long,
+            "COMMAND_INT": self._command_int,
+            "SET_MODE": self._set_mode,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._position_target,
+            "REQUEST_DATA_STREAM": self._data_stream,
+            "PARAM_REQUEST_LIST": self._param_list,
+            "PARAM_REQUEST_READ": self._param_read,
+            "PARAM_SET": self._param_set,
+            "PING": self._ping,
+            "TIMESYNC": self._timesync,
+            "FILE_TRANSFER_PROTOCOL": self._ftp,
+            "HEARTBEAT": self._heartbeat,
+            "MISSION_SET_CURRENT": self._set_current,
+            **dict.fromkeys(self._transfer.handled, self._mission),
+        }
+
+    def _make_transfer(self) -> Transfer:
+        ap = self._ap
+        return Transfer(
+            ap.plans,
+            home=self._home_item,
+            running=lambda: ap.in_mission and ap.armed,
+            changed=self._commands.flight.plans_changed,
+            say=ap.say,
+        )
+
+    def handle(self, messages: Iterable[Message]) -> bytes:
+        """Handle received messages; the immediate replies."""
+        replies = bytearray()
+        for message in messages:
+            self.heard = True
+            handler = self._handlers.get(message.get_type())
+            if handler is not None:
+                replies += handler(message)
+        return bytes(replies)
+
+    def step(self) -> bytes:
+        """What the passing of time brings: missing mission items asked for again, news."""
+        self._reads = 0
+        ap = self._ap
+        sent = [self.autopilot_wire.pack(m) for m in self._transfer.step(ap.t_s)]
+        if not (ap.route.reached or ap.parameters.untold):
+            return b"".join(sent)
+        if self.heard:
+            sent += [
+                self.autopilot_wire.pack(mav.MAVLink_mission_item_reached_message(seq))
+                for seq in ap.route.reached
+            ]
+            sent += [self._param_value(name, _UNASKED) for name in ap.parameters.untold]
+        ap.route.reached.clear()
+        ap.parameters.untold.clear()
+        return b"".join(sent)
+
+    def _ours(self, message: Message) -> bool:
+        return message.target_system in (0, self.system_id)
+
+    # --- commands -------------------------------------------------------------------------------
+
+    def _command_long(self, m: Message) -> bytes:
+        p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
+        return self._command(m, Request(m.command, p, None))
+
+    def _command_int(self, m: Message) -> bytes:
+        p = (m.param1, m.param2, m.param3, m.param4, 0.0, 0.0, m.z)
+        return self._command(m, Request(m.command, p, (m.frame, m.x, m.y)))
+
+    def _command(self, m: Message, request: Request) -> bytes:
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT, CAMERA):
+            return b""
+        for_camera = m.target_component == CAMERA
+        reply = self._commands.carry_out(request, for_camera)
+        ack = mav.MAVLink_command_ack_message(
+            m.command, reply.result, 0, 0, m.get_srcSystem(), m.get_srcComponent()
+        )
+        wire = self.camera_wire if for_camera else self.autopilot_wire
+        sender = self.camera_wire if reply.from_camera or for_camera else self.autopilot_wire
+        return wire.pack(ack) + b"".join(sender.pack(message) for message in reply.messages)
+
+    def _set_mode(self, m: Message) -> bytes:
+        if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return b""
+        reply = self._commands.flight.set_mode(m.custom_mode)
+        return b"".join(self.autopilot_wire.pack(message) for message in reply.messages)
+
+    def _position_target(self, m: Message) -> bytes:
+        """Never acknowledged; outside guided flight dropped without a word."""
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
+            return b""
+        if not m.type_mask & NO_POSITION:
+            target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
+            yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
+            if target is not None:
+                self._ap.go_to(*target, yaw)
+        elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
+            self._ap.go_with(m.vy, m.vx, -m.vz)
+        return b""
+
+    # --- missions -------------------------------------------------------------------------------
+
+    def _mission(self, m: Message) -> bytes:
+        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
+            return b""
+        answers = self._transfer.receive(m, self._ap.t_s)
+        return b"".join(self.autopilot_wire.pack(answer) for answer in answers)
+
+    def _set_current(self, m: Message) -> bytes:
+        """MISSION_SET_CURRENT: answered with MISSION_CURRENT; an unknown item meets silence."""
+        if not self._ours(m) or not self._ap.route.jump_to(m.seq, self._ap):
+            return b""
+        return self.autopilot_wire.pack(self._telemetry.mission_current())
+
+    def _home_item(self) -> Item:
+        lat, lon, amsl_mm = self._telemetry.place(*self._ap.home)
+        return Item(
+            mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_FRAME_GLOBAL, x=lat, y=lon, z=amsl_mm / 1000.0
+        )
+
+    def _heartbeat(self, m: Message) -> bytes:
+        station = int(self._ap.parameters["SYSID_MYGCS"])
+        if m.type == mav.MAV_TYPE_GCS and m.get_srcSystem() == station:
+            self._ap.failsafes.hear_station(self._ap.t_s)
+        return b""
+
+    # --- streams --------------------------------------------------------------------------------
+
+    def _data_stream(self, m: Message) -> bytes:
+        if not self._ours(m):
+            return b""
+        every = m.req_stream_id == mav.MAV_DATA_STREAM_ALL
+        groups = STREAM_GROUPS.values() if every else [STREAM_GROUPS.get(m.req_stream_id, ())]
+        rate_hz = m.req_message_rate if m.start_stop else 0
+        interval_s = 1.0 / rate_hz if rate_hz > 0 else None
+        for group in groups:
+            for message_id in group:
+                self._streams.set(message_id, interval_s, self._ap.t_s)
+        return b""
+
+    # --- parameters -----------------------------------------------------------------------------
+
+    def _param_list(self, m: Message) -> bytes:
+        if not self._ours(m):
+            return b""
+        return b"".join(self._param_value(p.name) for p in self._ap.parameters.table)
+
+    def _param_read(self, m: Message) -> bytes:
+        if not self._ours(m):
+            return b""
+        self._reads += 1
+        if self._reads > _READS_A_STEP:
+            return b""
+        if m.param_index >= 0:
+            table = self._ap.parameters.table
+            known = m.param_index < len(table)
+            return self._param_value(table[m.param_index].name) if known else b""
+        return self._param_value(m.param_id) if m.param_id in self._ap.parameters else b""
+
+    def _param_set(self, m: Message) -> bytes:
+        """The new value is the answer; an unknown name or a NaN meets silence."""
+        if not self._ours(m) or not self._ap.parameters.set(m.param_id, m.param_value):
+            return b""
+        return self._param_value(m.param_id)
+
+    def _param_value(self, name: str, told_index: int | None = None) -> bytes:
+        parameters = self._ap.parameters
+        parameter, index = parameters.by_name[name], parameters.index[name]
+        return self.autopilot_wire.pack(
+            mav.MAVLink_param_value_message(
+                name.encode("ascii"), self._on_wire(parameter, parameters[name]), parameter.type,
+                len(parameters.table), index if told_index is None else told_index,
+            )
+        )  # fmt: skip
+
+    def _on_wire(self, parameter: Parameter, value: float) -> float:
+        """The field `param_value`: integers as numbers."""
+        return value
+
+    # --- small talk -----------------------------------------------------------------------------
+
+    def _ping(self, m: Message) -> bytes:
+        if m.target_system != 0:  # somebody's answer
+            return b""
+        return self.autopilot_wire.pack(
+            mav.MAVLink_ping_message(m.time_usec, m.seq, m.get_srcSystem(), m.get_srcComponent())
+        )
+
+    def _timesync(self, m: Message) -> bytes:
+        if m.tc1 != 0:  # an answer to ours
+            return b""
+        return self.autopilot_wire.pack(
+            mav.MAVLink_timesync_message(round(self._ap.t_s * 1e9), m.ts1)
+        )
+
+    def _ftp(self, m: Message) -> bytes:
+        """Refused aloud: a client that meets silence waits for many seconds."""
+        if not self._ours(m):
+            return b""
+        request = bytes(m.payload)
+        sequence = (int.from_bytes(request[:2], "little") + 1) & 0xFFFF
+        payload = bytearray(len(request))
+        payload[0:2] = sequence.to_bytes(2, "little")
+        payload[2] = request[2]  # session
+        payload[3] = _FTP_NAK
+        payload[4] = 1  # size of the data: the error code
+        payload[5] = request[3]  # the opcode that is refused
+        payload[12] = _FTP_FAIL
+        return self.autopilot_wire.pack(
+            mav.MAVLink_file_transfer_protocol_message(
+                0, m.get_srcSystem(), m.get_srcComponent(), list(payload)
+            )
+        )

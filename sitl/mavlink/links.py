@@ -1,0 +1,100 @@
+"""One client's link at the vehicle's end: framing, signing and a radio that may be bad.
+
+    bytes from the client -> radio -> frames -> signature -> the vehicle
+    the vehicle's frames -> signature -> radio -> bytes for the client
+
+A vehicle has a link a client, as an autopilot has ports; all hear the same telemetry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from sitl.codec.wire import Cutter, Framer, Message, cut
+from sitl.faults.faults import Faults
+from sitl.faults.lossy_radio import CLEAN, Lossy
+from sitl.mavlink.signing import Signing
+
+_UP, _DOWN = 1, 2
+_LINK_SEED = 41
+_MAX_OUTBOX = 1 << 20  # of a client that does not take what it is sent
+
+
+class Link:
+    """Bytes in by `receive`, bytes out by `take`, in vehicle time.
+
+    `link_id` marks its signatures. `trusted`: a USB cable, where unsigned frames are heard.
+    """
+
+    def __init__(
+        self,
+        link_id: int,
+        seed: tuple[int, int],
+        faults: Faults,
+        signing: Signing,
+        hear: Callable[[list[Message]], None],
+        *,
+        trusted: bool = False,
+    ) -> None:
+        self.link_id = link_id
+        self.trusted = trusted
+        self._faults = faults
+        self._signing = signing
+        self._hear = hear
+        self._framer = Framer()
+        self._cutter = Cutter()
+        self._up = Lossy((*seed, _LINK_SEED, link_id, _UP))
+        self._down = Lossy((*seed, _LINK_SEED, link_id, _DOWN))
+        self._outbox = bytearray()
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the client, in any pieces."""
+        quality = self._faults.up
+        if quality is CLEAN and self._up.idle and self._cutter.empty:
+            self._listen(data)
+            return
+        self._up.put(self._cutter.feed(data), quality, self._faults.t_s)
+        self._listen(b"".join(self._up.due(self._faults.t_s)))
+
+    def take(self) -> bytes:
+        """What has arrived at the client since the last call: whole frames, if none is garbled."""
+        data = bytes(self._outbox)
+        self._outbox.clear()
+        return data
+
+    def send(self, frames: bytes) -> None:
+        """Whole unsigned frames from the vehicle; more than a client takes are lost."""
+        quality = self._faults.down
+        if quality is CLEAN and self._down.idle and not self._signing.active:
+            self._arrive(frames)
+            return
+        signed = [self._signing.sign(frame, self.link_id) for frame in cut(frames)]
+        self._down.put(signed, quality, self._faults.t_s)
+        self._arrive(b"".join(self._down.due(self._faults.t_s)))
+
+    def step(self) -> None:
+        """Let arrive what is due now, in both directions."""
+        if not self._up.idle:
+            if self._faults.up.silent:
+                self._up.drop()
+            if data := b"".join(self._up.due(self._faults.t_s)):
+                self._listen(data)
+        if not self._down.idle:
+            if self._faults.down.silent:
+                self._down.drop()
+            self._arrive(b"".join(self._down.due(self._faults.t_s)))
+
+    def _listen(self, data: bytes) -> None:
+        messages = self._framer.feed(data)
+        if self._signing.active:
+            messages = [
+                message
+                for message in messages
+                if self._signing.accepts(message.get_msgbuf(), self.trusted)
+            ]
+        if messages:
+            self._hear(messages)
+
+    def _arrive(self, frames: bytes) -> None:
+        if len(self._outbox) + len(frames) <= _MAX_OUTBOX:
+            self._outbox += frames

@@ -1,0 +1,310 @@
+"""The autopilot's state as MAVLink messages, one method a message.
+
+Units are the messages' own: degrees times 1e7, millimetres, centimetres a second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.ground.geodesy import LocalPlane
+from sitl.codec import fast_packing as layouts
+from sitl.codec.fast_packing import int16, int32, uint16
+from sitl.codec.wire import Packed
+from sitl.copter.aircraft import Aircraft
+from sitl.copter.modes import Mode, Phase
+
+_CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
+_AUTO = Mode.AUTO
+_GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
+
+# 3D gyro, accelerometer, compass, absolute pressure; the controllers; motors, AHRS, battery
+_SENSORS = 0x0000_000F | 0x0000_FC00 | 0x0220_0000
+_GPS = mav.MAV_SYS_STATUS_SENSOR_GPS
+_GEOFENCE = mav.MAV_SYS_STATUS_GEOFENCE
+_PREARM = mav.MAV_SYS_STATUS_PREARM_CHECK
+_PRESENT = _SENSORS | _GPS | _GEOFENCE | _PREARM
+_PRESENT_AT_REST = _PRESENT & ~mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+
+_SMALL = (0.01, 0.01, 0.01, 0.01, 0.0, 0.0)  # variances
+# attitude, velocities, relative and absolute position, predictions
+_EKF_READY = layouts.ekf_status_report(0x33F, *_SMALL)
+_EKF_CONSTANT_POSITION = layouts.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
+_TARGET_POSITION_ONLY = 0xFDF8
+_TARGET_VELOCITY_ONLY = 0xFDC7
+_CAPABILITIES = (
+    mav.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | mav.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mav.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mav.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+)
+_VERSION_4_6_0 = (4 << 24) | (6 << 16) | (255)  # FIRMWARE_VERSION_TYPE_OFFICIAL
+
+_KEPT_PLACES = 16
+_NAN4 = (math.nan,) * 4
+_NO_CELLS = (65535,) * 9
+_NO_HASHES = (0,) * 24  # of the firmware, the middleware and the operating system
+
+_LANDED_STATE = {
+    Phase.LANDED: mav.MAV_LANDED_STATE_ON_GROUND,
+    Phase.SPOOL: mav.MAV_LANDED_STATE_ON_GROUND,
+    Phase.CLIMB: mav.MAV_LANDED_STATE_TAKEOFF,
+    Phase.DESCEND: mav.MAV_LANDED_STATE_LANDING,
+}
+
+IDENTITY = (0x5541, 0x534D)
+"""vendor_id and product_id in AUTOPILOT_VERSION: a client that knows them knows that nobody stands
+beside the propellers."""
+
+
+class Telemetry:
+    """Builds messages, packed, from an autopilot whose plane has its origin at `amsl_m`."""
+
+    def __init__(
+        self,
+        autopilot: Aircraft,
+        plane: LocalPlane,
+        amsl_m: float,
+        wind: Callable[[], tuple[float, float]],
+    ) -> None:
+        self._ap = autopilot
+        self._plane = plane
+        self._amsl_m = amsl_m
+        self._wind = wind
+        self._boot_home = autopilot.home
+        self._places: dict[tuple[float, float], tuple[int, int]] = {}
+        self._builders: dict[int, Callable[[], Packed | None]] = {
+            mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
+            mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
+            mav.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
+            mav.MAVLINK_MSG_ID_GPS_RAW_INT: self.gps_raw_int,
+            mav.MAVLINK_MSG_ID_ATTITUDE: self.attitude,
+            mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self.local_position_ned,
+            mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self.global_position_int,
+            mav.MAVLINK_MSG_ID_MISSION_CURRENT: self.mission_current,
+            mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.gps_global_origin,
+            mav.MAVLINK_MSG_ID_VFR_HUD: self.vfr_hud,
+            mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: self.position_target,
+            mav.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery_status,
+            mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
+            mav.MAVLINK_MSG_ID_WIND: self.wind,
+            mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self.ekf_status_report,
+            mav.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
+            mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
+            mav.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
+        }
+
+    def knows(self, message_id: int) -> bool:
+        """Whether this autopilot can send such a message."""
+        return message_id in self._builders
+
+    def build(self, message_id: int) -> Packed | None:
+        """The message, or None while there is nothing to say in it."""
+        return self._builders[message_id]()
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
+        return self._boot_home
+
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds since boot, as in `time_boot_ms`."""
+        return round(self._ap.t_s * 1000.0) & 0xFFFFFFFF
+
+    def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
+        """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
+        # several messages of one moment tell the same place, and a target stays for long
+        found = self._places.get((east_m, north_m))
+        if found is None:
+            if len(self._places) >= _KEPT_PLACES:
+                self._places.clear()
+            position = self._plane.to_wgs84(east_m, north_m)
+            found = int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7)
+            self._places[east_m, north_m] = found
+        return found[0], found[1], int32((self._amsl_m + up_m) * 1000.0)
+
+    def heartbeat(self) -> Packed:
+        """HEARTBEAT."""
+        ap = self._ap
+        base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        base |= mav.MAV_MODE_FLAG_STABILIZE_ENABLED | mav.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        if ap.mode in _GUIDED_FLAG_MODES:
+            base |= mav.MAV_MODE_FLAG_GUIDED_ENABLED
+        if ap.armed:
+            base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
+        status = mav.MAV_STATE_STANDBY
+        if ap.body.crashed:
+            status = mav.MAV_STATE_EMERGENCY
+        elif ap.failsafes.active:
+            status = mav.MAV_STATE_CRITICAL
+        elif ap.airborne or ap.t_s < _CLAIMS_ACTIVE_S:
+            status = mav.MAV_STATE_ACTIVE
+        return layouts.heartbeat(
+            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, base, int(ap.mode), status, 3
+        )
+
+    def sys_status(self) -> Packed:
+        """SYS_STATUS, with the prearm bit that says ready (or not)."""
+        ap = self._ap
+        health = _SENSORS
+        if not ap.fence.broken:
+            health |= _GEOFENCE
+        if ap.home_known and not ap.position_lost:
+            health |= _GPS
+        if ap.prearm_ok:
+            health |= _PREARM
+        battery = ap.battery
+        return layouts.sys_status(
+            _PRESENT, _PRESENT if ap.armed else _PRESENT_AT_REST, health, 100,
+            uint16(battery.voltage_v * 1000.0), int16(battery.current_a * 100.0),
+            battery.remaining_percent, 0, 0, 0, 0, 0, 0,
+        )  # fmt: skip
+
+    def battery_status(self) -> Packed:
+        """BATTERY_STATUS: mAh, hectojoules, percent."""
+        battery = self._ap.battery
+        return layouts.battery_status(
+            0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
+            uint16(battery.voltage_v * 1000.0), *_NO_CELLS, int16(battery.current_a * 100.0),
+            int32(battery.consumed_mah), int32(battery.consumed_wh * 36.0),
+            battery.remaining_percent, 0, self._ap.failsafes.charge_state,
+        )  # fmt: skip
+
+    def system_time(self) -> Packed:
+        """SYSTEM_TIME; the date is not known."""
+        return layouts.system_time(0, self.boot_ms)
+
+    def gps_raw_int(self) -> Packed:
+        """GPS_RAW_INT; no fix until home is known."""
+        ap = self._ap
+        if not ap.home_known or ap.position_lost:
+            return layouts.gps_raw_int(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
+        now = ap.estimate
+        lat, lon, amsl = self.place(now.east, now.north, now.up)
+        course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
+        return layouts.gps_raw_int(
+            int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
+            uint16(100.0 * math.hypot(now.v_east, now.v_north)), uint16(course * 100.0) % 36000,
+            10, amsl, 300, 300,
+        )  # fmt: skip
+
+    def attitude(self) -> Packed:
+        """ATTITUDE."""
+        body = self._ap.body
+        roll, pitch = body.roll_pitch
+        yaw = math.remainder(body.heading, math.tau)
+        return layouts.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
+
+    def local_position_ned(self) -> Packed | None:
+        """LOCAL_POSITION_NED around the place of booting."""
+        if not self._ap.home_known:
+            return None
+        now, (east, north, up) = self._ap.estimate, self._boot_home
+        return layouts.local_position_ned(
+            self.boot_ms, now.north - north, now.east - east, up - now.up,
+            now.v_north, now.v_east, -now.v_up,
+        )  # fmt: skip
+
+    def global_position_int(self) -> Packed:
+        """GLOBAL_POSITION_INT; zeros until there is a fix."""
+        ap = self._ap
+        heading = uint16(math.degrees(ap.body.heading) * 100.0) % 36000
+        if not ap.home_known:
+            return layouts.global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
+        now = ap.estimate
+        lat, lon, amsl = self.place(now.east, now.north, now.up)
+        return layouts.global_position_int(
+            self.boot_ms, lat, lon, amsl, int32((now.up - ap.home[2]) * 1000.0),
+            int16(now.v_north * 100.0), int16(now.v_east * 100.0), int16(-now.v_up * 100.0),
+            heading,
+        )  # fmt: skip
+
+    def mission_current(self) -> Packed:
+        """MISSION_CURRENT; the total leaves out home."""
+        route = self._ap.route
+        total = route.total
+        state = int(route.progress) if total else mav.MISSION_STATE_NO_MISSION
+        return layouts.mission_current(route.current, total, state, int(self._ap.in_mission))
+
+    def fence_status(self) -> Packed | None:
+        """FENCE_STATUS, while the fence is on."""
+        ap = self._ap
+        if not ap.fence.enabled(ap.parameters):
+            return None
+        fence = ap.fence
+        return layouts.fence_status(
+            int(fence.broken != 0), uint16(fence.count), fence.breach_type,
+            round(fence.at_s * 1000.0) & 0xFFFFFFFF,
+        )  # fmt: skip
+
+    def gps_global_origin(self) -> Packed | None:
+        """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
+        if not self._ap.home_known:
+            return None
+        return layouts.gps_global_origin(*self.place(*self._boot_home))
+
+    def vfr_hud(self) -> Packed:
+        """VFR_HUD."""
+        body, now = self._ap.body, self._ap.estimate
+        return layouts.vfr_hud(
+            body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
+            int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
+            self._amsl_m + now.up, now.v_up,
+        )  # fmt: skip
+
+    def position_target(self) -> Packed | None:
+        """POSITION_TARGET_GLOBAL_INT: the guided target that was accepted, AMSL."""
+        ap = self._ap
+        if ap.target is not None:
+            lat, lon, _ = self.place(*ap.target)
+            return layouts.position_target_global_int(
+                self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
+                self._amsl_m + ap.target[2], *([0.0] * 8),
+            )  # fmt: skip
+        if ap.velocity_target is not None:
+            east, north, up = ap.velocity_target
+            return layouts.position_target_global_int(
+                self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_VELOCITY_ONLY, 0, 0, 0.0,
+                north, east, -up, *([0.0] * 5),
+            )  # fmt: skip
+        return None
+
+    def autopilot_version(self) -> Packed:
+        """AUTOPILOT_VERSION of an ArduCopter 4.6, with the simulator's own vendor and product."""
+        return layouts.autopilot_version(
+            _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, *_NO_HASHES, *IDENTITY, 0
+        )
+
+    def wind(self) -> Packed:
+        """WIND: where it comes from, degrees, and its speed."""
+        east, north = self._wind()
+        coming_from = math.degrees(math.atan2(-east, -north))
+        return layouts.wind(coming_from, math.hypot(east, north), 0.0)
+
+    def ekf_status_report(self) -> Packed:
+        """EKF_STATUS_REPORT: constant position mode until ready."""
+        return _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
+
+    def home_position(self) -> Packed | None:
+        """HOME_POSITION, once known; arming moves it."""
+        ap = self._ap
+        if not ap.home_known:
+            return None
+        east, north, up = ap.home
+        boot_east, boot_north, boot_up = self._boot_home
+        return layouts.home_position(
+            *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
+            *_NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),
+        )  # fmt: skip
+
+    def extended_sys_state(self) -> Packed:
+        """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
+        state = _LANDED_STATE.get(self._ap.phase, mav.MAV_LANDED_STATE_IN_AIR)
+        return layouts.extended_sys_state(mav.MAV_VTOL_STATE_MC, state)

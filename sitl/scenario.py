@@ -1,0 +1,174 @@
+"""What a simulation consists of: a home, vehicles, wind, a world; and how it is built."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from missions.errors import UavmapError
+from missions.ground.geodesy import LocalPlane
+from missions.units import LatLon
+from sitl.autopilot_types import FLAVOURS
+from sitl.camera.render import CameraSpec
+from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.world.files import load_ground
+from sitl.world.world import Patch, World, WorldSpec
+
+_BETWEEN_M = 3.0  # from one vehicle's place of start to the next
+_A_ROW = 8
+_MOST = 100
+_MOST_WIND_M_S = 40.0
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where the first vehicle stands, and how.
+
+    >>> Home.of("47.4,8.5,488,90").yaw_deg
+    90.0
+    """
+
+    lat_deg: float = 47.397742
+    lon_deg: float = 8.545594
+    amsl_m: float = 488.0
+    yaw_deg: float = 0.0
+
+    @classmethod
+    def of(cls, text: str | Sequence[float]) -> Home:
+        """From `LAT,LON`, `LAT,LON,AMSL` or `LAT,LON,AMSL,YAW`; raises `UavmapError`."""
+        parts = text.split(",") if isinstance(text, str) else list(text)
+        try:
+            numbers = [float(part) for part in parts]
+        except (TypeError, ValueError):
+            numbers = []
+        if not (2 <= len(numbers) <= 4 and all(map(math.isfinite, numbers))):
+            raise UavmapError(f"home {text!r} is not LAT,LON,AMSL,YAW in degrees and metres")
+        home = cls(numbers[0], numbers[1], *(numbers[2:] or (0.0,)))
+        # beyond these latitudes the local plane bends too much
+        if not (abs(home.lat_deg) <= 85.0 and abs(home.lon_deg) <= 180.0):
+            raise UavmapError(f"home {text!r}: latitude is -85 to 85, longitude -180 to 180")
+        if not abs(home.amsl_m) <= 9000.0:
+            raise UavmapError(f"home {text!r}: the third number is the height above sea level, m")
+        return home
+
+    @property
+    def position(self) -> LatLon:
+        """Without height and heading."""
+        return LatLon(self.lat_deg, self.lon_deg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """A simulation; `build` makes its vehicles, numbered from 1.
+
+    They stand three metres apart, or at `places`, one each; `home` is the world's origin too.
+    `world` are files of `sitl.world.files`, `world_epsg` the coordinate system of a world file;
+    `patches` are regions besides. `speedup` and `tcp` count on sockets only. `ready_after_s`: from
+    boot until arming is allowed. For the rest see `sitl.world.world.WorldSpec` and
+    `sitl.vehicle_spec.VehicleSpec`.
+    The same setup makes the same simulation. Raises `UavmapError` for what cannot be simulated.
+    """
+
+    autopilot: str = "ardupilot"
+    vehicles: int = 1
+    home: Home | str | Sequence[float] = field(default_factory=Home)
+    places: Sequence[LatLon] = ()
+    speedup: float = 10.0
+    seed: int = 0
+    tcp: bool = False
+    wind_speed_m_s: float = 0.0
+    wind_from_deg: float = 0.0
+    gust_m_s: float = 0.0
+    world: Sequence[Path | str] = ()
+    world_epsg: int | None = None
+    patches: Sequence[Patch] = ()
+    drift_speed_m_s: float = 0.0
+    drift_toward_deg: float = 0.0
+    roi_intensity: float = 85.0
+    ground_intensity: float = 190.0
+    texture: float = 14.0
+    sensor_noise: float = 4.0
+    illumination: float = 0.08
+    camera: CameraSpec = field(default_factory=CameraSpec)
+    battery_wh: float = 60.0
+    hover_power_w: float = 300.0
+    swap_after_s: float = 60.0
+    gps_sigma_m: float = 0.3
+    gps_tau_s: float = 60.0
+    ready_after_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        if self.autopilot not in FLAVOURS:
+            raise UavmapError(f"autopilot {self.autopilot!r}: there is {', '.join(FLAVOURS)}")
+        if not 1 <= self.vehicles <= _MOST:
+            raise UavmapError(f"vehicles: {self.vehicles} is not 1 to {_MOST}")
+        if self.places and len(self.places) != self.vehicles:
+            raise UavmapError(f"vehicles: {self.vehicles} have {len(self.places)} places")
+        if not 0.0 < self.speedup <= 1000.0:
+            raise UavmapError(f"speedup: {self.speedup} is not above 0 and at most 1000")
+        if not (isinstance(self.seed, int) and self.seed >= 0):
+            raise UavmapError(f"seed: {self.seed} is not 0 or more")
+        if not (0.0 <= self.wind_speed_m_s <= _MOST_WIND_M_S and math.isfinite(self.wind_from_deg)):
+            raise UavmapError(
+                f"wind: {self.wind_speed_m_s} m/s from {self.wind_from_deg} is not 0 to "
+                f"{_MOST_WIND_M_S:g} m/s from a bearing"
+            )
+        if not 0.0 <= self.gust_m_s <= 10.0:
+            raise UavmapError(f"gusts: {self.gust_m_s} m/s is not 0 to 10")
+
+    def build(self, image_url_prefix: str = "sim://") -> list[SimVehicle]:
+        """The vehicles, in one world."""
+        home = self.home if isinstance(self.home, Home) else Home.of(self.home)
+        world = World(self._world_spec(home))
+        try:
+            return [
+                SimVehicle(
+                    VehicleSpec(
+                        system_id=number,
+                        autopilot=self.autopilot,
+                        home=place,
+                        home_yaw_deg=home.yaw_deg,
+                        battery_wh=self.battery_wh,
+                        hover_power_w=self.hover_power_w,
+                        swap_after_s=self.swap_after_s,
+                        camera=self.camera,
+                        gps_sigma_m=self.gps_sigma_m,
+                        gps_tau_s=self.gps_tau_s,
+                        ready_after_s=self.ready_after_s,
+                        image_url_prefix=image_url_prefix,
+                    ),
+                    world,
+                )
+                for number, place in enumerate(self.places or self._rows(home), start=1)
+            ]
+        except ValueError as error:
+            raise UavmapError(str(error)) from error
+
+    def _world_spec(self, home: Home) -> WorldSpec:
+        ground = load_ground(self.world, self.world_epsg, home.position)
+        return WorldSpec(
+            home.position,
+            home.amsl_m,
+            (*self.patches, *ground.patches),
+            drift_speed_m_s=self.drift_speed_m_s,
+            drift_toward_deg=self.drift_toward_deg,
+            wind_speed_m_s=self.wind_speed_m_s,
+            wind_from_deg=self.wind_from_deg,
+            gust_m_s=self.gust_m_s,
+            roi_intensity=self.roi_intensity,
+            ground_intensity=self.ground_intensity,
+            texture=self.texture,
+            sensor_noise=self.sensor_noise,
+            illumination=self.illumination,
+            seed=self.seed,
+            orthophoto=ground.orthophoto,
+        )
+
+    def _rows(self, home: Home) -> list[LatLon]:
+        plane = LocalPlane(home.position)
+        return [
+            plane.to_wgs84(_BETWEEN_M * (i % _A_ROW), _BETWEEN_M * (i // _A_ROW))
+            for i in range(self.vehicles)
+        ]

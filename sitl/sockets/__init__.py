@@ -1,0 +1,1 @@
+"""The simulator's sockets: UDP, TCP and HTTP on loopback."""

@@ -1,0 +1,76 @@
+"""What a simulated vehicle is made of, and what is really the case with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from missions.units import LatLon
+from sitl.camera.render import CameraSpec
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSpec:
+    """One vehicle.
+
+    `autopilot` is a name in `sitl.autopilot_types`.
+    `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
+    crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
+    position error. `image_url_prefix`: what the pictures' addresses begin with; the system id and
+    the picture's index follow.
+    """
+
+    system_id: int
+    home: LatLon
+    home_yaw_deg: float = 0.0
+    battery_wh: float = 60.0
+    hover_power_w: float = 300.0
+    swap_after_s: float = 60.0
+    camera: CameraSpec = field(default_factory=CameraSpec)
+    gps_sigma_m: float = 0.3
+    gps_tau_s: float = 60.0
+    ready_after_s: float = 5.0
+    max_speed_m_s: float = 15.0
+    max_accel_m_s2: float = 3.0
+    max_tilt_deg: float = 30.0
+    image_url_prefix: str = "sim://"
+    autopilot: str = "ardupilot"
+
+    def __post_init__(self) -> None:
+        problems = []
+        if not 1 <= self.system_id <= 254:
+            problems.append("system_id is 1 to 254")
+        if not (self.gps_sigma_m >= 0.0 and self.gps_tau_s > 0.0):
+            problems.append("gps_sigma_m is not negative, gps_tau_s positive")
+        if not (self.max_speed_m_s > 0.0 and self.max_accel_m_s2 > 0.0):
+            problems.append("max_speed_m_s and max_accel_m_s2 are positive")
+        if not 5.0 <= self.max_tilt_deg <= 30.0:
+            problems.append("max_tilt_deg is 5 to 30")
+        if not (self.hover_power_w > 0.0 and self.battery_wh > 0.0):
+            problems.append("battery_wh and hover_power_w are positive")
+        if len(self.image_url_prefix) > 180:
+            problems.append("image_url_prefix is at most 180 characters")
+        if problems:
+            raise ValueError(f"vehicle {self.system_id}: " + "; ".join(problems))
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleTruth:
+    """What is really the case; no client sees it.
+
+    `velocity_m_s` is (east, north, up), `yaw_rad` true bearing, `height_m` over the ground.
+    """
+
+    t_s: float
+    position: LatLon
+    height_m: float
+    velocity_m_s: tuple[float, float, float]
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    armed: bool
+    landed: bool
+    crashed: bool
+    energy_wh: float
+    mode: IntEnum
+    swaps: int

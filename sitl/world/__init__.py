@@ -1,0 +1,1 @@
+"""The simulated ground: regions, orthophotos, texture, light."""

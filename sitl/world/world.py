@@ -1,0 +1,187 @@
+"""The ground truth: where the region of interest lies and drifts, the wind and the light.
+
+Everything is a function of the world's time `t_s`, which starts at 0, and of the seed: two worlds
+of the same specification are the same world.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely import affinity
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from missions.ground.geodesy import LocalPlane
+from missions.units import LatLon
+from sitl.world.orthophoto import Orthophoto
+from sitl.world.texture import Gray, ground_tile, roi_tile
+
+# numbers that keep the streams of random numbers of one seed apart
+_WIND, _LIGHT, _GROUND, _ROI = 1, 2, 3, 4
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """One polygon of the ROI, with holes; rings need not be closed."""
+
+    polygon: tuple[LatLon, ...]
+    holes: tuple[tuple[LatLon, ...], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSpec:
+    """What the ground looks like and how the air moves.
+
+    The ground is a level plane at `origin_amsl_m`. The patches translate rigidly with
+    `drift_speed_m_s` towards the true bearing `drift_toward_deg`. Gray levels are 0 to 255:
+    `texture` is the standard deviation of the ground's and the ROI's own pattern, `sensor_noise`
+    that of a frame's noise, `illumination` the largest relative change of the light, which is
+    slow. `gust_m_s` is the standard deviation of each component of the wind around its mean.
+    `orthophoto` is what the camera sees instead of a meadow, where it reaches; it does not drift.
+    """
+
+    origin: LatLon
+    origin_amsl_m: float
+    patches: tuple[Patch, ...]
+    drift_speed_m_s: float = 0.0
+    drift_toward_deg: float = 0.0
+    wind_speed_m_s: float = 0.0
+    wind_from_deg: float = 0.0
+    gust_m_s: float = 0.0
+    roi_intensity: float = 85.0
+    ground_intensity: float = 190.0
+    texture: float = 14.0
+    sensor_noise: float = 4.0
+    illumination: float = 0.08
+    seed: int = 0
+    orthophoto: Orthophoto | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Swell:
+    """A smooth, bounded wander: a sum of sines of mutually irrational periods."""
+
+    waves: tuple[tuple[float, float, float], ...]  # amplitude, angular rate, phase
+
+    @classmethod
+    def of(cls, rng: np.random.Generator, shortest_s: float, longest_s: float, n: int) -> _Swell:
+        """`n` waves of unit total variance, periods spread geometrically."""
+        periods = np.geomspace(shortest_s, longest_s, n) * rng.uniform(0.9, 1.1, n)
+        phases = rng.uniform(0.0, math.tau, n)
+        # longer waves carry more of the energy, as in real wind and passing clouds
+        power = np.sqrt(periods)
+        amplitudes = np.sqrt(2.0 * power / power.sum())
+        return cls(
+            tuple(
+                (float(a), math.tau / float(p), float(f))
+                for a, p, f in zip(amplitudes, periods, phases, strict=True)
+            )
+        )
+
+    @property
+    def peak(self) -> float:
+        """A bound that is never passed."""
+        return sum(a for a, _, _ in self.waves)
+
+    def at(self, t_s: float) -> float:
+        """Value at a time; zero mean, unit variance."""
+        sin, value = math.sin, 0.0
+        for amplitude, rate, phase in self.waves:
+            value += amplitude * sin(rate * t_s + phase)
+        return value
+
+
+class World:
+    """A world that can be asked about any time `t_s >= 0`.
+
+    >>> world = World(WorldSpec(LatLon(48.0, 11.0), 500.0, (), wind_speed_m_s=2.0))
+    >>> east, north = world.wind_at(10.0)  # from the north, so towards the south
+    >>> round(east, 6) == 0, round(north, 6)
+    (True, -2.0)
+    """
+
+    def __init__(self, spec: WorldSpec) -> None:
+        self.spec = spec
+        self.plane = LocalPlane(spec.origin)
+        toward = math.radians(spec.drift_toward_deg)
+        self._drift = (
+            spec.drift_speed_m_s * math.sin(toward),
+            spec.drift_speed_m_s * math.cos(toward),
+        )
+        wind_from = math.radians(spec.wind_from_deg)
+        self._wind = (
+            -spec.wind_speed_m_s * math.sin(wind_from),
+            -spec.wind_speed_m_s * math.cos(wind_from),
+        )
+        rng = np.random.default_rng([spec.seed, _WIND])
+        self._gust_east = _Swell.of(rng, 3.0, 45.0, 5)
+        self._gust_north = _Swell.of(rng, 3.0, 45.0, 5)
+        self._light = _Swell.of(np.random.default_rng([spec.seed, _LIGHT]), 40.0, 400.0, 4)
+        # all vehicles of a fleet ask for the wind of the same moment
+        self._wind_cache = (-1.0, self._wind)
+        self._roi = self._build_roi()
+
+    def _build_roi(self) -> BaseGeometry:
+        polygons = []
+        for patch in self.spec.patches:
+            shell = [self.plane.to_plane(p) for p in patch.polygon]
+            holes = [[self.plane.to_plane(p) for p in ring] for ring in patch.holes]
+            polygon = Polygon(shell, holes)
+            if not polygon.is_valid:
+                raise ValueError(f"a patch of the world is not a simple polygon: {patch.polygon}")
+            polygons.append(polygon)
+        union = shapely.union_all(polygons)
+        shapely.prepare(union)
+        return union
+
+    def drift_at(self, t_s: float) -> tuple[float, float]:
+        """How far the ROI has moved since time 0, metres (true east, true north)."""
+        return self._drift[0] * t_s, self._drift[1] * t_s
+
+    def roi_at(self, t_s: float) -> BaseGeometry:
+        """The ROI at a time, in metres of the plane (true east, true north)."""
+        east, north = self.drift_at(t_s)
+        return affinity.translate(self._roi, east, north)
+
+    @property
+    def roi_at_rest(self) -> BaseGeometry:
+        """The ROI at time 0; the renderer moves the camera instead of the polygon."""
+        return self._roi
+
+    def wind_at(self, t_s: float) -> tuple[float, float]:
+        """The velocity of the air, m/s (east, north), the same everywhere."""
+        gust = self.spec.gust_m_s
+        if gust == 0.0:
+            return self._wind
+        cached_t_s, cached = self._wind_cache
+        if cached_t_s != t_s:
+            east, north = self._wind
+            cached = (
+                east + gust * self._gust_east.at(t_s),
+                north + gust * self._gust_north.at(t_s),
+            )
+            self._wind_cache = (t_s, cached)
+        return cached
+
+    def illumination_at(self, t_s: float) -> float:
+        """Factor on all brightness, within 1 - illumination and 1 + illumination."""
+        return 1.0 + self.spec.illumination * self._light.at(t_s) / self._light.peak
+
+    @cached_property
+    def ground_texture(self) -> Gray:
+        """The ground's tile: gray levels, `sitl.world.texture.METRES_PER_PIXEL`, wraps around."""
+        spec = self.spec
+        rng = np.random.default_rng([spec.seed, _GROUND])
+        return ground_tile(rng, spec.ground_intensity, spec.texture)
+
+    @cached_property
+    def roi_texture(self) -> Gray:
+        """The ROI's tile, which drifts with the ROI."""
+        spec = self.spec
+        rng = np.random.default_rng([spec.seed, _ROI])
+        return roi_tile(rng, spec.roi_intensity, spec.texture)

@@ -1,0 +1,1 @@
+"""A flight under way: service, vehicles, manoeuvres, imaging, people on the ground."""

@@ -1,0 +1,304 @@
+"""One flight from the command to the results: vehicles, service, journal, telemetry log.
+
+A flight lives in a folder. Its journal holds all that is needed to go on: the mission file's
+text, what the command line changed in it, the seed, the URLs, and every event.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import time
+from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from missions.errors import JournalError, LinkError
+from missions.events import Event, Resumed
+from missions.state import Phase, Setting, State
+from missions.step import fold
+from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.fly.classifier import Classifier
+from uavmap.fly.ground_crew import Crew
+from uavmap.fly.http_pictures import fetch_over_http
+from uavmap.fly.imaging import CameraDriver, Fetch
+from uavmap.fly.progress import Progress
+from uavmap.fly.service import Service
+from uavmap.fly.vehicle import LINK_LOST_S, MavlinkVehicle
+from uavmap.link.session import ACK_WAIT_S, Session
+from uavmap.link.transports import Transport, open_transport
+from uavmap.link.urls import parse_url
+from uavmap.record.flight_plan import JOURNAL, TLOG, FlightPlan
+from uavmap.record.journal import Journal
+from uavmap.record.tlog import TlogWriter
+from uavmap.results.score import true_roi
+from uavmap.results.write_results import write_results
+
+if TYPE_CHECKING:
+    from uavmap.simulation import Truth
+
+LINK_LOST_WALL_S: Final = 2.0
+ACK_WAIT_WALL_S: Final = 0.3
+
+
+def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Fly a new mission into a folder; returns the summary.
+
+    Raises `MissionFileError`, `JournalError`, `LinkError`; `KeyboardInterrupt` when the operator
+    leaves before the end.
+    """
+    setting = plan.setting(progress.say)
+    for url in plan.urls:
+        parse_url(url)
+    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+        flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
+        try:
+            return flight.run()
+        except* LinkError:
+            if not journal.bodies():  # nobody answered: nothing has begun
+                journal.discard()
+                (folder / TLOG).unlink(missing_ok=True)
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            raise
+
+
+def resume(
+    folder: Path, progress: Progress, *, urls: tuple[str, ...] = (), from_home: bool = False
+) -> dict[str, Any]:
+    """Go on with the mission of a folder; returns the summary.
+
+    A simulated world died with its process: it is made again by flying the recorded flight once
+    more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
+    stand at home with full batteries instead, as after a failsafe brought them back, and only
+    the journal tells what is known; that is also how real aircraft are taken up.
+    """
+    with Journal.open(folder / JOURNAL) as journal:
+        plan = FlightPlan.read(journal)
+        if urls:
+            plan = replace(plan, urls=urls)
+        setting = plan.setting(progress.say)
+        state = fold(setting, journal.events())
+        progress.say(
+            f"{folder}: {len(journal.bodies())} events, mission time {state.t_s:.0f} s, "
+            f"{len(state.belief.roi)} ROI cells"
+        )
+        if state.over and state.completed:
+            progress.say("the mission is completed already; writing its results anew")
+            return _results(plan, setting, folder, journal, None)
+        again = plan.simulated and not (from_home or plan.rehomed)
+        if again and state.over:
+            raise JournalError(
+                f"{folder}: the flight ended without completing its mission; "
+                f"`uavmap resume {folder} --from-home` sends the aircraft out again"
+            )
+        if plan.simulated and not again and not plan.rehomed:
+            plan = replace(plan, rehomed=True)
+            journal.put_meta("plan", asdict(plan))
+        if again:
+            journal.start_verification()
+            state = State.initial(setting)
+        return _Flight(plan, setting, folder, journal, state, progress, again=again).run()
+
+
+class _Flight:
+    """A flight under way: opens links, runs the service, writes results."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        setting: Setting,
+        folder: Path,
+        journal: Journal,
+        state: State,
+        progress: Progress,
+        *,
+        again: bool = False,
+    ) -> None:
+        self._plan = plan
+        self._setting = setting
+        self._folder = folder
+        self._journal = journal
+        self._state = state
+        self._progress = progress
+        self._again = again
+        self._resumed = bool(journal.bodies()) and not again
+        self._start_s = 0.0
+        self._truth: Truth | None = None
+
+    def run(self) -> dict[str, Any]:
+        """Fly and write the results."""
+        if self._resumed:
+            self._start_s = self._state.t_s
+            if not self._plan.simulated:
+                elapsed_s = time.time() - self._plan.epoch_utc_s
+                self._start_s = max(self._start_s, elapsed_s * (self._plan.speedup or 1.0))
+        clock: Clock
+        if self._plan.simulated:
+            clock = VirtualClock(self._plan.speedup)
+            run(self._fly_simulated(), clock)
+        else:
+            clock = ScaledClock(self._plan.speedup or 1.0)
+            run(self._fly_connected(), clock)
+        return _results(self._plan, self._setting, self._folder, self._journal, self._truth)
+
+    def _now_s(self) -> float:
+        """Mission time."""
+        return self._start_s + asyncio.get_running_loop().time()
+
+    def _log(self) -> TlogWriter:
+        append = self._resumed and (self._folder / TLOG).exists()
+        rate = 1.0 if self._plan.simulated else 1.0 / (self._plan.speedup or 1.0)
+        return TlogWriter(
+            self._folder / TLOG,
+            lambda: self._plan.epoch_utc_s + self._now_s() * rate,
+            append=append,
+        )
+
+    # --- simulated -------------------------------------------------------------------------
+    async def _fly_simulated(self) -> None:
+        from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
+
+        simulation = Simulation(self._setting, self._plan.seed, start_s=self._start_s)
+        self._truth = simulation.truth
+        with self._log() as log:
+            sessions = [
+                simulation.open_session(index, log.record)
+                for index in range(len(simulation.names()))
+            ]
+            async with asyncio.TaskGroup() as tasks:
+                world = tasks.create_task(simulation.run())
+                await self._serve(simulation.names(), sessions, simulation.fetch)
+                world.cancel()
+
+    # --- connected -------------------------------------------------------------------------
+    async def _fly_connected(self) -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            log = stack.enter_context(self._log())
+            ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (self._plan.speedup or 1.0))
+            sessions = [
+                await stack.enter_async_context(_connected(url, log.record, ack_wait_s))
+                for url in self._plan.urls
+            ]
+            await self._serve(list(self._plan.urls), sessions, fetch_over_http)
+
+    def _link_lost_s(self) -> float:
+        """On a clock that runs fast, a busy machine must not look like a lost link."""
+        if self._plan.simulated:
+            return LINK_LOST_S
+        return max(LINK_LOST_S, LINK_LOST_WALL_S * (self._plan.speedup or 1.0))
+
+    def _classifier(self, number: int) -> Classifier:
+        mission = self._setting.mission
+        return Classifier.of(mission, self._setting.grid, mission.altitude_m(number - 1))
+
+    # --- both ------------------------------------------------------------------------------
+    async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
+        automatic = self._plan.simulated or self._plan.auto_swap
+        crew = Crew(self._progress.say, automatic=automatic)
+        vehicles = {
+            number: MavlinkVehicle(
+                number,
+                name,
+                session,
+                CameraDriver(number, session, self._classifier(number), fetch, self._now_s),
+                self._setting.mission,
+                self._setting.grid,
+                self._now_s,
+                crew.swap,
+                self._link_lost_s(),
+            )
+            for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
+        }
+
+        def observe(event: Event, state: State) -> None:
+            self._progress.update(event, state, again=self._journal.expected)
+            if crew.absent and _all_wait(state, crew.waiting):
+                self._progress.say(
+                    f"swap the batteries, then `uavmap resume {self._folder}` goes on"
+                )
+                service.stop()
+
+        service = Service(self._setting, self._journal, vehicles, self._state, observe)
+        if self._resumed:
+            service.post(Resumed(round(self._now_s(), 3)))
+        self._progress.begin(self._setting, again=self._again)
+        try:
+            for vehicle in vehicles.values():
+                await vehicle.connect()
+            with self._recall_on_interrupt(service):
+                self._state = await service.fly()
+        finally:
+            self._progress.end()
+
+    @contextlib.contextmanager
+    def _recall_on_interrupt(self, service: Service) -> Any:
+        """Ctrl-C once brings real aircraft home; a second time it leaves them where they are.
+
+        A simulated flight just stops: nobody is in the air.
+        """
+        if self._plan.simulated:
+            yield
+            return
+        loop = asyncio.get_running_loop()
+        task = asyncio.current_task()
+
+        def interrupted() -> None:
+            if service.state.recalled and task is not None:
+                task.cancel()
+                return
+            self._progress.say(
+                "coming home and landing; press Ctrl-C again to leave the aircraft as they are"
+            )
+            service.recall()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, interrupted)
+        try:
+            yield
+        except asyncio.CancelledError:
+            raise KeyboardInterrupt from None
+        finally:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+
+
+def _all_wait(state: State, waiting: set[int]) -> bool:
+    """Whether everybody who is not done waits for a battery that nobody here will announce."""
+    return bool(waiting) and all(
+        number in waiting or v.phase in (Phase.FINISHED, Phase.FAILED)
+        for number, v in state.vehicles.items()
+    )
+
+
+@contextlib.asynccontextmanager
+async def _connected(
+    url: str, record: Callable[[bytes], None], ack_wait_s: float
+) -> AsyncIterator[Session]:
+    """A session over the transport that a URL names."""
+    opened: list[Transport] = []
+
+    def send(frame: bytes) -> None:
+        for transport in opened:
+            transport.send(frame)
+
+    session = Session(send, record, ack_wait_s)
+    async with open_transport(parse_url(url), session.feed) as transport:
+        opened.append(transport)
+        yield session
+
+
+def _results(
+    plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None
+) -> dict[str, Any]:
+    """Write the results; what the simulator watched is kept for when they are written anew."""
+    if truth is not None:
+        journal.put_meta("truth", truth.figures())
+    roi = None
+    if plan.simulated and setting.mission.sim.roi:
+        roi = true_roi(setting.mission, setting.grid)
+    seed = plan.seed if plan.simulated else None
+    events = list(journal.events())
+    return write_results(folder, setting, events, seed, journal.meta.get("truth"), roi)

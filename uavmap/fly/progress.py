@@ -1,0 +1,205 @@
+"""What the operator sees while a mission is flown: phase, cells, batteries, places, time.
+
+On a terminal a table that is redrawn in place; elsewhere a line every few seconds of real time.
+All of it goes to standard error, so that standard output holds only the result.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Final, Protocol, TextIO
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from missions.events import (
+    BatterySwapped,
+    Event,
+    FrameLost,
+    LinkLost,
+    OrderFailed,
+    Overridden,
+    Released,
+)
+from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, Sweep, TakeOff
+from missions.state import Phase, Setting, State, VehicleState
+
+REDRAW_S: Final = 0.25
+LINE_S: Final = 3.0
+_OURS: Final = "GUIDED (a PX4: HOLD)"
+
+_DOING: Final = {
+    TakeOff: "taking off",
+    Sweep: "searching",
+    FlyTo: "flying",
+    Look: "looking",
+    Hold: "holding",
+    Land: "landing",
+    AwaitBattery: "battery swap",
+}
+
+
+class Progress(Protocol):
+    """Where a flight reports to."""
+
+    def say(self, text: str) -> None:
+        """A line that stays."""
+        ...
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """The flight starts; `again`: a recorded one is repeated first."""
+        ...
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """An event was taken in; `again` recorded ones are still to come."""
+        ...
+
+    def end(self) -> None:
+        """The flight is over."""
+        ...
+
+
+class Silent:
+    """No progress at all."""
+
+    def say(self, text: str) -> None:
+        """Nothing."""
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """Nothing."""
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """Nothing."""
+
+    def end(self) -> None:
+        """Nothing."""
+
+
+class Terminal:
+    """Progress on standard error."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._console = Console(file=stream or sys.stderr, highlight=False)
+        self._live: Live | None = None
+        self._setting: Setting | None = None
+        self._drawn_s = float("-inf")
+
+    def say(self, text: str) -> None:
+        """A line that stays."""
+        self._console.print(text, soft_wrap=True, markup=False)
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """The flight starts."""
+        self._setting = setting
+        if again:
+            self.say("repeating the recorded part of the simulated flight, event by event")
+        if self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """An event was taken in."""
+        if text := _remarkable(event):
+            self.say(f"{state.t_s:7.0f} s  {text}")
+        now_s = time.monotonic()
+        if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
+            return
+        self._drawn_s = now_s
+        if self._live is not None:
+            self._live.update(self._table(state, again), refresh=True)
+        else:
+            self.say(self._line(state, again))
+
+    def end(self) -> None:
+        """The flight is over."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def _line(self, state: State, again: int) -> str:
+        vehicles = "; ".join(
+            f"{v.vehicle}: {_doing(v)} at {round(v.position.east_m)} m E"
+            f" {round(v.position.north_m)} m N"
+            f" {round(v.height_m)} m up, battery {self._battery(v):.0f} %"
+            for v in state.vehicles.values()
+        )
+        return f"{state.t_s:7.0f} s  {phase(state)}, {_cells(state)}  [{vehicles}]" + (
+            f"  ({again} recorded events to repeat)" if again else ""
+        )
+
+    def _table(self, state: State, again: int) -> Group:
+        table = Table(box=None, pad_edge=False)
+        for heading in ("vehicle", "doing", "east m", "north m", "up m", "battery"):
+            table.add_column(heading, justify="left" if heading == "doing" else "right")
+        for v in state.vehicles.values():
+            table.add_row(
+                str(v.vehicle),
+                _doing(v),
+                f"{v.position.east_m:.1f}",
+                f"{v.position.north_m:.1f}",
+                f"{v.height_m:.1f}",
+                f"{self._battery(v):.0f} %",
+            )
+        head = f"{phase(state)}  {_cells(state)}  mission time {state.t_s:.0f} s"
+        if again:
+            head += f"  ({again} recorded events to repeat)"
+        return Group(Text(head, style="bold"), table)
+
+    def _battery(self, vehicle: VehicleState) -> float:
+        if self._setting is None:
+            return 0.0
+        return 100.0 * vehicle.remaining_wh / self._setting.energy.capacity_wh
+
+
+def phase(state: State) -> str:
+    """What the mission as a whole is doing.
+
+    >>> from missions.mapping.belief import Belief
+    >>> phase(State(Belief(5, 3), {}))
+    'searching'
+    """
+    if state.recalled:
+        return "recalled"
+    if state.exploration_finished:
+        return "coming home"
+    return "searching" if state.tree is None else "exploring"
+
+
+def _doing(vehicle: VehicleState) -> str:
+    if vehicle.phase in (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE):
+        return vehicle.note or vehicle.phase.value
+    if vehicle.phase is Phase.FINISHED:
+        return "done"
+    if vehicle.return_reason is not None and isinstance(vehicle.order, FlyTo):
+        return "flying home"
+    return _DOING.get(type(vehicle.order), "waiting")
+
+
+def _cells(state: State) -> str:
+    if state.tree is None:
+        return f"{len(state.belief.looks)} cells searched"
+    looked = sum(vertex.looked for vertex in state.tree.vertices.values())
+    return f"{looked} of {len(state.tree)} known ROI cells explored"
+
+
+def _remarkable(event: Event) -> str:
+    """What the operator has to know at once."""
+    match event:
+        case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
+            return f"vehicle {number} was put into {mode} while it landed: it is the pilot's now"
+        case Overridden(vehicle=number, mode=mode):
+            return f"vehicle {number} is in {mode}, not by us: hands off until it is in {_OURS}"
+        case Released(vehicle=number):
+            return f"vehicle {number} is ours again"
+        case LinkLost(vehicle=number):
+            return f"vehicle {number}: link lost"
+        case OrderFailed(vehicle=number, order=order, reason=reason):
+            return f"vehicle {number}: {order} failed: {reason}"
+        case FrameLost(vehicle=number, reason=reason):
+            return f"vehicle {number}: a picture was lost: {reason}"
+        case BatterySwapped(vehicle=number):
+            return f"vehicle {number} has a fresh battery"
+    return ""

@@ -1,0 +1,1 @@
+"""What needs no aircraft: replay of photographs, figures, scores, results, trials."""

@@ -1,0 +1,85 @@
+"""What a flight is started with, as it lies in the journal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from missions.errors import JournalError, MissionFileError
+from missions.mission_file.checks import check
+from missions.mission_file.schema import Mission, VehicleSection
+from missions.state import Setting
+from uavmap import __version__
+from uavmap.mission_source import MissionSource
+from uavmap.notices import tell_if_uncompiled
+from uavmap.record.journal import Journal
+
+JOURNAL: Final = "journal.db"
+TLOG: Final = "flight.tlog"
+SIM_EPOCH_UTC_S: Final = 1577836800.0
+"""Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightPlan:
+    """What a flight is started with; it is written into the journal and read back."""
+
+    mission_source: str
+    mission_text: str
+    strategy: str | None
+    vehicles: int | None
+    seed: int
+    urls: tuple[str, ...]
+    """Empty in simulation."""
+    speedup: float | None
+    epoch_utc_s: float
+    version: str = __version__
+    auto_swap: bool = False
+    """Whether a fresh battery alone allows take-off: for simulators, where nobody stands near."""
+    rehomed: bool = False
+    """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the aircraft are simulated in this process."""
+        return not self.urls
+
+    def mission(self) -> Mission:
+        """The mission with what the command line changed. Raises `MissionFileError`."""
+        source = MissionSource(self.mission_source, self.mission_text)
+        mission = source.parse()
+        changes: dict[str, Any] = {}
+        if self.strategy is not None:
+            changes["strategy"] = self.strategy
+        wanted = self.vehicles or len(self.urls) or len(mission.vehicles)
+        if wanted != len(mission.vehicles):
+            spare = tuple(VehicleSection() for _ in range(wanted))
+            changes["vehicles"] = (mission.vehicles + spare)[:wanted]
+        if changes:
+            mission = mission.model_copy(update=changes)
+            check(mission, self.mission_source)
+        if not self.simulated and len(self.urls) != len(mission.vehicles):
+            raise MissionFileError(
+                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
+                f"{len(self.urls)} connection URLs; give --connect once a vehicle"
+            )
+        return mission
+
+    def setting(self, say: Callable[[str], None]) -> Setting:
+        """The mission, ready to be flown; says so where its strategy will be slow.
+
+        Raises `MissionFileError`.
+        """
+        setting = Setting.of(self.mission())
+        tell_if_uncompiled([setting.mission.strategy], say)
+        return setting
+
+    @classmethod
+    def read(cls, journal: Journal) -> FlightPlan:
+        """The plan that a journal was begun with. Raises `JournalError`."""
+        try:
+            meta = journal.meta["plan"]
+            return cls(**{**meta, "urls": tuple(meta["urls"])})
+        except (KeyError, TypeError):
+            raise JournalError(f"{journal.path} holds no flight plan; it cannot go on") from None

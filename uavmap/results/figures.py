@@ -1,0 +1,232 @@
+"""The figures of a mission, from its journal alone: what happened, folded once more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from missions.arena.certificate import promised_moves
+from missions.arena.lower_bounds import one_way_lower_bound
+from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
+from missions.explorers.bounds import drift_factor
+from missions.state import Phase, Setting, State, VehicleState
+from missions.step import step
+from missions.units import GridPoint
+
+LIFT_OFF_M = 0.3
+
+
+@dataclass(slots=True)
+class _Sortie:
+    """What is counted for one vehicle."""
+
+    position: GridPoint | None = None
+    distance_m: float = 0.0
+    last_on_ground_s: float = 0.0
+    lift_off_s: float | None = None
+    flight_s: float = 0.0
+    sorties: int = 0
+    swaps: int = 0
+    on_task_s: float = 0.0
+    on_tree: bool = False
+    stints: int = 0
+    points: list[tuple[float, GridPoint, float]] = field(default_factory=list)
+
+    def track(self, event: Tracked) -> None:
+        if self.position is not None:
+            self.distance_m += self.position.distance_to(event.position)
+        self.position = event.position
+        if event.height_m < LIFT_OFF_M and self.lift_off_s is None:
+            self.last_on_ground_s = event.t_s
+            return
+        if self.lift_off_s is None:
+            self.lift_off_s = self.last_on_ground_s
+            self.sorties += 1
+        self.points.append((event.t_s, event.position, event.height_m))
+
+    def land(self, t_s: float) -> None:
+        if self.lift_off_s is not None:
+            self.flight_s += t_s - self.lift_off_s
+        self.lift_off_s = None
+        self.last_on_ground_s = t_s
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What the summary says of a flight, and the tracks of the vehicles.
+
+    `flight_time_s` is airborne time of all vehicles together; `makespan_s` runs from the first
+    lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time
+    that a vehicle spent on the tree: without the search, the ways to and from home, and swaps.
+    That is what a strategy's bound speaks of; `bound_makespan_s` is that bound in seconds, None
+    for a strategy without. `lower_bound_s` is what no team could have beaten on the cells that
+    were explored, of which alone the journal knows.
+    """
+
+    flight_time_s: float
+    makespan_s: float
+    distance_m: float
+    sorties: int
+    battery_swaps: int
+    exploration_s: float
+    lower_bound_s: float
+    bound_makespan_s: float | None
+    tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
+
+    @property
+    def ratio(self) -> float | None:
+        """The exploration in lower bounds, None where there was nothing to explore."""
+        return round(self.exploration_s / self.lower_bound_s, 3) if self.lower_bound_s else None
+
+    @property
+    def bound_held(self) -> bool | None:
+        """Whether the exploration stayed within its bound."""
+        if self.bound_makespan_s is None:
+            return None
+        return self.exploration_s <= self.bound_makespan_s
+
+
+def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
+    """The final state and the figures of a journal."""
+    state = State.initial(setting)
+    counts = {number: _Sortie() for number in state.vehicles}
+    first_s, last_s = None, 0.0
+    before_s = 0.0
+    for event in events:
+        for number, vehicle in state.vehicles.items():
+            _on_task(counts[number], vehicle, state, max(event.t_s - before_s, 0.0))
+        before_s = max(before_s, event.t_s)
+        state, _ = step(setting, state, event)
+        number = getattr(event, "vehicle", 0)
+        if isinstance(event, Tracked):
+            counts[number].track(event)
+            if first_s is None and counts[number].lift_off_s is not None:
+                first_s = counts[number].lift_off_s
+        elif isinstance(event, Landed):
+            counts[number].land(event.t_s)
+            last_s = event.t_s
+        elif isinstance(event, Connected):
+            last_s = max(last_s, _reconnect(counts[number], event))
+        elif isinstance(event, BatterySwapped):
+            counts[number].swaps += 1
+    everybody = counts.values()
+    return state, Figures(
+        flight_time_s=round(sum(c.flight_s for c in everybody), 1),
+        makespan_s=round(max(last_s - (first_s or 0.0), 0.0), 1),
+        distance_m=round(sum(c.distance_m for c in everybody), 1),
+        sorties=sum(c.sorties for c in everybody),
+        battery_swaps=sum(c.swaps for c in everybody),
+        exploration_s=round(max(c.on_task_s for c in everybody), 1),
+        lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
+        bound_makespan_s=_bound_s(setting, state),
+        tracks={number: tuple(c.points) for number, c in counts.items()},
+    )
+
+
+def _reconnect(count: _Sortie, event: Connected) -> float:
+    """After an interruption: what nobody saw is not counted. Returns when a flight so ended."""
+    count.position = None
+    if event.airborne or count.lift_off_s is None:
+        return 0.0
+    last_seen_s = count.points[-1][0]
+    count.land(last_seen_s)
+    count.last_on_ground_s = event.t_s
+    return last_seen_s
+
+
+def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: float) -> None:
+    """Add the time that a vehicle spends on the tree."""
+    if (
+        state.tree is None
+        or vehicle.phase is not Phase.AIRBORNE
+        or vehicle.return_reason is not None
+    ):
+        count.on_tree = False
+        return
+    if not count.on_tree and vehicle.at_target:
+        count.on_tree = True
+        count.stints += 1
+    if count.on_tree:
+        count.on_task_s += elapsed_s
+
+
+def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
+    """What no team could have beaten, between cell centres at the configured speed.
+
+    It speaks of the time on the tree, so of a way that begins at the root, ends anywhere and is
+    broken off by every way home. Only cells count that were looked from after the root was
+    found, with all of a look's frames; from a skipped one nobody looked.
+    """
+    tree = state.tree
+    if tree is None or state.found_s is None:
+        return 0.0
+    votes, found_s = setting.mission.votes, state.found_s
+    cells = [
+        cell
+        for cell in tree.vertices
+        if cell not in state.abandoned
+        and state.belief.fully_voted(cell)
+        and all(frame.t_s > found_s for frame in state.belief.looks[cell])
+    ]
+    if tree.root in state.abandoned:
+        breaks = max(breaks, 1)  # nobody began there
+    look_s = (votes.frames - 1) * setting.mission.camera.interval_s
+    metric = replace(setting.metric, look=look_s)
+    robots = len(setting.mission.vehicles)
+    return round(one_way_lower_bound(cells, tree.root, robots, metric, max(breaks, 0)), 1)
+
+
+def _bound_s(setting: Setting, state: State) -> float | None:
+    """What the strategy promises, in seconds.
+
+    A move takes at most a leg between two cells. Tours are closed, and a vertex is looked from
+    once, when it is first reached: at most every second move ends with a look, and the root has
+    one besides.
+    """
+    if state.tree is None:
+        return None
+    mission = setting.mission
+    tree, robots = state.tree, len(mission.vehicles)
+    moves = promised_moves(setting.explorer, tree, robots, setting.metric)
+    if moves is None:
+        return None
+    move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0
+    factor = drift_factor(mission.flight.speed_m_s, mission.drift.speed_m_s)
+    return round(moves * move_s * factor + setting.look_s, 1)
+
+
+def summary(setting: Setting, state: State, found: Figures, seed: int | None) -> dict[str, Any]:
+    """The part of summary.json that needs no truth."""
+    mission, tree = setting.mission, state.tree
+    return {
+        "mission": mission.name,
+        "strategy": mission.strategy,
+        "vehicles": len(mission.vehicles),
+        "seed": seed,
+        "completed": state.completed,
+        "flight_time_s": found.flight_time_s,
+        "makespan_s": found.makespan_s,
+        "exploration_s": found.exploration_s,
+        "distance_m": found.distance_m,
+        "sorties": found.sorties,
+        "battery_swaps": found.battery_swaps,
+        "vertices": len(tree) if tree is not None else 0,
+        "tree_depth": tree.depth if tree is not None else 0,
+        "cells_roi": len(state.belief.roi),
+        "cells_abandoned": len(state.abandoned),
+        "cells_undecided": len(state.undecided),
+        "detections": len(state.belief.detections()),
+        "false_positives": None,
+        "false_negatives": None,
+        "cells_missed": None,
+        "iou_cells": None,
+        "min_separation_m": None,
+        "fence_breaches": None,
+        "reserve_violations": None,
+        "lower_bound_s": found.lower_bound_s,
+        "ratio": found.ratio,
+        "bound_makespan_s": found.bound_makespan_s,
+        "bound_held": found.bound_held,
+        "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
+    }

@@ -1,0 +1,101 @@
+"""The results of a mission in its folder: maps, picture, summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from shapely.geometry.base import BaseGeometry
+
+from missions.events import Event
+from missions.mapping.tree import Tree
+from missions.mission_file.schema import positions
+from missions.state import Setting, State
+from missions.units import Cell
+from uavmap.results import geojson, kml, picture
+from uavmap.results import summary as summary_file
+from uavmap.results.figures import Figures, figures, summary
+from uavmap.results.model import CellRow, MapData, Track
+from uavmap.results.model import State as CellState
+from uavmap.results.score import score
+
+
+def map_data(
+    setting: Setting,
+    state: State,
+    found: Figures,
+    truth: BaseGeometry | None,
+    *,
+    recorded: bool = False,
+) -> MapData:
+    """What the map writers need. In `recorded` imagery whatever was judged was also seen whole."""
+    mission, grid = setting.mission, setting.grid
+    rows = tuple(
+        CellRow(cell, cell_state(cell, state, recorded=recorded), tally.positive, tally.total)
+        for cell, tally in state.belief.cells().items()
+    )
+    tracks = tuple(
+        Track(number, tuple((t, grid.position(point), height) for t, point, height in points))
+        for number, points in found.tracks.items()
+        if points
+    )
+    return MapData(
+        mission=mission.name,
+        grid=grid,
+        t_s=state.t_s,
+        cells=rows,
+        tracks=tracks,
+        start=mission.home,
+        box=positions(mission.search.box),
+        fence=positions(mission.fence.polygon),
+        fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
+        truth=truth,
+    )
+
+
+def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
+    """What the map says of a cell; in `recorded` imagery every ROI cell counts as explored."""
+    if cell not in state.belief.roi:
+        return "non-roi"
+    if recorded:
+        return "explored"
+    tree: Tree | None = state.tree
+    if tree is None or cell not in tree:
+        return "unexplored"
+    return tree.state(cell).value
+
+
+def write_results(
+    folder: Path,
+    setting: Setting,
+    events: list[Event],
+    seed: int | None,
+    simulated: Mapping[str, Any] | None = None,
+    roi: BaseGeometry | None = None,
+    recorded: int | None = None,
+) -> dict[str, Any]:
+    """Write the maps and the summary of a journal; returns the summary.
+
+    `roi` is the true ROI in the moving frame, where it is known; `simulated` what the simulator
+    watched; `recorded` the number of photographs, where there was no flight.
+    """
+    state, found = figures(setting, events)
+    data = map_data(setting, state, found, roi, recorded=recorded is not None)
+    geojson.write(data, folder / "map.geojson")
+    kml.write(data, folder / "map.kml")
+    picture.write(data, folder / "map.png")
+    values = summary(setting, state, found, seed)
+    if recorded is not None:
+        values |= {"completed": True, "photographs": recorded}
+    if roi is not None:
+        marks = score(state.belief.roi, roi, setting.grid, state.belief.detections())
+        values |= {
+            "false_positives": marks.false_positives,
+            "false_negatives": marks.false_negatives,
+            "cells_missed": marks.cells_missed,
+            "iou_cells": round(marks.iou_cells, 4),
+        }
+    values |= simulated or {}
+    summary_file.write(values, folder / "summary.json")
+    return values
