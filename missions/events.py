@@ -37,6 +37,19 @@ class Connected:
     """Whether the vehicle is in the mode in which it follows our commands."""
     remaining_wh: float
     kind: Literal["connected"] = "connected"
+    home_amsl_m: float | None = None
+    """Height of home above the sea, None where the vehicle has not said."""
+    mode: Literal["follow", "rtl", "land", "other"] = "follow"
+    """What its autopilot does: follow us, return, land, or something else."""
+
+
+@dataclass(frozen=True, slots=True)
+class LiftedOff:
+    """The vehicle left the ground with its motors on, ordered or not."""
+
+    vehicle: int
+    t_s: float
+    kind: Literal["lifted_off"] = "lifted_off"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +59,9 @@ class Airborne:
     vehicle: int
     t_s: float
     kind: Literal["airborne"] = "airborne"
+    home: GridPoint | None = None
+    """Where home is now: arming moves it to where the vehicle stands."""
+    home_amsl_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +74,8 @@ class Tracked:
     height_m: float
     remaining_wh: float
     kind: Literal["tracked"] = "tracked"
+    wind_m_s: float | None = None
+    """Wind measured in flight, None where nothing can be said of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +126,30 @@ class Landed:
     t_s: float
     remaining_wh: float
     kind: Literal["landed"] = "landed"
+    position: GridPoint | None = None
+    """Where it stands; None in old journals, which do not say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Crashed:
+    """A vehicle is down where it was not told to land: somebody has to fetch it."""
+
+    vehicle: int
+    t_s: float
+    position: GridPoint
+    reason: str
+    kind: Literal["crashed"] = "crashed"
+
+
+@dataclass(frozen=True, slots=True)
+class Guarded:
+    """The guardian of a vehicle has it return or land by its autopilot, and keeps it until down."""
+
+    vehicle: int
+    t_s: float
+    action: Literal["rtl", "land"]
+    reason: str
+    kind: Literal["guarded"] = "guarded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +193,16 @@ class LinkLost:
 
 
 @dataclass(frozen=True, slots=True)
+class GivenUp:
+    """A silent vehicle is not waited for any longer; it is taken up again when it speaks."""
+
+    vehicle: int
+    t_s: float
+    reason: str
+    kind: Literal["given_up"] = "given_up"
+
+
+@dataclass(frozen=True, slots=True)
 class OrderFailed:
     """An order could not be carried out; the vehicle takes no more part."""
 
@@ -179,6 +231,7 @@ class Resumed:
 
 VehicleEvent = (
     Connected
+    | LiftedOff
     | Airborne
     | Tracked
     | Arrived
@@ -186,10 +239,13 @@ VehicleEvent = (
     | FrameLost
     | LookEnded
     | Landed
+    | Crashed
+    | Guarded
     | BatterySwapped
     | Overridden
     | Released
     | LinkLost
+    | GivenUp
     | OrderFailed
 )
 Event = VehicleEvent | Recalled | Resumed
@@ -203,7 +259,7 @@ def to_json(event: Event) -> str:
     >>> to_json(Airborne(1, 2.5))
     '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'
     """
-    return _ADAPTER.dump_json(event).decode()
+    return _ADAPTER.dump_json(event, exclude_none=True).decode()
 
 
 def from_json(text: str) -> Event:

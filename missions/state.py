@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from missions.energy import EnergyModel
+from missions.energy import AIRSPEED_LIMIT_M_S, EnergyModel
 from missions.explorers import EXPLORERS, Explorer, Memory
 from missions.explorers.metric import Metric
 from missions.ground.fence import Fence
@@ -36,8 +36,15 @@ class Phase(StrEnum):
     AIRBORNE = "airborne"
     YIELDED = "yielded"
     """A pilot or a failsafe flies it; nothing is sent to it."""
+    GUARDED = "guarded"
+    """Its guardian has it return or land by its autopilot; nothing else is sent to it."""
     FINISHED = "finished"
     FAILED = "failed"
+    """It stands on the ground and takes no more part."""
+    DOWN = "down"
+    """It lies or stands away from its pad: somebody has to fetch it."""
+    LOST = "lost"
+    """It was silent for longer than its battery can have lasted, or than anybody waits."""
 
 
 class ReturnReason(StrEnum):
@@ -59,15 +66,32 @@ class VehicleState:
     phase: Phase = Phase.OFFLINE
     tracked_s: float = 0.0
     home: GridPoint = _ORIGIN
+    home_level_m: float = 0.0
+    """Height of its home above the home of the vehicle that spoke first: layers are level."""
     position: GridPoint = _ORIGIN
     height_m: float = 0.0
     remaining_wh: float = 0.0
     drawn_w: float = 0.0
+    wind_m_s: float = 0.0
+    """Wind that was measured in flight; the given one counts where it is stronger."""
     order: Order | None = None
+    last_order: Order | None = None
+    """What it carried out when its link was lost, and may carry out still."""
     return_reason: ReturnReason | None = None
     over_home: bool = False
+    """Whether it is over the place where it will land."""
+    returns_by_itself: bool = False
+    """Whether a failsafe, a pilot or its guardian has the autopilot return: it flies straight."""
+    spare_pad: GridPoint | None = None
+    """Where it lands instead, because its own pad stays blocked."""
     lanes: tuple[Lane, ...] = ()
     on_lane: bool = False
+    lane_seen_m: tuple[float, ...] = ()
+    """How far along its first lane the frames lie that were judged."""
+    empty_passes: int = 0
+    """Lanes in a row that were flown without one frame judged."""
+    frames_lost: int = 0
+    """Pictures in a row that were lost or cannot be believed."""
     candidate: Cell | None = None
     vertex: Cell | None = None
     at_target: bool = False
@@ -86,6 +110,21 @@ class VehicleState:
     def idle(self) -> bool:
         """Whether it waits for an order."""
         return self.order is None or isinstance(self.order, Hold)
+
+    @property
+    def cruise_height_m(self) -> float:
+        """Its layer, above its own home."""
+        return self.cruise_altitude_m - self.home_level_m
+
+    @property
+    def level_m(self) -> float:
+        """Where it is above the level that layers are counted from."""
+        return self.height_m + self.home_level_m
+
+    @property
+    def pad(self) -> GridPoint:
+        """Where it lands."""
+        return self.home if self.spare_pad is None else self.spare_pad
 
     def interrupted(self, t_s: float) -> VehicleState:
         """This vehicle with its order taken back; from a leg it has to come to rest first."""
@@ -144,6 +183,11 @@ class Setting:
         )
 
     @property
+    def airspeed_limit_m_s(self) -> float:
+        """The strongest wind that the airframe holds its position in."""
+        return AIRSPEED_LIMIT_M_S
+
+    @property
     def look_s(self) -> float:
         """About how long a vehicle hovers over a cell."""
         return 2.0 + self.mission.votes.frames * self.mission.camera.interval_s
@@ -157,8 +201,12 @@ class State:
     vehicles: Mapping[int, VehicleState]
     t_s: float = 0.0
     tree: Tree | None = None
+    reference_amsl_m: float | None = None
+    """Height above the sea of the first home that was told: layers are counted from there."""
     exhausted: bool = False
-    """The box was searched to its end and nobody saw the ROI."""
+    """Every lane of the box has its judged frames, and nobody saw the ROI."""
+    unreachable_lanes: tuple[Lane, ...] = ()
+    """Lanes that no way inside the fence leads to."""
     recalled: bool = False
     abandoned: frozenset[Cell] = frozenset()
     """ROI cells that nobody could look from: beyond the fence or out of reach."""
@@ -192,11 +240,22 @@ class State:
 
     @property
     def over(self) -> bool:
-        """Whether nobody will do anything more of their own accord."""
+        """Whether nobody will do anything more of their own accord, and nobody is in the air.
+
+        A vehicle that was given up is an exception: nobody knows where it is.
+        """
+        ended = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
         return all(
-            v.phase in (Phase.FINISHED, Phase.FAILED) or (v.phase is Phase.YIELDED and v.landed)
-            for v in self.vehicles.values()
+            v.phase is Phase.LOST or (v.phase in ended and v.landed) for v in self.vehicles.values()
         )
+
+    @property
+    def unsearched(self) -> tuple[Lane, ...]:
+        """Stretches of lanes that no judged frame shows, while they still matter."""
+        if self.tree is not None:
+            return ()
+        left = [lane for v in self.vehicles.values() for lane in v.lanes]
+        return (*self.unreachable_lanes, *left)
 
     @property
     def exploration_finished(self) -> bool:
@@ -212,7 +271,10 @@ class State:
             self.exploration_finished
             and not self.abandoned
             and not self.undecided
-            and all(v.landed for v in self.vehicles.values())
+            and not self.unsearched
+            and all(
+                v.landed and v.phase not in (Phase.DOWN, Phase.LOST) for v in self.vehicles.values()
+            )
         )
 
     def robots(self) -> dict[int, Cell]:

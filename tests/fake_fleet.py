@@ -273,7 +273,7 @@ class Fleet:
             self.fault(
                 f"vehicle {vehicle.number} landed with {vehicle.wh:.2f} Wh, reserve {reserve_wh:g}"
             )
-        if vehicle.position.distance_to(vehicle.home) > 1.0:
+        if vehicle.position.distance_to(self.state.vehicles[vehicle.number].pad) > 1.0:
             self.fault(f"vehicle {vehicle.number} landed away from home, at {vehicle.position}")
         self.post(Landed(vehicle.number, self._now(), vehicle.wh))
 

@@ -1,7 +1,12 @@
 """Who may fly where: orders are given only if their air is free.
 
 Every vehicle flies in its layer; whoever climbs or descends claims the column over its pad
-(`missions.flight.volumes`). An order that would meet a claim waits, and its vehicle holds.
+(`missions.flight.volumes`). An order that would meet a claim waits, and its vehicle holds. Heights
+here are above the home of the vehicle that spoke first, so homes need not be level.
+
+Whom nobody can tell to make way claims all the air that it may be in: a silent vehicle flies on
+with its last order, and may return by itself; a pilot or a failsafe may go anywhere near. When
+such a claim changes, orders under way are checked again (`revise`).
 """
 
 from __future__ import annotations
@@ -16,31 +21,53 @@ from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Swee
 from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
-RTL_HEIGHT_M = 15.0
-"""ArduCopter's RTL_ALT."""
+RTL_HEIGHT_M = 30.0
+"""PX4's return height; ArduCopter's is 15 m."""
 SEPARATION_BUFFER_M = 2.0
 """What two vehicles may stray towards each other while they keep their distance."""
 OFF_LAYER_M = 1.5
 """A vehicle that is farther from its layer claims all heights between."""
+UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
+"""In the air, nobody can tell these to make way."""
 
 
 def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> State:
     """Give an order if its air is free; otherwise wait where the vehicle is."""
-    distance_m = _distance_m(setting)
-    volume = _volume(setting, state, vehicle, order)
-    others = [
-        claim
-        for other in state.vehicles.values()
-        if other.vehicle != vehicle.vehicle
-        for claim in _claims(setting, state, other, vehicle)
-    ]
-    if is_free(volume, others, distance_m):
+    if is_clear(setting, state, vehicle, order):
         return state.with_vehicle(replace(vehicle, order=order))
     if isinstance(order, FlyTo) and vehicle.return_reason is not None:
+        others = _claims_of_others(setting, state, vehicle, order)
         for detour in _detours(setting, vehicle, order, others):
-            if is_free(_volume(setting, state, vehicle, detour), others, distance_m):
+            volume = _volume(setting, state, vehicle, detour)
+            if is_free(volume, others, _distance_m(setting)):
                 return state.with_vehicle(replace(vehicle, order=detour))
     return state if vehicle.landed else hold(state, vehicle)
+
+
+def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> bool:
+    """Whether the air that an order needs is free of all claims that bind the vehicle."""
+    others = _claims_of_others(setting, state, vehicle, order)
+    return is_free(_volume(setting, state, vehicle, order), others, _distance_m(setting))
+
+
+def revise(setting: Setting, state: State) -> State:
+    """Stop whoever flies towards air that somebody claims whom nobody can tell to make way."""
+    untold = [v for v in state.vehicles.values() if v.phase in UNTOLD and not v.landed]
+    if not untold:
+        return state
+    distance_m = _distance_m(setting)
+    for vehicle in state.vehicles.values():
+        flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
+        if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look):
+            continue
+        here = _here(vehicle)
+        volume = _volume(setting, state, vehicle, vehicle.order)
+        for claim in (c for other in untold for c in _untold_claims(setting, state, other)):
+            # who is in that air already must be free to leave it
+            if volume.meets(claim, distance_m) and not here.meets(claim, distance_m):
+                state = state.with_vehicle(vehicle.interrupted(state.t_s))
+                break
+    return state
 
 
 def hold(state: State, vehicle: VehicleState) -> State:
@@ -54,6 +81,25 @@ def where(setting: Setting, state: State, cell: Cell) -> GridPoint:
     return setting.grid.to_fixed(setting.grid.centre_of(cell), state.t_s)
 
 
+def spots_beside(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:
+    """Places inside the fence where a vehicle can land beside its pad, the nearest first."""
+    spots = [
+        _around(vehicle.home, eighth, times * _distance_m(setting))
+        for times in (1.5, 2.5)
+        for eighth in range(8)
+    ]
+    allowed = [spot for spot in spots if setting.fence.allows(spot)]
+    return sorted(allowed, key=lambda spot: (vehicle.position.distance_to(spot), spot))
+
+
+def _around(centre: GridPoint, eighth: int, distance_m: float) -> GridPoint:
+    turn_rad = eighth * math.tau / 8
+    return GridPoint(
+        round(centre.east_m + distance_m * math.sin(turn_rad), 2),
+        round(centre.north_m + distance_m * math.cos(turn_rad), 2),
+    )
+
+
 def _detours(
     setting: Setting, vehicle: VehicleState, order: FlyTo, others: Sequence[Volume]
 ) -> list[FlyTo]:
@@ -65,12 +111,8 @@ def _detours(
     ways = []
     for centre in {volume.path[0] for volume in others if len(set(volume.path)) == 1}:
         for eighth in range(8):
-            turn_rad = eighth * math.tau / 8
-            via = GridPoint(
-                centre.east_m + away_m * math.sin(turn_rad),
-                centre.north_m + away_m * math.cos(turn_rad),
-            )
-            there, back = fence.route(vehicle.position, via), fence.route(via, vehicle.home)
+            via = _around(centre, eighth, away_m)
+            there, back = fence.route(vehicle.position, via), fence.route(via, vehicle.pad)
             if there is not None and back is not None:
                 ways.append((*there, *back))
     ways.sort(key=lambda way: (route_length_m(vehicle.position, way), way))
@@ -83,48 +125,97 @@ def _distance_m(setting: Setting) -> float:
     return min(team.separation_m + SEPARATION_BUFFER_M, team.layer_m)
 
 
+# --- what an order needs ----------------------------------------------------------------------
+def _points(setting: Setting, state: State, order: Order | None) -> tuple[GridPoint, ...]:
+    """Where an order leads, in the fixed frame."""
+    if isinstance(order, Sweep):
+        return (order.end,)
+    if isinstance(order, FlyTo):
+        cell = () if order.cell is None else (where(setting, state, order.cell),)
+        return (*order.route, *cell)
+    if isinstance(order, Look):
+        return (where(setting, state, order.cell),)
+    return ()
+
+
 def _volume(setting: Setting, state: State, vehicle: VehicleState, order: Order | None) -> Volume:
     """The air that an order needs."""
-    if isinstance(order, TakeOff | Land):
-        return Volume((vehicle.home,), 0.0, vehicle.cruise_altitude_m)
-    if isinstance(order, ReturnToLaunch):  # at a height of the autopilot's choice
-        return Volume(
-            (vehicle.position, vehicle.home), 0.0, max(vehicle.cruise_altitude_m, RTL_HEIGHT_M)
-        )
-    points: Sequence[GridPoint] = ()
-    if isinstance(order, Sweep):
-        points = (order.end,)
-    elif isinstance(order, FlyTo):
-        cell = () if order.cell is None else (where(setting, state, order.cell),)
-        points = (*order.route, *cell)
-    elif isinstance(order, Look):
-        points = (where(setting, state, order.cell),)
+    top_m = max(vehicle.cruise_altitude_m, vehicle.level_m)
+    if isinstance(order, TakeOff):
+        return Volume((vehicle.position,), vehicle.home_level_m, top_m)
+    if isinstance(order, Land):
+        return Volume((vehicle.pad,), vehicle.home_level_m, top_m)
     low_m = high_m = vehicle.cruise_altitude_m
-    if abs(vehicle.height_m - vehicle.cruise_altitude_m) > OFF_LAYER_M:
-        low_m, high_m = sorted((vehicle.height_m, vehicle.cruise_altitude_m))
-    stray_m = 0.0
-    if vehicle.braking_until_s is not None:  # what it flew since its last report, and its braking
-        speed, accel = setting.energy.speed_m_s, setting.energy.accel_m_s2
-        stray_m = speed + speed**2 / (2 * accel)
-    return Volume((vehicle.position, *points), low_m, high_m, stray_m)
+    if abs(vehicle.level_m - vehicle.cruise_altitude_m) > OFF_LAYER_M:
+        low_m, high_m = sorted((vehicle.level_m, vehicle.cruise_altitude_m))
+    stray_m = 0.0 if vehicle.braking_until_s is None else _stray_m(setting)
+    return Volume((vehicle.position, *_points(setting, state, order)), low_m, high_m, stray_m)
+
+
+def _stray_m(setting: Setting) -> float:
+    """What a vehicle flies between two of its reports, and until it has come to rest."""
+    speed, accel = setting.energy.speed_m_s, setting.energy.accel_m_s2
+    return speed + speed**2 / (2 * accel)
+
+
+# --- what others claim ------------------------------------------------------------------------
+def _here(vehicle: VehicleState) -> Volume:
+    return Volume((vehicle.position,), vehicle.cruise_altitude_m, vehicle.cruise_altitude_m)
+
+
+def _claims_of_others(
+    setting: Setting, state: State, asking: VehicleState, order: Order
+) -> list[Volume]:
+    return [
+        claim
+        for other in state.vehicles.values()
+        if other.vehicle != asking.vehicle
+        for claim in _claims(setting, state, other, asking, order)
+    ]
 
 
 def _claims(
-    setting: Setting, state: State, other: VehicleState, asking: VehicleState
+    setting: Setting, state: State, other: VehicleState, asking: VehicleState, order: Order
 ) -> list[Volume]:
     """The air that another vehicle claims, as far as it binds the one that asks."""
     climbing = isinstance(other.order, TakeOff)
-    if other.landed and not climbing:
+    if other.phase is Phase.LOST or (other.landed and not climbing):
         return []
-    here = Volume((asking.position,), asking.cruise_altitude_m, asking.cruise_altitude_m)
-    claim = _volume(setting, state, other, other.order)
-    claims = [claim]
-    if other.phase is not Phase.AIRBORNE and not climbing and not asking.landed:
+    here, distance_m = _here(asking), _distance_m(setting)
+    if other.phase in UNTOLD:
+        claims = _untold_claims(setting, state, other)
+        if asking.landed or isinstance(order, Land):
+            return claims
         # nobody can tell it to make way: who is near it must be free to leave
-        claims = [] if here.meets(claim, _distance_m(setting)) else [claim]
+        return [claim for claim in claims if not here.meets(claim, distance_m)]
+    claims = [_volume(setting, state, other, other.order)]
     if other.over_home and other.idle:
         # it waits to land; whoever is in its column already must be free to leave
-        column = Volume((other.home,), 0.0, other.cruise_altitude_m)
-        if not asking.landed and not here.meets(column, _distance_m(setting)):
+        column = _volume(setting, state, other, Land())
+        if not asking.landed and not here.meets(column, distance_m):
             claims.append(column)
     return claims
+
+
+def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[Volume]:
+    """The air that a vehicle may be in, whom nobody can tell to make way.
+
+    A silent one flies on with its last order, and its failsafe may bring it home from any point of
+    that, at its return height. One that returns flies straight home. A pilot's goes anywhere near.
+    """
+    low_m = other.home_level_m
+    top_m = max(other.level_m, other.cruise_altitude_m, low_m + RTL_HEIGHT_M)
+    order = other.last_order if other.phase is Phase.OFFLINE else other.order
+    if isinstance(order, TakeOff | Land):
+        return [Volume((other.pad,), low_m, top_m), Volume((other.position,), low_m, top_m)]
+    column = Volume((other.home,), low_m, top_m)
+    if other.phase is Phase.OFFLINE:
+        leg = _volume(setting, state, other, order)
+        way = Volume((*leg.path, other.home), min(leg.low_m, other.level_m), top_m, leg.stray_m)
+        return [leg, way, column]
+    if other.returns_by_itself or isinstance(order, ReturnToLaunch):
+        way = Volume((other.position, other.home), min(other.level_m, top_m), top_m)
+        return [way, column, Volume((other.position,), low_m, top_m)]
+    here_m = other.level_m
+    near = Volume((other.position,), min(low_m, here_m), here_m + OFF_LAYER_M, _stray_m(setting))
+    return [near]

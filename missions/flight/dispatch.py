@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.flight.deconfliction import give_if_clear, hold, where
+from missions.flight.deconfliction import give_if_clear, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
@@ -22,12 +22,18 @@ from missions.units import GridPoint
 
 MOST_FRUITLESS_SORTIES = 3
 """So many in a row, and the next place counts as out of reach."""
+FRESH = 0.9
+"""From this part of its capacity on a battery counts as fresh."""
+LEAST_HEIGHT_M = 3.0
+"""No layer may lie nearer above the pad of its vehicle."""
 
 
 def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
-    if state.tree is None and all(idle_in_search(v) for v in state.vehicles.values()):
-        state = replace(state, exhausted=True)
+    if state.tree is None and setting.lanes:
+        done = all(idle_in_search(v) for v in state.vehicles.values())
+        state = replace(state, exhausted=done)
+    state = revise(setting, state)
     for number in sorted(state.vehicles):
         state = turn_back(setting, state, state.vehicles[number])
     state = explore_moves(setting, state)
@@ -66,18 +72,31 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     target = _first_target(setting, state, vehicle)
     if target is None:
         return state
-    if not setting.fence.contains(vehicle.position):
-        note = "it stands outside of the geofence; move it, or the fence"
+    if refusal := _unfit(setting, vehicle):
         return state.with_vehicle(
-            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=refusal)
         )
     if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
         return _out_of_reach(state, vehicle)
     if not has_energy_for(setting, vehicle, target, setting.look_s):
-        if vehicle.remaining_wh < 0.95 * setting.energy.capacity_wh:
+        if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(state, vehicle)
-    return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_altitude_m))
+    return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_height_m))
+
+
+def _unfit(setting: Setting, vehicle: VehicleState) -> str:
+    """Why a vehicle may not take off from where it stands; empty if it may."""
+    if not setting.fence.contains(vehicle.position):
+        return "it stands outside of the geofence; move it, or the fence"
+    if vehicle.cruise_height_m < LEAST_HEIGHT_M:
+        return (
+            f"it stands {vehicle.home_level_m:.0f} m higher than the first vehicle, and its layer "
+            f"is only {vehicle.cruise_height_m:.0f} m above it; raise flight.altitude_m"
+        )
+    if vehicle.wind_m_s > setting.airspeed_limit_m_s:
+        return f"it measured a wind of {vehicle.wind_m_s:.0f} m/s, more than it can hold"
+    return ""
 
 
 def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import CLIMB_SPEED_M_S
-from missions.flight.deconfliction import OFF_LAYER_M, give_if_clear, hold
+from missions.energy import CLIMB_SPEED_M_S, EnergyModel
+from missions.flight.deconfliction import (
+    OFF_LAYER_M,
+    give_if_clear,
+    hold,
+    is_clear,
+    spots_beside,
+)
+from missions.flight.lane_progress import lane_left
 from missions.ground.fence import route_length_m
-from missions.ground.lanes import rest_of
-from missions.orders import FlyTo, Land, Order, TakeOff
+from missions.orders import FlyTo, Hold, Land, Order, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 
 REACTION_S = 3.0
 """Between two reports of the battery, and until a vehicle has turned round."""
 OVER_HOME_M = 1.0
-"""A vehicle that is nearer to home may land."""
-PROGRESS_M = 1.0
-"""A sortie that searched less of a lane was in vain."""
+"""A vehicle that is nearer to its pad may land."""
+BESIDE_M = 20.0
+"""How far a vehicle flies at most from a blocked pad to land beside it."""
 
 
 def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -27,14 +33,17 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.phase is not Phase.AIRBORNE or vehicle.return_reason is not None:
         return state
     if state.recalled:
-        return send_home(state, vehicle, ReturnReason.RECALLED)
+        return send_home(setting, state, vehicle, ReturnReason.RECALLED)
     if state.exploration_finished:
-        return send_home(state, vehicle, ReturnReason.DONE)
+        return send_home(setting, state, vehicle, ReturnReason.DONE)
     if not setting.fence.contains(vehicle.position):
         vehicle = replace(vehicle, note="it was outside of the geofence")
-        return send_home(state, vehicle, ReturnReason.FAULT)
+        return send_home(setting, state, vehicle, ReturnReason.FAULT)
+    if vehicle.wind_m_s > setting.airspeed_limit_m_s:
+        wind = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
+        return send_home(setting, state, replace(vehicle, note=wind), ReturnReason.FAULT)
     if not has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S):
-        return send_home(state, vehicle, ReturnReason.BATTERY)
+        return send_home(setting, state, vehicle, ReturnReason.BATTERY)
     return state
 
 
@@ -49,24 +58,40 @@ def has_energy_for(
     setting: Setting, vehicle: VehicleState, target: GridPoint, hover_s: float
 ) -> bool:
     """Whether a vehicle can fly to a point, hover there, come home, land, and keep its reserve."""
-    energy, fence = setting.energy, setting.fence
+    energy, fence = energy_of(setting, vehicle), setting.fence
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
-    back = fence.route(target, vehicle.home) or (vehicle.home,)
     out_m = route_length_m(vehicle.position, there)
+    highest_m = max(vehicle.cruise_height_m, vehicle.height_m)
     need_wh = energy.hover_wh(hover_s, vehicle.drawn_w) + energy.home_wh(
-        route_length_m(target, back), vehicle.cruise_altitude_m, vehicle.drawn_w
+        route_length_m(target, way_home(setting, target, vehicle.pad)), highest_m, vehicle.drawn_w
     )
     if out_m > 0.0:
         need_wh += energy.leg_wh(out_m, vehicle.drawn_w)
-    climb_m = max(vehicle.cruise_altitude_m - vehicle.height_m, 0.0)
+    climb_m = max(vehicle.cruise_height_m - vehicle.height_m, 0.0)
     if climb_m > OFF_LAYER_M:
         need_wh += energy.hover_wh(climb_m / CLIMB_SPEED_M_S + 5.0, vehicle.drawn_w)
     return vehicle.remaining_wh >= need_wh
 
 
+def energy_of(setting: Setting, vehicle: VehicleState) -> EnergyModel:
+    """The energy model in the worse of the wind that was given and the wind that was measured."""
+    if vehicle.wind_m_s <= setting.energy.wind_m_s:
+        return setting.energy
+    return replace(setting.energy, wind_m_s=vehicle.wind_m_s)
+
+
+def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
+    """The way to a pad: inside the margin as far as there is one, also to a pad that is not.
+
+    A vehicle seldom stands exactly where its mission says; the last metres to a pad in the margin
+    are flown straight.
+    """
+    return setting.fence.route(start, pad) or setting.fence.route_near(start, pad) or (pad,)
+
+
 def go_home(setting: Setting, state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
     """Send a vehicle home and give it its first order to that end."""
-    state = send_home(state, vehicle, reason)
+    state = send_home(setting, state, vehicle, reason)
     return fly_home(setting, state, state.vehicles[vehicle.vehicle])
 
 
@@ -74,36 +99,59 @@ def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """The next order of a vehicle that comes home, once it is at rest."""
     if vehicle.braking_until_s is not None:
         return hold(state, vehicle)
-    if vehicle.position.distance_to(vehicle.home) <= OVER_HOME_M:
+    if vehicle.position.distance_to(vehicle.pad) <= OVER_HOME_M:
         # it is there already, perhaps half-way down: no need to climb first
         vehicle = replace(vehicle, over_home=True)
-    return give_if_clear(setting, state, vehicle, home_order(setting, vehicle))
+    after = give_if_clear(setting, state, vehicle, home_order(setting, vehicle))
+    waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
+    if waits and vehicle.over_home and not _can_wait(setting, vehicle):
+        return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
+    return after
 
 
-def send_home(state: State, vehicle: VehicleState, return_reason: ReturnReason) -> State:
+def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
+    """Whether there is energy to wait for the pad, to fly beside it, and to land with the reserve.
+
+    What is kept for flying beside is a leg of the length of a pad's surroundings.
+    """
+    energy = energy_of(setting, vehicle)
+    need_wh = energy.home_wh(BESIDE_M, vehicle.height_m, vehicle.drawn_w)
+    need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)
+    return vehicle.remaining_wh >= need_wh
+
+
+def _land_beside(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """The pad stays blocked: land beside it while the reserve is whole."""
+    for spot in spots_beside(setting, vehicle):
+        elsewhere = replace(vehicle, spare_pad=spot, over_home=False)
+        order = home_order(setting, elsewhere)
+        landing = replace(elsewhere, position=spot, over_home=True)
+        free = is_clear(setting, state, elsewhere, order)
+        if free and is_clear(setting, state, landing, Land()):
+            return give_if_clear(setting, state, elsewhere, order)
+    return state
+
+
+def send_home(setting: Setting, state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
     """Take back what a vehicle was ordered and send it home for a reason."""
-    lanes, fruitless_sorties = vehicle.lanes, vehicle.fruitless_sorties
-    if vehicle.on_lane and lanes:  # the next sortie goes on where this one left the lane
-        rest = rest_of(lanes[0], vehicle.position)
-        if rest[0].distance_to(lanes[0][0]) >= PROGRESS_M:
-            fruitless_sorties = 0
-        lanes = (rest, *lanes[1:])
+    fruitless = vehicle.fruitless_sorties
+    if vehicle.on_lane and vehicle.lane_seen_m:
+        fruitless = 0
+    left = lane_left(vehicle, setting.grid.cell_m)  # the next sortie goes on with what is unseen
     return state.with_vehicle(
         replace(
-            vehicle.interrupted(state.t_s),
-            return_reason=return_reason,
+            left.interrupted(state.t_s),
+            return_reason=reason,
             over_home=False,
             at_target=False,
-            on_lane=False,
-            lanes=lanes,
-            fruitless_sorties=fruitless_sorties + (return_reason is ReturnReason.BATTERY),
+            fruitless_sorties=fruitless + (reason is ReturnReason.BATTERY),
         )
     )
 
 
 def home_order(setting: Setting, vehicle: VehicleState) -> Order:
-    """Fly over home, or land when there."""
+    """Fly over the pad, or land when there."""
     if vehicle.over_home:
         return Land()
-    route = setting.fence.route(vehicle.position, vehicle.home) or (vehicle.home,)
-    return FlyTo(route, None, stop=True, height_m=vehicle.cruise_altitude_m)
+    route = way_home(setting, vehicle.position, vehicle.pad)
+    return FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)

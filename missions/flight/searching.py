@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.flight.deconfliction import give_if_clear, hold
+from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.visiting import visit
-from missions.ground.lanes import rest_of
 from missions.orders import FlyTo, Order, Sweep
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 
@@ -28,17 +28,21 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     start, end = vehicle.lanes[0]
     if vehicle.on_lane and setting.fence.allows_leg(vehicle.position, end):
         # flown as far as the battery lasts; the next sortie takes up the rest
-        order: Order = Sweep(end, setting.mission.grid.cell_m, vehicle.cruise_altitude_m)
+        order: Order = Sweep(end, setting.mission.grid.cell_m, vehicle.cruise_height_m)
         return give_if_clear(setting, state, vehicle, order)
     if vehicle.on_lane:  # it left the lane for a suspicion, and the fence lies between
-        start, end = rest_of(vehicle.lanes[0], vehicle.position)
-        vehicle = replace(vehicle, on_lane=False, lanes=((start, end), *vehicle.lanes[1:]))
+        vehicle = lane_left(vehicle, setting.grid.cell_m)
+        if not vehicle.lanes:
+            return hold(state, vehicle)
+        start, end = vehicle.lanes[0]
     route = setting.fence.route(vehicle.position, start)
     if route is None:  # a part of the box that no way inside the fence leads to
+        lost = (*state.unreachable_lanes, vehicle.lanes[0])
+        state = replace(state, unreachable_lanes=lost)
         return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
     if not has_energy_for(setting, vehicle, start, REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
-    order = FlyTo(route, None, stop=False, height_m=vehicle.cruise_altitude_m)
+    order = FlyTo(route, None, stop=False, height_m=vehicle.cruise_height_m)
     return give_if_clear(setting, state, vehicle, order)
 
 

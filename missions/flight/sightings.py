@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.events import FrameSeen
+from missions.flight.lane_progress import lane_seen
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree
 from missions.orders import Look
@@ -17,7 +18,10 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     votes = {vote.cell: vote.positive for vote in event.votes}
     frame = FrameId(event.vehicle, event.t_s)
     state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
-    vehicle = state.vehicles[event.vehicle]
+    vehicle = replace(state.vehicles[event.vehicle], frames_lost=0)
+    if state.tree is None:
+        vehicle = lane_seen(vehicle, setting.grid, event.vantage, event.t_s)
+    state = state.with_vehicle(vehicle)
     if isinstance(vehicle.order, Look) and vehicle.order.cell == event.vantage:
         if state.belief.fully_voted(event.vantage):
             return _looked(state, vehicle, event.vantage)

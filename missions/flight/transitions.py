@@ -10,10 +10,14 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     Connected,
+    Crashed,
     Event,
     FrameLost,
     FrameSeen,
+    GivenUp,
+    Guarded,
     Landed,
+    LiftedOff,
     LinkLost,
     LookEnded,
     OrderFailed,
@@ -23,8 +27,10 @@ from missions.events import (
     Resumed,
     Tracked,
 )
+from missions.flight.lane_progress import lane_flown, lane_left
 from missions.flight.sightings import frame_seen, look_ended
-from missions.orders import AwaitBattery, ReturnToLaunch, StandDown, TakeOff
+from missions.guardian import PAD_M
+from missions.orders import AwaitBattery, Land, ReturnToLaunch, StandDown, TakeOff
 from missions.state import BRAKING_S, Phase, ReturnReason, Setting, State, VehicleState
 
 _DRAW_SMOOTHING_S = 15.0
@@ -32,6 +38,13 @@ LIFTED_M = 1.0
 """A vehicle that is higher above home has left the ground."""
 REST_M_S = 0.5
 """A vehicle that is slower has come to rest."""
+LEVEL_M = 1.0
+"""Homes that differ less in height are level: so far satellite navigation wavers."""
+MOST_FRAMES_LOST = 5
+"""So many pictures lost in a row, and the vehicle comes home."""
+RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
+MOST_EMPTY_PASSES = 2
+"""So many lanes flown in a row without a frame judged, and the vehicle comes home."""
 
 
 def apply(setting: Setting, state: State, event: Event) -> State:
@@ -40,28 +53,52 @@ def apply(setting: Setting, state: State, event: Event) -> State:
     if isinstance(event, Recalled):
         return replace(state, recalled=True)
     if isinstance(event, Resumed):
-        return _resume(state)
+        return _resume(setting, state)
     if isinstance(event, FrameSeen):
         return frame_seen(setting, state, event)
     vehicle = state.vehicles[event.vehicle]
     if isinstance(event, LookEnded):
         return look_ended(state, vehicle)
-    return state.with_vehicle(_changed(event, vehicle))
+    if isinstance(event, Connected) and state.reference_amsl_m is None:
+        state = replace(state, reference_amsl_m=event.home_amsl_m)
+    changed = _changed(event, vehicle, setting)
+    if isinstance(event, Connected | Airborne):
+        changed = _levelled(changed, event, state.reference_amsl_m)
+    return state.with_vehicle(changed)
 
 
-def _resume(state: State) -> State:
+def _levelled(
+    vehicle: VehicleState, event: Connected | Airborne, reference_amsl_m: float | None
+) -> VehicleState:
+    """The vehicle with the height of its home above the first home that was told.
+
+    A home that is told in the air keeps its level: what it flies at is above the old one.
+    """
+    in_air = isinstance(event, Connected) and event.airborne
+    if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
+        return vehicle
+    level_m = event.home_amsl_m - reference_amsl_m
+    return replace(vehicle, home_level_m=0.0 if abs(level_m) < LEVEL_M else round(level_m, 2))
+
+
+def _resume(setting: Setting, state: State) -> State:
     """Everybody takes part again; what they carried out died with the process."""
     root = state.tree.root if state.tree is not None else None
     vehicles = {
         number: replace(
-            v,
+            lane_left(v, setting.grid.cell_m),
             phase=Phase.OFFLINE,
             order=None,
+            last_order=None,
             return_reason=None,
             over_home=False,
+            spare_pad=None,
             at_target=False,
             vertex=v.vertex or root,
             cleared=True,
+            wind_m_s=0.0,
+            frames_lost=0,
+            empty_passes=0,
             note="",
         )
         for number, v in state.vehicles.items()
@@ -70,18 +107,18 @@ def _resume(state: State) -> State:
 
 
 @singledispatch
-def _changed(event: Event, vehicle: VehicleState) -> VehicleState:
+def _changed(event: Event, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """The vehicle after an event that concerns nothing else."""
     raise TypeError(f"no rule for {type(event).__name__}")
 
 
 @_changed.register
-def _(event: Connected, vehicle: VehicleState) -> VehicleState:
+def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
     phase = Phase.GROUNDED
     if event.airborne:
         phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
-    return replace(
-        vehicle,
+    connected = replace(
+        lane_left(vehicle, setting.grid.cell_m),
         phase=phase,
         tracked_s=event.t_s,
         home=event.home,
@@ -91,24 +128,59 @@ def _(event: Connected, vehicle: VehicleState) -> VehicleState:
         drawn_w=0.0,
         landed=not event.airborne,
         order=StandDown() if phase is Phase.YIELDED else None,
+        last_order=None,
         return_reason=None,
         over_home=False,
-        on_lane=False,
         at_target=False,
         braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
         fruitless_sorties=0,
+        frames_lost=0,
+        returns_by_itself=event.mode == "rtl",
         note="",
     )
+    if phase is not Phase.AIRBORNE:
+        return connected
+    return _on_its_way_home(connected, event, vehicle)
+
+
+def _on_its_way_home(
+    connected: VehicleState, event: Connected, before: VehicleState
+) -> VehicleState:
+    """A vehicle that was coming home when it fell silent goes on doing so."""
+    reason = before.return_reason
+    if before.phase is Phase.LOST:  # nobody knows what it has been through
+        reason = reason or ReturnReason.BATTERY
+    if event.mode == "rtl":
+        return replace(connected, phase=Phase.GUARDED, order=StandDown(), note=before.note)
+    if event.mode == "land":
+        reason = reason or ReturnReason.FAULT
+        landing = replace(connected, return_reason=reason, over_home=True, order=Land())
+        return replace(landing, braking_until_s=None, note=before.note)
+    return replace(connected, return_reason=reason)
 
 
 @_changed.register
-def _(event: Airborne, vehicle: VehicleState) -> VehicleState:
+def _(event: LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    up = replace(vehicle, landed=False)
+    if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
+        # a take-off that nobody acknowledged, and that was given up: it cannot stay up there
+        note = vehicle.note or "it left the ground without an order"
+        return replace(
+            up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT, note=note
+        )
+    return up
+
+
+@_changed.register
+def _(event: Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    home = vehicle.home if event.home is None else event.home
     if vehicle.phase is not Phase.GROUNDED:  # somebody else has it by now
-        return replace(vehicle, landed=False, cleared=False)
+        return replace(vehicle, landed=False, cleared=False, home=home)
     return replace(
         vehicle,
         phase=Phase.AIRBORNE,
-        height_m=vehicle.cruise_altitude_m,
+        home=home,
+        height_m=vehicle.cruise_height_m,
         order=None,
         landed=False,
         cleared=False,
@@ -116,7 +188,7 @@ def _(event: Airborne, vehicle: VehicleState) -> VehicleState:
 
 
 @_changed.register
-def _(event: Tracked, vehicle: VehicleState) -> VehicleState:
+def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     elapsed_s = event.t_s - vehicle.tracked_s
     braking_until_s = vehicle.braking_until_s
     if braking_until_s is not None:
@@ -138,12 +210,13 @@ def _(event: Tracked, vehicle: VehicleState) -> VehicleState:
         height_m=event.height_m,
         remaining_wh=event.remaining_wh,
         drawn_w=drawn_w,
+        wind_m_s=vehicle.wind_m_s if event.wind_m_s is None else event.wind_m_s,
         braking_until_s=braking_until_s,
     )
 
 
 @_changed.register
-def _(event: Arrived, vehicle: VehicleState) -> VehicleState:
+def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
         return replace(vehicle, position=event.position)
     arrived = replace(vehicle, position=event.position, order=None)
@@ -151,30 +224,50 @@ def _(event: Arrived, vehicle: VehicleState) -> VehicleState:
         return replace(arrived, over_home=True)
     if vehicle.candidate is not None or vehicle.vertex is not None:
         return replace(arrived, at_target=True)
-    if vehicle.on_lane:
-        return replace(arrived, lanes=vehicle.lanes[1:], on_lane=False, fruitless_sorties=0)
-    return replace(arrived, on_lane=bool(vehicle.lanes))
+    if not vehicle.on_lane:
+        return replace(arrived, on_lane=bool(vehicle.lanes))
+    flown = lane_flown(arrived, setting.grid.cell_m)
+    if flown.empty_passes < MOST_EMPTY_PASSES:
+        return flown
+    note = "the camera is silent: no frame of its lanes was judged"
+    return replace(flown, return_reason=ReturnReason.FAULT, note=note)
 
 
 @_changed.register
-def _(event: FrameLost, vehicle: VehicleState) -> VehicleState:
-    return replace(vehicle, note=event.reason)
+def _(event: FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    lost = replace(vehicle, frames_lost=vehicle.frames_lost + 1, note=event.reason)
+    exploring = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
+    if lost.frames_lost < MOST_FRAMES_LOST or not exploring:
+        return lost
+    note = f"{lost.frames_lost} pictures in a row were lost: {event.reason}"
+    left = lane_left(lost.interrupted(event.t_s), setting.grid.cell_m)
+    return replace(left, return_reason=ReturnReason.FAULT, over_home=False, at_target=False,
+                   note=note)  # fmt: skip
 
 
 @_changed.register
-def _(event: Landed, vehicle: VehicleState) -> VehicleState:
+def _(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    position = vehicle.position if event.position is None else event.position
     landed = replace(
-        vehicle,
+        lane_left(vehicle, setting.grid.cell_m),
         landed=True,
         braking_until_s=None,
+        position=position,
         height_m=0.0,
         remaining_wh=event.remaining_wh,
         over_home=False,
         at_target=False,
-        on_lane=False,
+        spare_pad=None,
     )
     if vehicle.phase is Phase.YIELDED:
         return landed
+    away_m = position.distance_to(vehicle.pad)
+    if away_m > PAD_M or vehicle.phase is Phase.DOWN:
+        away = f"it landed {away_m:.0f} m from its pad"
+        note = f"{vehicle.note}; {away}" if vehicle.note else away
+        return replace(landed, phase=Phase.DOWN, order=StandDown(), note=note)
+    if vehicle.phase is Phase.GUARDED:
+        return replace(landed, phase=Phase.FAILED, order=StandDown())
     if vehicle.return_reason is ReturnReason.BATTERY:
         return replace(landed, phase=Phase.GROUNDED, order=AwaitBattery())
     if vehicle.return_reason in (ReturnReason.DONE, ReturnReason.RECALLED):
@@ -184,7 +277,38 @@ def _(event: Landed, vehicle: VehicleState) -> VehicleState:
 
 
 @_changed.register
-def _(event: BatterySwapped, vehicle: VehicleState) -> VehicleState:
+def _(event: Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    return replace(
+        lane_left(vehicle, setting.grid.cell_m),
+        phase=Phase.DOWN,
+        order=StandDown(),
+        position=event.position,
+        landed=True,
+        return_reason=None,
+        over_home=False,
+        at_target=False,
+        braking_until_s=None,
+        note=f"it is down: {event.reason}",
+    )
+
+
+@_changed.register
+def _(event: Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    return replace(
+        lane_left(vehicle, setting.grid.cell_m),
+        phase=Phase.GUARDED,
+        order=StandDown(),
+        return_reason=None,
+        over_home=False,
+        at_target=False,
+        returns_by_itself=event.action == "rtl",
+        note=f"{'landing' if event.action == 'land' else 'returning'} by its guardian: "
+        f"{event.reason}",
+    )
+
+
+@_changed.register
+def _(event: BatterySwapped, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.GROUNDED:  # it does not follow us: no reason to take off
         return replace(vehicle, remaining_wh=event.remaining_wh, drawn_w=0.0)
     return replace(
@@ -199,21 +323,21 @@ def _(event: BatterySwapped, vehicle: VehicleState) -> VehicleState:
 
 
 @_changed.register
-def _(event: Overridden, vehicle: VehicleState) -> VehicleState:
+def _(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:
     return replace(
-        vehicle,
+        lane_left(vehicle, setting.grid.cell_m),
         phase=Phase.YIELDED,
         order=StandDown(),
         return_reason=None,
         over_home=False,
         at_target=False,
-        on_lane=False,
+        returns_by_itself=event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode,
         note=f"yielded to {event.mode}",
     )
 
 
 @_changed.register
-def _(event: Released, vehicle: VehicleState) -> VehicleState:
+def _(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
     airborne = event.height_m > LIFTED_M
     return replace(
         vehicle,
@@ -224,22 +348,42 @@ def _(event: Released, vehicle: VehicleState) -> VehicleState:
         order=None,
         braking_until_s=event.t_s + BRAKING_S if airborne else None,
         fruitless_sorties=0,
+        frames_lost=0,
         note="",
     )
 
 
 @_changed.register
-def _(event: LinkLost, vehicle: VehicleState) -> VehicleState:
-    return replace(vehicle, phase=Phase.OFFLINE, order=StandDown(), note="link lost")
+def _(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    if vehicle.phase is Phase.OFFLINE:
+        return vehicle
+    return replace(
+        lane_left(vehicle, setting.grid.cell_m),
+        phase=Phase.OFFLINE,
+        order=StandDown(),
+        last_order=vehicle.order,
+        note="link lost",
+    )
 
 
 @_changed.register
-def _(event: OrderFailed, vehicle: VehicleState) -> VehicleState:
+def _(event: GivenUp, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    return replace(vehicle, phase=Phase.LOST, order=StandDown(), note=event.reason)
+
+
+@_changed.register
+def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleState:
     note = f"{event.order}: {event.reason}"
-    if vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None:  # it cannot stay up there
-        home = replace(vehicle.interrupted(event.t_s), return_reason=ReturnReason.FAULT, note=note)
-        return replace(home, over_home=False, at_target=False, on_lane=False)
-    if vehicle.phase is Phase.AIRBORNE and not isinstance(vehicle.order, ReturnToLaunch):
-        # not even the way home can be flown: the last thing to try is the autopilot's own
-        return replace(vehicle, return_reason=ReturnReason.FAULT, order=ReturnToLaunch(), note=note)
+    if vehicle.phase is Phase.GROUNDED and not vehicle.landed:  # a take-off that failed half-way
+        vehicle = replace(vehicle, phase=Phase.AIRBORNE)
+    if vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None:  # it cannot stay there
+        home = lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
+        return replace(
+            home, return_reason=ReturnReason.FAULT, over_home=False, at_target=False, note=note
+        )
+    if vehicle.phase is Phase.AIRBORNE:
+        # not even the way home can be flown: its guardian has the autopilot try, and stays with it
+        return replace(vehicle, phase=Phase.GUARDED, order=ReturnToLaunch(), note=note)
+    if not vehicle.landed:  # somebody else is responsible for it already
+        return replace(vehicle, note=note)
     return replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)

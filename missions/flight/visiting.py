@@ -25,10 +25,17 @@ def visit(
     """Fly to a cell, and look from it if nobody has."""
     if not vehicle.at_target:
         return _fly_to_cell(setting, state, vehicle, cell, stop=stop)
+    if setting.grid.drift_speed_m_s > 0.0:
+        # a wait may have let the cell drift away, or out of the fence
+        off_m = vehicle.position.distance_to(where(setting, state, cell))
+        if off_m > setting.grid.cell_m / 4:
+            return _fly_to_cell(setting, state, replace(vehicle, at_target=False), cell, stop=stop)
+        if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
+            return _give_up(state, vehicle, cell)
     if not stop or _someone_looks(state, vehicle, cell):
         return hold(state, vehicle)
     frames = EXTRA_FRAMES * setting.mission.votes.frames
-    return give_if_clear(setting, state, vehicle, Look(cell, frames, vehicle.cruise_altitude_m))
+    return give_if_clear(setting, state, vehicle, Look(cell, frames, vehicle.cruise_height_m))
 
 
 def _fly_to_cell(
@@ -40,7 +47,7 @@ def _fly_to_cell(
         return _give_up(state, vehicle, cell)
     if not has_energy_for(setting, vehicle, target, setting.look_s if stop else REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
-    order = FlyTo(route[:-1], cell, stop=stop, height_m=vehicle.cruise_altitude_m)
+    order = FlyTo(route[:-1], cell, stop=stop, height_m=vehicle.cruise_height_m)
     return give_if_clear(setting, state, vehicle, order)
 
 

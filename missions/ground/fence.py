@@ -88,6 +88,17 @@ class Fence:
             return None if onward is None else (entry, *onward)
         return self._shortest(start, end)
 
+    def route_near(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
+        """The way to an `end` in the margin: to the nearest place that is allowed, then straight.
+
+        None when that place cannot be reached, or `end` lies outside of the fence.
+        """
+        if not self.contains(end):
+            return None
+        near = nearest_points(self.inner, Point(end))[0]
+        way = self.route(start, GridPoint(float(near.x), float(near.y)))
+        return None if way is None else (*way, end)
+
     def _shortest(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
         """A* over the corners that see each other."""
         if self.allows_leg(start, end):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from shapely import line_merge
 from shapely.geometry import LineString, Polygon
@@ -105,17 +105,54 @@ def share_out(all_lanes: Sequence[Lane], vehicles: int) -> tuple[tuple[Lane, ...
     return tuple(tuple(block) for block in blocks)
 
 
-def rest_of(lane: Lane, position: GridPoint) -> Lane:
-    """What is left of a lane for a vehicle that leaves it at a position, on it or beside it.
+def along_m(lane: Lane, place: GridPoint) -> float:
+    """How far along a lane the nearest point to a place lies, from 0 to the lane's length.
 
-    >>> rest_of((GridPoint(0, 0), GridPoint(10, 0)), GridPoint(4, 1))
-    (GridPoint(east_m=4.0, north_m=0.0), GridPoint(east_m=10, north_m=0))
+    >>> along_m((GridPoint(0, 0), GridPoint(10, 0)), GridPoint(4, 1))
+    4.0
     """
     start, end = lane
+    length_m = start.distance_to(end)
+    if length_m == 0.0:
+        return 0.0
     east_m, north_m = end.east_m - start.east_m, end.north_m - start.north_m
-    along = (position.east_m - start.east_m) * east_m + (position.north_m - start.north_m) * north_m
-    share = min(max(along / max(east_m**2 + north_m**2, 1e-9), 0.0), 1.0)
-    return GridPoint(start.east_m + share * east_m, start.north_m + share * north_m), end
+    along = (place.east_m - start.east_m) * east_m + (place.north_m - start.north_m) * north_m
+    return min(max(along / length_m, 0.0), length_m)
+
+
+def point_on(lane: Lane, distance_m: float) -> GridPoint:
+    """The point of a lane so far from its start."""
+    start, end = lane
+    share = distance_m / max(start.distance_to(end), 1e-9)
+    return GridPoint(
+        start.east_m + share * (end.east_m - start.east_m),
+        start.north_m + share * (end.north_m - start.north_m),
+    )
+
+
+def offset_m(lane: Lane, place: GridPoint) -> float:
+    """How far a place lies beside a lane."""
+    return point_on(lane, along_m(lane, place)).distance_to(place)
+
+
+def unseen(lane: Lane, seen_m: Collection[float], cell_m: float) -> tuple[Lane, ...]:
+    """The stretches of a lane that no frame shows, in the direction of flight.
+
+    A frame counts for a cell before it and a cell behind it. What is shorter than half a cell is
+    in the frames beside it: they show three cells.
+
+    >>> lane = (GridPoint(0, 0), GridPoint(40, 0))
+    >>> unseen(lane, [2.0, 6.0, 10.0, 14.0], cell_m=4.0)
+    ((GridPoint(east_m=18.0, north_m=0.0), GridPoint(east_m=40.0, north_m=0.0)),)
+    """
+    length_m = lane[0].distance_to(lane[1])
+    gaps: list[tuple[float, float]] = []
+    reached_m = 0.0
+    for place_m in [*sorted(seen_m), length_m + cell_m]:
+        if place_m - cell_m - reached_m >= 0.5 * cell_m:
+            gaps.append((reached_m, min(place_m - cell_m, length_m)))
+        reached_m = max(reached_m, place_m + cell_m)
+    return tuple((point_on(lane, a), point_on(lane, b)) for a, b in gaps)
 
 
 def search_length_m(block: Sequence[Lane], start: GridPoint) -> float:

@@ -15,7 +15,7 @@ from shapely.ops import unary_union
 
 from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import Fence, route_length_m
-from missions.ground.lanes import lanes, rest_of, search_length_m, share_out
+from missions.ground.lanes import lanes, search_length_m, share_out, unseen
 from missions.units import GridPoint
 
 FAST = settings(max_examples=150, deadline=None, derandomize=True)
@@ -251,16 +251,32 @@ def test_shares_are_of_nearly_equal_length() -> None:
 
 
 @FAST
-@given(points, points, points)
-def test_the_rest_of_a_lane_lies_on_it(start: GridPoint, end: GridPoint, at: GridPoint) -> None:
-    assume(start.distance_to(end) > 0.01)
-    rest = rest_of((start, end), at)
-    assert rest[1] == end
-    assert LineString([start, end]).distance(Point(rest[0])) < 1e-6
-    assert at.distance_to(rest[0]) <= LineString([start, end]).distance(Point(at)) + 1e-6
+@given(points, points, st.lists(st.floats(0, 1), max_size=30))
+def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(
+    start: GridPoint, end: GridPoint, shares: list[float]
+) -> None:
+    length_m = start.distance_to(end)
+    assume(length_m > 0.01)
+    seen_m = [share * length_m for share in shares]
+    line = LineString([start, end])
+    stretches = unseen((start, end), seen_m, 4.0)
+    for a, b in stretches:
+        assert line.distance(Point(a)) < 1e-6
+        assert line.distance(Point(b)) < 1e-6
+        middle_m = (start.distance_to(a) + start.distance_to(b)) / 2
+        assert all(abs(middle_m - place_m) > 4.0 - 1e-6 for place_m in seen_m)
+    # and whatever is farther than a cell and a half from every frame is in one of them
+    for share in np.linspace(0, 1, 21):
+        place_m = float(share) * length_m
+        if all(abs(place_m - seen) > 6.0 for seen in seen_m) and length_m > 2.0:
+            place = line.interpolate(place_m)
+            assert any(LineString(stretch).distance(place) < 1e-6 for stretch in stretches)
 
 
-def test_nothing_is_left_of_a_lane_at_its_end() -> None:
-    start, end = GridPoint(0, 0), GridPoint(10, 0)
-    assert rest_of((start, end), GridPoint(12, 3)) == (end, end)
-    assert rest_of((end, end), GridPoint(12, 3)) == (end, end)
+def test_a_lane_with_a_frame_over_each_cell_is_seen() -> None:
+    lane = (GridPoint(0, 0), GridPoint(40, 0))
+    assert unseen(lane, [4.0 * i for i in range(11)], 4.0) == ()
+    assert unseen(lane, [4.0 * i for i in range(11) if i != 5], 4.0) == ()  # one is lost
+    two_lost = [4.0 * i for i in range(11) if i not in (5, 6)]
+    assert unseen(lane, two_lost, 4.0) == ((GridPoint(20, 0), GridPoint(24, 0)),)
+    assert unseen(lane, [], 4.0) == (lane,)

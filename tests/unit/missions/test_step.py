@@ -552,8 +552,12 @@ def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(servic
     service.post(Airborne(1, 8.0), Recalled(9.0))
     assert service.post(OrderFailed(1, 10.0, "FlyTo", "denied")) == ((1, ReturnToLaunch()),)
     assert not service.state.over
-    assert service.post(OrderFailed(1, 11.0, "ReturnToLaunch", "denied")) == ((1, StandDown()),)
+    assert service.post(OrderFailed(1, 11.0, "ReturnToLaunch", "denied")) == ()
+    assert service.state.vehicles[1].phase is Phase.GUARDED
+    assert not service.state.over
+    service.post(Landed(1, 60.0, 20.0, HOME))
     assert service.state.vehicles[1].phase is Phase.FAILED
+    assert service.state.over
 
 
 def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
