@@ -151,9 +151,13 @@ class Guard:
         """This guard after a new order; what it has taken over it keeps."""
         if self.action is not None:
             return self
+        again = task.doing == "climb"  # from the ground: what was before is over
         return replace(
             self,
             task=task,
+            was_up=self.was_up and not again,
+            at_height=self.at_height and not again,
+            down=self.down and not again,
             reported=False,
             along_m=0.0,
             best_m=float("inf"),
@@ -173,7 +177,7 @@ class Guard:
 
     def released(self) -> Guard:
         """This guard after a pilot took the vehicle, or after it stands on the ground."""
-        return Guard(was_up=False)
+        return Guard()
 
 
 def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
@@ -293,16 +297,18 @@ def _off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
 # --- what follows -----------------------------------------------------------------------------
 def _crashed(guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
     """Down without having been told to land: motors off away from home, or no height."""
+    if guard.down or not guard.was_up:
+        return guard, None
     at_home = seen.position.distance_to(seen.home) <= PAD_M
     landing = guard.action == "land" or guard.task.doing == "land" or seen.mode == "land"
+    if not seen.armed:
+        if landing or at_home:
+            return guard.released(), None
+        reason = f"its motors are off, {_off_home(seen)}"
+        return replace(guard, down=True), Verdict("crashed", reason)
     returning = guard.action == "rtl" or seen.mode == "rtl"
-    if guard.down or not guard.was_up or landing or (returning and at_home):
-        low = False
-    else:
-        low = seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
-        if not seen.armed:
-            reason = f"its motors are off, {_off_home(seen)}"
-            return replace(guard, down=True), Verdict("crashed", reason)
+    expected = landing or (returning and at_home) or guard.task.doing in ("ground", "climb")
+    low = not expected and seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
     guard = replace(guard, low_since_s=_since(guard.low_since_s, low, seen.t_s))
     if _lasted(guard.low_since_s, seen.t_s, DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")

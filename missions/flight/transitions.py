@@ -139,8 +139,17 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
         note="",
     )
     if phase is not Phase.AIRBORNE:
-        return connected
+        return _found_on_the_ground(connected, vehicle)
     return _on_its_way_home(connected, event, vehicle)
+
+
+def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
+    """A vehicle that flew when it fell silent, and stands away from its pad now, is down there."""
+    away_m = connected.position.distance_to(connected.home)
+    if before.landed or not connected.landed or away_m <= PAD_M:
+        return connected
+    note = f"it came down {away_m:.0f} m from its pad while nobody heard it"
+    return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 
 def _on_its_way_home(
