@@ -63,6 +63,7 @@ def mission(
     strategy: str = "rdfs",
     interval_s: float = 0.25,
     margin_m: float = 2.0,
+    wind_m_s: float = 0.0,
 ) -> Mission:
     """A checked mission from ground metres along the grid around the start."""
     grid = Grid.at(START, CELL_M)
@@ -94,6 +95,8 @@ def mission(
         positive = {positive}
         [battery]
         capacity_wh = {capacity_wh}
+        [wind]
+        speed_m_s = {wind_m_s}
         [drift]
         speed_m_s = {drift_m_s}
         toward_deg = {toward_deg}
@@ -152,6 +155,58 @@ def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
     grown = eden(int(rng.integers(4, 50)), rng)
     roi = frozenset(Cell(seat.east + e, seat.north + n) for e, n in grown)
     return Scenario(made, roi)
+
+
+def unkind_scenario(seed: int) -> Scenario:
+    """A small mission for a world where things go wrong: a ROI of 4 to 20 cells, seldom none.
+
+    One to three vehicles, a hole that may lie beside the homes, a given wind, batteries that last
+    for one sortie or for half of one.
+    """
+    rng = np.random.default_rng([seed, 7])
+    vehicles = int(rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
+    west_m, south_m = float(rng.uniform(-14, 4)), float(rng.uniform(10, 22))
+    width_m, depth_m = float(rng.uniform(12, 26)), float(rng.uniform(10, 18))
+    fence = [
+        (-32.0, float(rng.uniform(-24, -6))),
+        (48.0, float(rng.uniform(-24, -6))),
+        (float(rng.uniform(40, 56)), 52.0),
+        (float(rng.uniform(-10, 30)), float(rng.uniform(52, 66))),
+        (-32.0, 50.0),
+    ]
+    place = rng.random()
+    holes: list[Points] = []
+    if place < 0.2:  # beside the homes
+        holes = [square(float(rng.uniform(-12, -9)), float(rng.uniform(-6, 0)), 6.0, 6.0)]
+    elif place < 0.5:
+        holes = [square(float(rng.uniform(-16, 16)), float(rng.uniform(6, 40)), 6.0, 8.0)]
+    wind_m_s = float(rng.choice([0.0, 2.0, 5.0]))
+    speed_m_s = float(rng.choice([2.5, 5.0]))
+    away_m = math.hypot(max(abs(west_m), abs(west_m + width_m)) + 12, south_m + depth_m) + 15
+    sortie_s = 2.4 * away_m / speed_m_s + 40 + 3 * (12 + 6 * vehicles)
+    capacity_wh = sortie_s * 300 / 3600 * 1.15 / 0.85 * float(rng.uniform(1.05, 2.0))
+    drifts = rng.random() < 0.15
+    made = mission(
+        square(west_m, south_m, width_m, depth_m),
+        fence,
+        holes,
+        vehicles=vehicles,
+        capacity_wh=capacity_wh,
+        speed_m_s=speed_m_s,
+        layer_m=float(rng.choice([4.5, 6.0])),
+        strategy=str(rng.choice(["rdfs", "rdfs", "greedy", "horizon", "hungarian"])),
+        wind_m_s=wind_m_s,
+        drift_m_s=float(rng.uniform(0.05, 0.2)) if drifts else 0.0,
+        toward_deg=float(rng.uniform(0, 360)),
+    )
+    if rng.random() < 0.1:
+        return Scenario(made, frozenset())
+    seat = Cell(
+        round((west_m + float(rng.uniform(0.2, 0.8)) * width_m) / CELL_M),
+        round((south_m + float(rng.uniform(0.2, 0.8)) * depth_m) / CELL_M),
+    )
+    grown = eden(int(rng.integers(4, 21)), rng)
+    return Scenario(made, frozenset(Cell(seat.east + e, seat.north + n) for e, n in grown))
 
 
 def reachable(setting: Setting, roi: Collection[Cell], root: Cell) -> tuple[set[Cell], set[Cell]]:

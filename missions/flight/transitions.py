@@ -162,7 +162,8 @@ def _on_its_way_home(
     if event.mode == "rtl":
         return replace(connected, phase=Phase.GUARDED, order=StandDown(), note=before.note)
     if event.mode == "land":
-        reason = reason or ReturnReason.FAULT
+        # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
+        reason = reason or ReturnReason.BATTERY
         landing = replace(connected, return_reason=reason, over_home=True, order=Land())
         return replace(landing, braking_until_s=None, note=before.note)
     return replace(connected, return_reason=reason)

@@ -76,7 +76,7 @@ def test_the_reserve_check_can_fail() -> None:
     flight.start()
     farthest_s = next(t_s for t_s, _, order in flown(scenario).orders if isinstance(order, Hold))
     flight.run(until=lambda f: f.t_s >= farthest_s)
-    flight.draw = 6.0
+    flight.vehicles[1].hover_w = 1800.0
     flight.run(until=lambda f: bool(f.faults))
     faults = flight.faults
     assert any("reserve" in fault or "fell" in fault for fault in faults)
@@ -105,7 +105,7 @@ def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Flee
             if kind == "pilot":
                 flight.give_back(number)
             else:
-                flight.connect(flight.vehicles[number])
+                flight.mend_link(number)
     flight.run()
     return flight
 
@@ -151,9 +151,7 @@ def test_one_lost_for_good_is_done_without(seed: int) -> None:
     flight.run(until=lambda f: f.t_s >= 12.0 + 7 * seed)
     flight.take_over(1)
     flight.tick()
-    lost = flight.vehicles[1]
-    lost.flying, lost.height_m = False, 0.0
-    flight.post_landed(1)
+    flight.put_down(1)
     flight.run()
     assert flight.faults == []
     map_is_whole(flight, scenario)

@@ -338,6 +338,16 @@ def test_a_link_that_comes_back_on_the_ground_does_not_take_off_by_itself(servic
     assert service.post(back) == ((1, AwaitBattery()),)
 
 
+def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: Service) -> None:
+    service.exploring()
+    service.post(Resumed(20.0))
+    service.post(Connected(1, 21.0, HOME, HOME, 6.0, True, True, 30.0, mode="land"))
+    assert service.order() == Land()
+    service.post(Landed(1, 30.0, 29.0, position=HOME))
+    assert service.state.vehicles[1].phase is Phase.GROUNDED
+    assert service.order() == AwaitBattery()
+
+
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))

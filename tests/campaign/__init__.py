@@ -1,0 +1,1 @@
+"""Random missions with everything that can go wrong: `python -m tests.campaign`."""

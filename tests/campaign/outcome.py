@@ -1,0 +1,66 @@
+"""What came of a flight, and the table of many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+COLUMNS: Final = (
+    "n", "ok", "inc", "home", "away", "air", "alone", "crash", "breach", "far", "near", "fell",
+    "reserve", "lie", "unrep", "end", "tb",
+)  # fmt: skip
+FORBIDDEN: Final = {
+    "air": "air",
+    "alone": "alone",
+    "breach": "breach",
+    "far": "far",
+    "near": "near",
+    "fell": "fell",
+    "reserve": "reserve",
+    "lie": "lie",
+    "lost votes": "lie",
+    "fold": "lie",
+    "unreported": "unrep",
+    "no end": "end",
+    "traceback": "tb",
+    "hands off": "alone",
+}
+"""The column of each forbidden outcome."""
+EXPLAINED: Final = """\
+n flights; ok complete, inc honestly incomplete; home, away: everybody landed at home, or somebody
+elsewhere; air left in the air at the end; alone somebody in the air without anybody responsible;
+crash a crash (reported); breach out of the fence; far more than 150 m out; near two too near;
+fell out of energy in the air; reserve landed with less than the reserve; lie a false "complete",
+votes lost, or a journal that tells another state; unrep a crash or a landing away from home that
+is not told; end no end; tb a traceback. From air on, all but crash are forbidden."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of one flight."""
+
+    seed: int
+    label: str
+    plan: str
+    counts: frozenset[str]
+    """The columns that it counts in."""
+    found: tuple[tuple[str, str], ...]
+    """What was forbidden: kind and words."""
+
+
+def table(outcomes: Iterable[Outcome]) -> str:
+    """A row for each label, and one for all."""
+    rows: dict[str, dict[str, int]] = {}
+    for outcome in outcomes:
+        for label in (outcome.label, "all"):
+            row = rows.setdefault(label, dict.fromkeys(COLUMNS, 0))
+            row["n"] += 1
+            for column in outcome.counts:
+                row[column] += 1
+    last = {"pairs": 1, "all": 2}
+    lines = [f"{'':16s}" + "".join(f"{column:>8s}" for column in COLUMNS)]
+    for label in sorted(rows, key=lambda name: (last.get(name, 0), name)):
+        numbers = "".join(f"{rows[label][column]:8d}" for column in COLUMNS)
+        lines.append(f"{label:16s}{numbers}")
+    return "\n".join(lines)

@@ -1,0 +1,117 @@
+"""Flights of a fleet of points: the reducer and the guardian's rules in an unkind world."""
+
+from __future__ import annotations
+
+import math
+import random
+
+from missions.guardian import PAD_M
+from missions.state import Setting
+from tests.fake_fleet import Fleet
+from tests.fake_fleet.air import Air
+from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn
+from tests.small_missions import unkind_scenario
+
+from .outcome import FORBIDDEN, Outcome
+from .plan import Plan, plan
+
+LIMIT_S = 4000.0
+KINDS = (*ACTS, "homes")
+"""`homes`: they lie at different heights, and vehicles do not stand where the plan says."""
+LEGS = ("search", "explore", "way home")
+
+
+def plan_of(seed: int) -> Plan:
+    """The flight of a seed."""
+    return plan(seed, KINDS, PHASES)
+
+
+def fleet_of(flight: Plan) -> Fleet:
+    """The fleet of a flight, before anything has happened."""
+    rng = random.Random(flight.seed)
+    scenario = unkind_scenario(flight.seed)
+    setting = Setting.of(scenario.mission)
+    vehicles = len(scenario.mission.vehicles)
+    given = setting.energy.wind_m_s
+    bearing = rng.uniform(0.0, math.tau)
+    air = Air(
+        (0.8 * given * math.sin(bearing), 0.8 * given * math.cos(bearing)),
+        gust_m_s=0.1 * given + 0.3,
+        rng=random.Random(flight.seed + 1),
+    )
+    made = Fleet(
+        setting, scenario.roi, draw=rng.uniform(0.95, 1.05), seed=flight.seed, air=air,
+        **(_homes(vehicles, rng) if "homes" in flight.kinds else {}),
+    )  # fmt: skip
+    made.troubles = _troubles(flight, vehicles, rng)
+    tells_wind = rng.random() < 0.8
+    has_failsafe = rng.random() < 0.5
+    for number, craft in made.vehicles.items():
+        craft.noise_m = max(craft.noise_m, 0.2)
+        made.drivers[number].tells_wind = tells_wind
+        made.drivers[number].swap_s = rng.uniform(3.0, 20.0)
+        craft.return_height_m = rng.choice([15.0, 30.0])
+        if has_failsafe:
+            craft.low_wh = 0.1 * scenario.mission.battery.capacity_wh
+    return made
+
+
+def _homes(vehicles: int, rng: random.Random) -> dict[str, list[object]]:
+    levels = [0.0] + [rng.choice([0.0, rng.uniform(-6.0, 8.0)]) for _ in range(vehicles - 1)]
+    off_m: list[object] = [(rng.gauss(0.0, 1.5), rng.gauss(0.0, 1.5)) for _ in range(vehicles)]
+    return {"levels_m": list(levels), "stand_off_m": off_m}
+
+
+def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
+    troubles = []
+    for kind, phase in zip(flight.kinds, flight.phases, strict=True):
+        if kind not in ACTS:
+            continue
+        trouble = drawn(kind, rng.randint(1, vehicles), phase, rng)  # type: ignore[arg-type]
+        troubles.append(trouble)
+    return troubles
+
+
+def fly(seed: int, *, verbose: bool = False) -> Outcome:
+    """Fly the flight of a seed to its end."""
+    flight = plan_of(seed)
+    fleet = fleet_of(flight)
+    fleet.start()
+    try:
+        fleet.run(LIMIT_S)
+    except AssertionError as error:
+        fleet.referee.note(fleet.t_s, "no end", str(error).partition("\n")[0])
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}"
+        fleet.referee.note(fleet.t_s, "traceback", text)
+        if verbose:
+            raise
+    fleet.referee.conclude(fleet, twice=seed % 5 == 0)
+    if verbose:
+        narrate(fleet)
+    return Outcome(
+        seed, flight.label, str(flight), counted(fleet), tuple(fleet.referee.found)
+    )
+
+
+def counted(fleet: Fleet) -> frozenset[str]:
+    """The columns of a flight."""
+    crashed = any(craft.crashed for craft in fleet.vehicles.values())
+    away = any(
+        craft.position.distance_to(craft.home) > PAD_M + 3.0 for craft in fleet.vehicles.values()
+    )
+    columns = {FORBIDDEN[kind] for kind, _ in fleet.referee.found}
+    columns.add("ok" if fleet.state.completed else "inc")
+    columns.add("away" if away else "home")
+    if crashed:
+        columns.add("crash")
+    return frozenset(columns)
+
+
+def narrate(fleet: Fleet) -> None:
+    """What happened, in the order it did."""
+    lines = [(event.t_s, 0, str(event)) for event in fleet.events]
+    lines += [(t_s, 1, f"    -> {number}: {order}") for t_s, number, order in fleet.orders]
+    for _, _, line in sorted(lines):
+        print(line)
+    print(fleet.describe())

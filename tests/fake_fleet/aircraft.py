@@ -1,0 +1,218 @@
+"""One multicopter as it really is: a point with a velocity, a battery, and an autopilot.
+
+It flies by what it believes (`believed`), which satellite navigation, a wandering error and a
+compass may falsify. Heights are above its own home. Nothing here knows the mission.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass, field
+
+from missions.guardian import Mode
+from missions.units import GridPoint
+
+from .air import Air, Vector
+
+ACCEL_M_S2 = 2.5
+AIRSPEED_M_S = 13.0
+"""What the airframe can fly."""
+CLIMB_M_S = 1.5
+DESCENT_M_S = 1.5
+SINK_M_S = 0.75
+"""On landing."""
+SPIN_UP_S = 2.0
+DISARM_S = 1.0
+STOP_M = 0.7
+FALL_M_S = 12.0
+LIFTED_M = 0.3
+NOISE_TAU_S = 20.0
+AIRSPEED_DRAW = 0.1
+"""So much more than hovering does flying at 12 m/s draw."""
+
+
+@dataclass(slots=True)
+class Aircraft:
+    """Truth, and the autopilot's targets."""
+
+    number: int
+    home: GridPoint
+    position: GridPoint
+    wh: float
+    speed_m_s: float
+    hover_w: float
+    level_m: float = 0.0
+    """Height of home above the first vehicle's home."""
+    height_m: float = 0.0
+    velocity_m_s: Vector = (0.0, 0.0)
+    wind_m_s: Vector = (0.0, 0.0)
+    armed: bool = False
+    flying: bool = False
+    """Off the ground, whoever flies it."""
+    mode: Mode = "follow"
+    failsafe: bool = False
+    """It returns or lands by a failsafe of its own."""
+    target: GridPoint | None = None
+    target_height_m: float = 0.0
+    return_height_m: float = 15.0
+    returning: str = ""
+    crashed: bool = False
+    crash_height_m: float = 0.0
+    motors_failed: bool = False
+    stays_armed: bool = False
+    """After a crash its motors go on turning: no crash detection."""
+    low_wh: float = -1.0
+    """From this charge on its own battery failsafe brings it home; -1: it has none."""
+    offset_m: Vector = (0.0, 0.0)
+    """How far satellite navigation is off."""
+    drift_m_s: Vector = (0.0, 0.0)
+    compass_rad: float = 0.0
+    noise_m: float = 0.0
+    rng: random.Random = field(default_factory=lambda: random.Random(0))
+    clock_s: float = 0.0
+    _noise: Vector = (0.0, 0.0)
+    _armed_s: float = 0.0
+    _down_s: float = 0.0
+    _fall_m_s: float = 0.0
+
+    # --- what its telemetry says -----------------------------------------------------------
+    @property
+    def error_m(self) -> Vector:
+        """How far what it believes is off the truth."""
+        return self.offset_m[0] + self._noise[0], self.offset_m[1] + self._noise[1]
+
+    @property
+    def believed(self) -> GridPoint:
+        """Where it says it is."""
+        east, north = self.error_m
+        return GridPoint(self.position.east_m + east, self.position.north_m + north)
+
+    @property
+    def ground_speed_m_s(self) -> float:
+        """How fast it says it is."""
+        return math.hypot(*self.velocity_m_s)
+
+    # --- what it can be told ---------------------------------------------------------------
+    def take_off(self, height_m: float) -> None:
+        """Arm, and climb after the motors have spun up."""
+        if not self.armed:
+            self.armed, self._armed_s = True, self.clock_s
+        self.mode, self.target, self.target_height_m = "follow", self.believed, height_m
+
+    def aim(self, point: GridPoint, height_m: float) -> bool:
+        """Fly to a point; refused unless it follows."""
+        if self.mode != "follow" or not self.armed:
+            return False
+        self.target, self.target_height_m = point, height_m
+        return True
+
+    def switch(self, mode: Mode) -> None:
+        """Another mode; returning and landing begin where it is."""
+        if mode == self.mode:
+            return
+        self.mode, self.target, self.target_height_m = mode, self.believed, self.height_m
+        if mode == "rtl":
+            self.returning = "climb"
+            self.target_height_m = max(self.height_m, self.return_height_m)
+
+    # --- time ------------------------------------------------------------------------------
+    def step(self, dt_s: float, air: Air, ground_m: float) -> None:
+        """Let time pass. `ground_m` is the ground below it, above its home."""
+        self.clock_s += dt_s
+        self._wander(dt_s)
+        if not self.flying:
+            self._stand(dt_s)
+            return
+        wind = self.wind_m_s = air.wind(self.clock_s, self.height_m + self.level_m)
+        self._drain(dt_s, wind)
+        if self.motors_failed or self.wh <= 0.0:
+            self._fall(dt_s, ground_m)
+            return
+        if 0.0 < self.wh <= self.low_wh and self.mode == "follow":
+            self.failsafe = True
+            self.switch("rtl")
+        if self.mode == "rtl":
+            self._return()
+        self._fly(dt_s, wind)
+        self._climb(dt_s, ground_m)
+
+    def _wander(self, dt_s: float) -> None:
+        drift = self.drift_m_s
+        if drift != (0.0, 0.0):
+            east, north = self.offset_m
+            self.offset_m = (east + drift[0] * dt_s, north + drift[1] * dt_s)
+        if self.noise_m > 0.0:
+            keep = math.exp(-dt_s / NOISE_TAU_S)
+            kick = self.noise_m * math.sqrt(1.0 - keep * keep)
+            self._noise = (
+                keep * self._noise[0] + kick * self.rng.gauss(0.0, 1.0),
+                keep * self._noise[1] + kick * self.rng.gauss(0.0, 1.0),
+            )
+
+    def _stand(self, dt_s: float) -> None:
+        self.velocity_m_s = (0.0, 0.0)
+        if not self.armed:
+            return
+        rising = self.mode in ("follow", "other") and self.target_height_m > self.height_m + 0.5
+        if rising and not self.crashed and not self.motors_failed:
+            if self.clock_s - self._armed_s >= SPIN_UP_S:
+                self.flying = True
+        elif self.clock_s - self._down_s >= DISARM_S and not (self.crashed and self.stays_armed):
+            self.armed = False
+
+    def _drain(self, dt_s: float, wind: Vector) -> None:
+        airspeed = math.hypot(self.velocity_m_s[0] - wind[0], self.velocity_m_s[1] - wind[1])
+        power_w = self.hover_w * (1.0 + AIRSPEED_DRAW * min(airspeed, AIRSPEED_M_S) ** 2 / 144.0)
+        self.wh -= power_w * dt_s / 3600.0
+
+    def _fall(self, dt_s: float, ground_m: float) -> None:
+        self._fall_m_s = min(self._fall_m_s + 9.8 * dt_s, FALL_M_S)
+        if not self.crashed:
+            self.crashed, self.crash_height_m = True, self.height_m - ground_m
+        self.height_m -= self._fall_m_s * dt_s
+        if self.height_m <= ground_m:
+            self._touch(ground_m)
+
+    def _touch(self, ground_m: float) -> None:
+        self.height_m, self.flying, self.velocity_m_s = ground_m, False, (0.0, 0.0)
+        self._down_s, self.failsafe = self.clock_s, False
+
+    def _return(self) -> None:
+        if self.returning == "climb" and self.height_m >= self.target_height_m - 0.5:
+            self.returning, self.target = "fly", self.home
+        elif self.returning == "fly" and self.believed.distance_to(self.home) <= STOP_M:
+            self.returning = "land"
+
+    def _fly(self, dt_s: float, wind: Vector) -> None:
+        """Towards the target at no more than its speed, as far as the wind lets it."""
+        here, target = self.believed, self.target
+        east = north = 0.0
+        if target is not None:
+            east, north = target.east_m - here.east_m, target.north_m - here.north_m
+            gap_m = math.hypot(east, north)
+            if gap_m > 1e-9:
+                speed = min(self.speed_m_s, math.sqrt(1.4 * ACCEL_M_S2 * gap_m), gap_m / dt_s)
+                east, north = east * speed / gap_m, north * speed / gap_m
+        if self.compass_rad:
+            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
+            east, north = east * cos + north * sin, north * cos - east * sin
+        through = math.hypot(east - wind[0], north - wind[1])
+        if through > AIRSPEED_M_S:
+            share = AIRSPEED_M_S / through
+            east = wind[0] + (east - wind[0]) * share
+            north = wind[1] + (north - wind[1]) * share
+        ve, vn = self.velocity_m_s
+        change = math.hypot(east - ve, north - vn)
+        share = 1.0 if change <= ACCEL_M_S2 * dt_s else ACCEL_M_S2 * dt_s / change
+        ve, vn = ve + (east - ve) * share, vn + (north - vn) * share
+        self.velocity_m_s = (ve, vn)
+        self.position = GridPoint(self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s)
+
+    def _climb(self, dt_s: float, ground_m: float) -> None:
+        landing = self.mode == "land" or (self.mode == "rtl" and self.returning == "land")
+        goal_m = ground_m - 1.0 if landing else self.target_height_m
+        down_m = (SINK_M_S if landing else DESCENT_M_S) * dt_s
+        self.height_m += max(-down_m, min(CLIMB_M_S * dt_s, goal_m - self.height_m))
+        if self.height_m <= ground_m and goal_m <= ground_m:
+            self._touch(ground_m)

@@ -1,0 +1,487 @@
+"""The driver's part for one aircraft: carries out orders, reports events, feeds the guardian.
+
+As `uavmap.fly` does over MAVLink, but with a link whose moods are plain switches, and with orders
+that can be refused, fail half-way, or be carried out without an acknowledgement.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+from missions.events import (
+    Airborne,
+    Arrived,
+    BatterySwapped,
+    Connected,
+    Crashed,
+    Event,
+    FrameLost,
+    FrameSeen,
+    GivenUp,
+    Guarded,
+    Landed,
+    LiftedOff,
+    LinkLost,
+    LookEnded,
+    OrderFailed,
+    Overridden,
+    Released,
+    Tracked,
+    Vote,
+)
+from missions.guardian import Guard, Limits, Mode, Seen, Task, watch
+from missions.orders import (
+    AwaitBattery,
+    FlyTo,
+    Hold,
+    Land,
+    Look,
+    Order,
+    ReturnToLaunch,
+    StandDown,
+    Sweep,
+    TakeOff,
+)
+from missions.state import Setting
+from missions.units import Cell, GridPoint
+
+from .aircraft import LIFTED_M, Aircraft
+
+TRACK_S = 1.0
+LINK_LOST_S = 5.0
+PATIENCE_S = 120.0
+"""How long the crew waits for a silent vehicle that stands on the ground."""
+SPARE_S = 60.0
+NO_ACK_S = 7.5
+"""After so long without an acknowledgement a command counts as failed."""
+REFUSED_S = 0.5
+CLIMB_TOLERANCE_M = 0.4
+STOP_M = 0.7
+PASS_M = 2.0
+SLOW_M_S = 0.5
+FRESH = 0.9
+MEASURED_TAU_S = 5.0
+
+Link = Literal["good", "silent", "commands lost", "acks lost"]
+Camera = Literal["good", "silent", "lost", "slow", "drops"]
+COMMANDS = (TakeOff, Look, Land, ReturnToLaunch)
+"""Orders that end with a command which must be acknowledged; a leg is asked for again and again."""
+
+
+def rounded(point: GridPoint) -> GridPoint:
+    """To a centimetre, as events tell positions."""
+    return GridPoint(round(point.east_m, 2), round(point.north_m, 2))
+
+
+@dataclass(slots=True)
+class Surroundings:
+    """What a driver shares with the others: the mission, the time, where events go."""
+
+    setting: Setting
+    limits: Limits
+    roi: frozenset[Cell]
+    post: Callable[[Event], None]
+    homeward: Callable[[int], bool]
+    rng: random.Random
+    t_s: float = 0.0
+
+    @property
+    def now_s(self) -> float:
+        """Mission time, to a millisecond."""
+        return round(self.t_s, 3)
+
+
+@dataclass(slots=True)
+class Driver:
+    """One vehicle of the mission at the ground's end of its link."""
+
+    craft: Aircraft
+    around: Surroundings
+    link: Link = "good"
+    camera: Camera = "good"
+    refuses: tuple[str, ...] = ()
+    """Orders by name that the vehicle refuses."""
+    poor_batteries: list[float] = field(default_factory=list)
+    """Shares of the capacity that the next swaps bring."""
+    swap_s: float = 10.0
+    hides_wh: float = 0.0
+    """So much less than the truth its battery monitor says."""
+    tells_wind: bool = False
+    order: Order | None = None
+    clock_s: float = 0.0
+    frames: int = 0
+    begun: bool = False
+    way: list[GridPoint] = field(default_factory=list)
+    guard: Guard = field(default_factory=Guard)
+    connected: bool = False
+    overridden: bool = False
+    was_airborne: bool = False
+    silent_s: float = 0.0
+    known_wh: float = 0.0
+    given_up: bool = False
+    wind_m_s: float = 0.0
+    late: list[tuple[float, Event]] = field(default_factory=list)
+    seen_from: list[tuple[float, GridPoint]] = field(default_factory=list)
+    """When and where, in truth, frames were judged."""
+    misplaced: bool = False
+    """A frame was judged while satellite navigation was off by more than half a cell."""
+    fail_in_s: float = math.inf
+    """The present order fails after so long."""
+
+    @property
+    def number(self) -> int:
+        """The vehicle's number."""
+        return self.craft.number
+
+    @property
+    def remaining_wh(self) -> float:
+        """What its battery monitor says."""
+        return round(max(self.craft.wh - self.hides_wh, 0.0), 3)
+
+    @property
+    def position(self) -> GridPoint:
+        """What its telemetry says."""
+        return rounded(self.craft.believed)
+
+    @property
+    def height_m(self) -> float:
+        """What its telemetry says."""
+        return round(self.craft.height_m, 2)
+
+    @property
+    def hears(self) -> bool:
+        """Whether anything comes from the vehicle."""
+        return self.link != "silent"
+
+    @property
+    def obeys(self) -> bool:
+        """Whether commands reach the vehicle."""
+        return self.link in ("good", "acks lost")
+
+    # --- orders ----------------------------------------------------------------------------
+    def give(self, order: Order) -> None:
+        """Carry out an order instead of the present one."""
+        if isinstance(order, StandDown) and self.craft.flying:
+            self.order = order  # whatever it flies now it flies on
+            return
+        self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
+        self.way = self._points(order)
+        t_s = self.around.now_s
+        if isinstance(order, ReturnToLaunch):
+            self.guard = self.guard.acting("rtl", t_s)
+        elif isinstance(order, AwaitBattery | StandDown):
+            self.guard = self.guard.released()
+        else:
+            self.guard = self.guard.told(self._task(order, t_s))
+
+    def _points(self, order: Order) -> list[GridPoint]:
+        if isinstance(order, FlyTo):
+            return list(order.route)
+        if isinstance(order, Sweep):
+            return [order.end]
+        return []
+
+    def _over(self, cell: Cell) -> GridPoint:
+        grid = self.around.setting.grid
+        return grid.to_fixed(grid.centre_of(cell), self.around.t_s)
+
+    def _task(self, order: Order, t_s: float) -> Task:
+        """What the guardian is told of an order."""
+        here, name = self.position, type(order).__name__
+        homeward, energy = self.around.homeward(self.number), self.around.setting.energy
+        drift_m_s = self.around.setting.grid.drift_speed_m_s
+        if isinstance(order, TakeOff):
+            return Task("climb", t_s, (here,), homeward, order.height_m, name=name)
+        if isinstance(order, FlyTo | Sweep):
+            cell = order.cell if isinstance(order, FlyTo) else None
+            path = (here, *self.way, *([self._over(cell)] if cell is not None else []))
+            estimate_s = sum(energy.leg_s(a.distance_to(b)) for a, b in itertools.pairwise(path))
+            estimate_s += abs(order.height_m - self.height_m) / 1.5
+            return Task(
+                "leg", t_s, path, homeward, order.height_m, estimate_s, drift_m_s, name=name
+            )
+        if isinstance(order, Look):
+            return Task(
+                "hold", t_s, (self._over(order.cell),), homeward, order.height_m,
+                drift_m_s=drift_m_s, name=name,
+            )  # fmt: skip
+        if isinstance(order, Land):
+            return Task("land", t_s, (here,), homeward, self.height_m, name=name)
+        return Task("hold", t_s, (here,), homeward, self.height_m, name=name)
+
+    def _begin(self) -> None:
+        """Send the command that an order begins with."""
+        self.begun = True
+        craft, order = self.craft, self.order
+        if isinstance(order, TakeOff):
+            craft.take_off(order.height_m)
+        elif isinstance(order, Land):
+            craft.switch("land")
+        elif isinstance(order, ReturnToLaunch):
+            craft.switch("rtl")
+        elif isinstance(order, Hold) and craft.armed:
+            craft.aim(craft.believed, craft.height_m)
+
+    def carry_out(self, dt_s: float) -> None:
+        """Go on with the present order."""
+        order = self.order
+        if order is None or isinstance(order, StandDown) or self.overridden:
+            return
+        self.clock_s += dt_s
+        if isinstance(order, AwaitBattery):
+            self._await_battery()
+            return
+        if not self.hears:
+            return
+        refused = type(order).__name__ in self.refuses or (
+            isinstance(order, FlyTo | Sweep | Look) and self.craft.mode != "follow"
+        )
+        if not self.begun and not refused and self.obeys:
+            self._begin()
+        if refused and self.clock_s >= REFUSED_S:
+            self._fail("it was refused")
+        elif isinstance(order, COMMANDS) and self.link != "good" and self.clock_s >= NO_ACK_S:
+            self._fail("it was not acknowledged 5 times")
+        elif self.clock_s >= self.fail_in_s:
+            self.fail_in_s = math.inf
+            self._fail("it failed half-way")
+        elif self.begun:
+            self._progress(order)
+
+    def _fail(self, reason: str) -> None:
+        name = type(self.order).__name__
+        self.order = None
+        self.around.post(OrderFailed(self.number, self.around.now_s, name, reason))
+
+    def _progress(self, order: Order) -> None:
+        craft, now_s = self.craft, self.around.now_s
+        if isinstance(order, TakeOff):
+            if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
+                self.order = None
+                self.around.post(
+                    Airborne(self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m)
+                )
+        elif isinstance(order, FlyTo):
+            self._fly(order)
+        elif isinstance(order, Sweep):
+            self._sweep(order)
+        elif isinstance(order, Look):
+            self._look(order)
+
+    def _reached(self, point: GridPoint, *, stop: bool) -> bool:
+        off_m = self.craft.believed.distance_to(point)
+        slow_m_s = SLOW_M_S + self.around.setting.grid.drift_speed_m_s
+        if stop:
+            return off_m <= STOP_M and self.craft.ground_speed_m_s <= slow_m_s
+        return off_m <= min(PASS_M, 0.5 * self.around.setting.grid.cell_m)
+
+    def _aim(self, point: GridPoint, height_m: float) -> None:
+        if self.obeys:
+            self.craft.aim(point, height_m)
+
+    def _fly(self, order: FlyTo) -> None:
+        final = len(self.way) <= 1 if order.cell is None else not self.way
+        target = self.way[0] if self.way else (
+            self._over(order.cell) if order.cell is not None else self.craft.believed
+        )  # fmt: skip
+        self._aim(target, order.height_m)
+        if not self._reached(target, stop=order.stop or not final):
+            return
+        if not final:
+            self.way.pop(0)
+        elif abs(self.craft.height_m - order.height_m) <= 1.0:
+            self.order = None
+            self.around.post(Arrived(self.number, self.around.now_s, self.position))
+
+    def _sweep(self, order: Sweep) -> None:
+        self._aim(order.end, order.height_m)
+        every_s = order.every_m / self.around.setting.mission.flight.speed_m_s
+        done = self._reached(order.end, stop=False)
+        if self.clock_s >= self.frames * every_s or done:
+            self.frames += 1
+            here, grid = self.position, self.around.setting.grid
+            self._frame(grid.cell_of(grid.to_moving(here, self.around.t_s)))
+        if done and self.order is order:
+            self.order = None
+            self.around.post(Arrived(self.number, self.around.now_s, self.position))
+
+    def _look(self, order: Look) -> None:
+        self._aim(self._over(order.cell), order.height_m)
+        interval_s = self.around.setting.mission.camera.interval_s
+        if self.clock_s >= 1.0 + (self.frames + 1) * interval_s:
+            self.frames += 1
+            self._frame(order.cell)
+            if self.order is order and self.frames >= order.frames:
+                self.order = None
+                self.around.post(LookEnded(self.number, self.around.now_s))
+
+    # --- the camera ------------------------------------------------------------------------
+    def _frame(self, vantage: Cell) -> None:
+        """Take a picture: it shows the ground below, and is filed under where it seems to be."""
+        now_s, rng = self.around.now_s, self.around.rng
+        if self.camera == "silent":
+            return
+        if self.camera == "lost" or (self.camera == "drops" and rng.random() < 0.5):
+            self.around.post(FrameLost(self.number, now_s, "the picture cannot be read"))
+            return
+        cell_m = self.around.setting.grid.cell_m
+        east, north = (round(-error / cell_m) for error in self.craft.error_m)
+        if east or north:
+            self.misplaced = True
+        roi = self.around.roi
+        votes = []
+        for cell in vantage.cross():
+            positive = Cell(cell.east + east, cell.north + north) in roi
+            votes.append(Vote(cell, positive, float(positive)))
+        event = FrameSeen(self.number, now_s, vantage, tuple(votes))
+        self.seen_from.append((now_s, self.craft.position))
+        if self.camera == "slow":
+            self.late.append((self.around.t_s + rng.uniform(0.5, 6.0), event))
+        else:
+            self.around.post(event)
+
+    def deliver_late(self) -> None:
+        """Hand over the pictures that have been fetched by now."""
+        due = [event for at_s, event in self.late if at_s <= self.around.t_s]
+        self.late = [(at_s, event) for at_s, event in self.late if at_s > self.around.t_s]
+        for event in due:
+            self.around.post(event)
+
+    # --- what happens by itself ------------------------------------------------------------
+    def connect(self) -> None:
+        """Report that the vehicle answers."""
+        craft = self.craft
+        self.connected, self.given_up, self.silent_s = True, False, 0.0
+        self.was_airborne = craft.flying
+        ours = craft.mode != "other" and not craft.failsafe
+        self.overridden = craft.flying and not ours
+        self.order = None
+        if not craft.flying:
+            self.guard = self.guard.released()
+        action = self.guard.action
+        self.around.post(
+            Connected(
+                self.number, self.around.now_s, rounded(craft.home), self.position, self.height_m,
+                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m, mode=craft.mode,
+            )
+        )  # fmt: skip
+        if action is not None and craft.flying and ours:
+            self.guard = self.guard.acting(action, self.around.now_s)
+            reason = "it goes on with what it had begun"
+            self.around.post(Guarded(self.number, self.around.now_s, action, reason))
+
+    def listen(self, dt_s: float) -> None:
+        """Watch the link, the mode and the ground."""
+        if not self.hears:
+            self._silent(dt_s)
+            return
+        if not self.connected:
+            self.connect()
+            return
+        self.silent_s, self.known_wh = 0.0, self.remaining_wh
+        craft, now_s = self.craft, self.around.now_s
+        theirs = craft.armed and (craft.mode == "other" or craft.failsafe)
+        if theirs and not self.overridden:
+            self.overridden = True
+            self.around.post(Overridden(self.number, now_s, self._mode_name()))
+        elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
+            self.overridden = False
+            self.guard = self.guard.released()
+            self.around.post(Released(self.number, now_s, self.position, self.height_m))
+        if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
+            self.was_airborne = True
+            self.around.post(LiftedOff(self.number, now_s))
+        elif self.was_airborne and not craft.armed:
+            self._on_ground()
+
+    def _mode_name(self) -> str:
+        if self.craft.failsafe:
+            return {"rtl": "RTL", "land": "LAND"}.get(self.craft.mode, "failsafe")
+        return "LOITER"
+
+    def _on_ground(self) -> None:
+        self.was_airborne = False
+        if self._watch_over():
+            return  # it lies there: that is told already
+        self.guard, self.order = self.guard.released(), None
+        now_s = self.around.now_s
+        self.around.post(Landed(self.number, now_s, self.remaining_wh, position=self.position))
+
+    def _silent(self, dt_s: float) -> None:
+        self.silent_s += dt_s
+        if self.connected and self.silent_s >= LINK_LOST_S:
+            self.connected = False
+            self.around.post(LinkLost(self.number, self.around.now_s))
+        elif not self.connected and not self.given_up:
+            lasts_s = PATIENCE_S
+            if self.was_airborne:
+                hover_w = self.around.setting.mission.battery.hover_power_w
+                lasts_s = self.known_wh * 3600.0 / hover_w + SPARE_S
+            if self.silent_s > lasts_s:
+                self.given_up = True
+                reason = f"it has been silent for {self.silent_s:.0f} s"
+                self.around.post(GivenUp(self.number, self.around.now_s, reason))
+
+    def track(self) -> None:
+        """Once a second: where it is, and whether all is well."""
+        craft = self.craft
+        share = TRACK_S / MEASURED_TAU_S
+        self.wind_m_s += share * (math.hypot(*craft.wind_m_s) - self.wind_m_s)
+        wind_m_s = round(self.wind_m_s, 1) if self.tells_wind and craft.flying else None
+        self.around.post(
+            Tracked(
+                self.number, self.around.now_s, self.position, self.height_m, self.remaining_wh,
+                wind_m_s=wind_m_s,
+            )
+        )  # fmt: skip
+        self._watch_over()
+
+    def _watch_over(self) -> bool:
+        """Let the guardian look; whether it found the vehicle down."""
+        craft, now_s = self.craft, self.around.now_s
+        mode: Mode = "other" if self.overridden else craft.mode
+        wind_m_s = self.wind_m_s if self.tells_wind else None
+        seen = Seen(
+            now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
+            craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,
+        )  # fmt: skip
+        self.guard, verdict = watch(self.around.limits, self.guard, seen)
+        if verdict is None:
+            self._insist()
+            return False
+        if verdict.rung == "report":
+            name = self.guard.task.name
+            self.order = None
+            self.around.post(OrderFailed(self.number, now_s, name, verdict.reason))
+        elif verdict.rung == "crashed":
+            self.order, self.was_airborne = None, False
+            self.around.post(Crashed(self.number, now_s, self.position, verdict.reason))
+            return True
+        else:
+            self._insist()
+            self.around.post(Guarded(self.number, now_s, verdict.rung, verdict.reason))
+        return False
+
+    def _insist(self) -> None:
+        """What the guardian has taken over is commanded until the vehicle does it."""
+        action, craft = self.guard.action, self.craft
+        named = {"rtl": "ReturnToLaunch", "land": "Land"}
+        if action is None or self.overridden or not self.obeys or not craft.flying:
+            return
+        if named[action] not in self.refuses:
+            craft.switch(action)
+
+    def _await_battery(self) -> None:
+        if self.clock_s < self.swap_s or self.craft.flying:
+            return
+        capacity_wh = self.around.setting.mission.battery.capacity_wh
+        share = self.poor_batteries.pop(0) if self.poor_batteries else 1.0
+        self.craft.wh, self.clock_s = share * capacity_wh, 0.0
+        if share >= FRESH and self.hears:
+            self.order = None
+            self.around.post(BatterySwapped(self.number, self.around.now_s, self.remaining_wh))

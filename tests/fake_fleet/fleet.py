@@ -1,0 +1,314 @@
+"""A fleet without MAVLink: aircraft that carry out orders on time, for driving `step` to the end.
+
+In the kind world nothing goes wrong. In the unkind one troubles begin in phases of the flight
+(`tests.fake_fleet.troubles`): wind, positions that lie, links, refused orders, cameras, pilots,
+failsafes, batteries, the end of the process. The fleet plays the driver's part
+(`tests.fake_fleet.driver`), the guardian in it, and every tick the referee
+(`tests.fake_fleet.referee`) holds the truth against what must never happen.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+from missions.events import Event, Landed, Recalled, Resumed
+from missions.guardian import Guard, Limits
+from missions.mission_file.launch_pads import homes
+from missions.mission_file.schema import Mission
+from missions.orders import Order, StandDown
+from missions.state import Phase, Setting, State
+from missions.step import fold, step
+from missions.units import Cell, GridPoint
+
+from .air import Air
+from .aircraft import Aircraft
+from .driver import Driver, Surroundings
+from .pilot import Pilot
+from .referee import Referee
+from .troubles import ACTS, LASTING, Trouble, in_phase
+
+TICK_S = 0.25
+HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
+SETTLED_S = 10.0
+"""The service ends so long after its last vehicle: what was started late shows by then."""
+NEAR_HOME_M = 6.0
+"""So far around a home the ground is as high as there."""
+
+
+@dataclass(slots=True)
+class Fleet:
+    """The fleet, the state that the mission has of it, and what went wrong."""
+
+    setting: Setting
+    roi: Collection[Cell]
+    draw: float = 1.08
+    seed: int = 0
+    troubles: list[Trouble] = field(default_factory=list)
+    air: Air = field(default_factory=Air)
+    stand_off_m: Sequence[tuple[float, float]] = ()
+    """How far from their planned homes the vehicles stand."""
+    levels_m: Sequence[float] = ()
+    """How high their homes lie."""
+    t_s: float = 0.0
+    state: State = field(init=False)
+    vehicles: dict[int, Aircraft] = field(init=False)
+    drivers: dict[int, Driver] = field(init=False)
+    pilots: dict[int, Pilot] = field(default_factory=dict)
+    link_failsafes: dict[int, float] = field(default_factory=dict)
+    emptied: dict[int, float] = field(default_factory=dict)
+    """Whose battery lost which part of its charge at once."""
+    rng: random.Random = field(init=False)
+    around: Surroundings = field(init=False)
+    referee: Referee = field(default_factory=Referee)
+    events: list[Event] = field(default_factory=list)
+    orders: list[tuple[float, int, Order]] = field(default_factory=list)
+    dead: bool = False
+    """The process has ended."""
+    back_s: float = math.inf
+    """When it is started again."""
+    failure: Exception | None = None
+    settled_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        mission, grid = self.setting.mission, self.setting.grid
+        self.state = State.initial(self.setting)
+        self.rng = random.Random(self.seed)
+        limits = Limits(self.setting.fence, self.setting.energy)
+        self.around = Surroundings(
+            self.setting, limits, frozenset(self.roi), self.post, self._homeward, self.rng
+        )
+        self.vehicles, self.drivers = {}, {}
+        for number, planned in enumerate((grid.fixed(p) for p in homes(mission)), start=1):
+            east, north = self.stand_off_m[number - 1] if self.stand_off_m else (0.0, 0.0)
+            place = GridPoint(planned.east_m + east, planned.north_m + north)
+            craft = Aircraft(
+                number, place, place, mission.battery.capacity_wh, mission.flight.speed_m_s,
+                mission.battery.hover_power_w * self.draw,
+                level_m=self.levels_m[number - 1] if self.levels_m else 0.0,
+                rng=random.Random(self.seed * 31 + number),
+            )  # fmt: skip
+            self.vehicles[number] = craft
+            self.drivers[number] = Driver(craft, self.around)
+
+    @property
+    def faults(self) -> list[str]:
+        """What went wrong, in words."""
+        return [f"{kind}: {text}" for kind, text in self.referee.found]
+
+    @property
+    def stood_outside(self) -> bool:
+        """Whether somebody stood outside of the fence before anything began."""
+        contains = self.setting.fence.contains
+        return not all(contains(craft.home) for craft in self.vehicles.values())
+
+    def _homeward(self, number: int) -> bool:
+        return self.state.vehicles[number].return_reason is not None
+
+    # --- the mission ---------------------------------------------------------------------
+    def post(self, event: Event) -> None:
+        """Hand an event to the mission, and its orders to the vehicles."""
+        if self.dead:
+            return
+        self.events.append(event)
+        try:
+            self.state, orders = step(self.setting, self.state, event)
+        except Exception as failure:
+            self.failure = failure
+            text = f"{type(failure).__name__}: {failure} at {event}"
+            self.referee.note(self.t_s, "traceback", text)
+            self.die(kill=False, away_s=math.inf)
+            return
+        for number, order in orders:
+            self.orders.append((self.t_s, number, order))
+            phase = self.state.vehicles[number].phase
+            if phase in HANDS_OFF and not isinstance(order, StandDown):
+                text = f"{order} for vehicle {number}, which is {phase}"
+                self.referee.note(self.t_s, "hands off", text)
+            self.drivers[number].give(order)
+
+    def die(self, *, kill: bool, away_s: float) -> None:
+        """The process ends: killed, or by an error, which has time to bring everybody home."""
+        if self.dead:
+            return
+        if not kill:
+            for number, craft in self.vehicles.items():
+                driver = self.drivers[number]
+                if craft.flying and craft.mode == "follow" and driver.obeys:
+                    craft.switch("rtl")
+        self.dead, self.back_s = True, self.t_s + away_s
+
+    def revive(self) -> None:
+        """The operator resumes: all that there is is the journal."""
+        if fold(self.setting, self.events) != self.state:
+            self.referee.note(self.t_s, "fold", "the journal tells another state")
+        self.dead, self.back_s = False, math.inf
+        for driver in self.drivers.values():
+            driver.order, driver.guard, driver.late = None, Guard(), []
+            driver.connected, driver.given_up = False, False
+        self.post(Resumed(self.around.now_s))
+        for driver in self.drivers.values():
+            if driver.hears:
+                driver.connect()
+
+    # --- running -------------------------------------------------------------------------
+    def start(self) -> None:
+        """Everybody answers."""
+        for driver in self.drivers.values():
+            driver.connect()
+
+    def run(
+        self, limit_s: float = 6000.0, *, until: Callable[[Fleet], bool] | None = None
+    ) -> None:
+        """Go on until the mission is over, or until a condition holds.
+
+        Raises AssertionError when it does not come to an end.
+        """
+        end_s = self.t_s + limit_s
+        while not self.ended and not (until is not None and until(self)):
+            assert self.t_s < end_s, f"no end after {limit_s:g} s\n{self.describe()}"
+            self.tick()
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process ends: nobody flies, or nobody will do anything more."""
+        if self.dead:
+            flying = any(craft.flying for craft in self.vehicles.values())
+            return not flying and not math.isfinite(self.back_s)
+        return self.state.over and self.t_s >= self.settled_s
+
+    def tick(self) -> None:
+        """One tick of everybody, then the checks."""
+        self.t_s += TICK_S
+        self.around.t_s = self.t_s
+        self.air.step(TICK_S)
+        if self.troubles:
+            self._begin_and_end()
+        for number, pilot in self.pilots.items():
+            pilot.fly(self.vehicles[number], TICK_S)
+        for number, craft in self.vehicles.items():
+            craft.step(TICK_S, self.air, self._ground_m(craft))
+            if self.t_s >= self.link_failsafes.get(number, math.inf):
+                del self.link_failsafes[number]
+                if craft.flying and craft.mode == "follow":
+                    craft.failsafe = self.rng.random() < 0.5
+                    craft.switch("rtl")
+        if self.dead and self.t_s >= self.back_s:
+            self.revive()
+        if not self.dead:
+            self._drive()
+        self.referee.check(self)
+
+    def _drive(self) -> None:
+        for number, driver in self.drivers.items():
+            driver.listen(TICK_S)
+            driver.deliver_late()
+            if driver.connected and driver.hears:
+                driver.carry_out(TICK_S)
+                if abs(self.t_s % 1.0 - TICK_S * (number % 4)) < 1e-6 and not self.dead:
+                    driver.track()
+            elif not driver.connected:
+                driver.carry_out(TICK_S)
+        ours = any(
+            d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values()
+        )
+        if not self.state.over or (ours and self.troubles):
+            self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
+
+    def _ground_m(self, craft: Aircraft) -> float:
+        """The ground below a vehicle, above its home: level, but for the places of homes."""
+        if not self.levels_m:
+            return 0.0
+        below_m = next(
+            (v.level_m for v in self.vehicles.values()
+             if v.home.distance_to(craft.position) <= NEAR_HOME_M),
+            0.0,
+        )  # fmt: skip
+        if craft.home.distance_to(craft.position) <= NEAR_HOME_M:
+            below_m = craft.level_m
+        return below_m - craft.level_m
+
+    # --- troubles ------------------------------------------------------------------------
+    def _begin_and_end(self) -> None:
+        for i, trouble in enumerate(self.troubles):
+            if trouble.ended:
+                continue
+            if trouble.begun_s is None:
+                if not self.dead and in_phase(self, trouble):
+                    self.troubles[i] = replace(trouble, begun_s=self.t_s + trouble.after_s)
+                continue
+            begin_s = trouble.begun_s
+            begin, end = ACTS[trouble.kind]
+            if begin_s <= self.t_s < begin_s + TICK_S:
+                if trouble.kind == "battery cell":
+                    self.emptied[trouble.vehicle] = trouble.size
+                begin(self, trouble)
+            elif self.t_s >= begin_s + trouble.for_s:
+                end(self, trouble)
+                self.troubles[i] = replace(trouble, ended=True)
+
+    @property
+    def for_ever(self) -> bool:
+        """Whether a link that is bad now stays so."""
+        return any(t.kind in LASTING and math.isinf(t.for_s) for t in self.troubles)
+
+    # --- interruptions by hand -----------------------------------------------------------
+    def take_over(self, number: int) -> None:
+        """A pilot takes the vehicle, and keeps it where it is."""
+        craft = self.vehicles[number]
+        if not craft.armed:
+            return
+        self.pilots[number] = Pilot([], "keep", self.setting.mission.battery.capacity_wh)
+        self.pilots[number].take(craft)
+        self.drivers[number].listen(0.0)
+
+    def put_down(self, number: int) -> None:
+        """The pilot has put it on the ground."""
+        self.pilots.pop(number, None)
+        craft, driver = self.vehicles[number], self.drivers[number]
+        craft.flying, craft.armed, craft.height_m = False, False, 0.0
+        driver.was_airborne = False
+        self.post(Landed(number, self.around.now_s, driver.remaining_wh, position=driver.position))
+
+    def give_back(self, number: int) -> None:
+        """The pilot gives it back."""
+        if self.pilots.pop(number, None) is None:
+            return
+        craft = self.vehicles[number]
+        craft.mode, craft.target = "follow", craft.believed
+        craft.target_height_m = craft.height_m
+        self.drivers[number].listen(0.0)
+
+    def cut_link(self, number: int) -> None:
+        """Nothing is heard from a vehicle; it flies on with what it was told last."""
+        self.drivers[number].link = "silent"
+
+    def mend_link(self, number: int) -> None:
+        """The vehicle is heard again."""
+        self.drivers[number].link = "good"
+
+    def recall(self) -> None:
+        """The operator calls everybody home."""
+        self.post(Recalled(self.around.now_s))
+
+    def crash_and_resume(self) -> None:
+        """The service dies and comes back at once: all that it has is its journal."""
+        assert fold(self.setting, self.events) == self.state
+        self.die(kill=True, away_s=0.0)
+        self.revive()
+
+    def describe(self) -> str:
+        """Where everybody stands, for messages."""
+        lines = [f"{self.t_s:.2f} s, {len(self.events)} events", *map(str, self.troubles)]
+        lines += [str(v) for v in self.state.vehicles.values()]
+        lines += [str(v) for v in self.vehicles.values()]
+        lines += [str(order) for order in self.orders[-12:]]
+        lines += [str(event) for event in self.events[-12:]]
+        return "\n".join(lines)
+
+
+def fleet(mission: Mission, roi: Collection[Cell], *, draw: float = 1.08) -> Fleet:
+    """A fleet for a mission on a true ROI, in the kind world."""
+    return Fleet(Setting.of(mission), roi, draw)

@@ -1,0 +1,291 @@
+"""What can go wrong, as values: each begins in some phase of a vehicle's flight, and may end."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Literal
+
+from missions.orders import AwaitBattery, FlyTo, Land, Look, Sweep, TakeOff
+from missions.state import Phase
+from missions.units import GridPoint
+
+from .air import Storm, Vector
+from .pilot import Ending, Pilot
+
+if TYPE_CHECKING:
+    from .fleet import Fleet
+
+FlightPhase = Literal["take-off", "search", "look", "explore", "way home", "landing", "ground"]
+PHASES: Final[tuple[FlightPhase, ...]] = (
+    "take-off", "search", "look", "explore", "way home", "landing", "ground",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """One thing that goes wrong with one vehicle.
+
+    It begins `after_s` after the vehicle is first in `phase`, and lasts `for_s`. What the numbers
+    and words mean is the kind's.
+    """
+
+    kind: str
+    vehicle: int
+    phase: FlightPhase
+    after_s: float
+    for_s: float = math.inf
+    size: float = 0.0
+    toward_rad: float = 0.0
+    word: str = ""
+    begun_s: float | None = None
+    ended: bool = False
+
+    @property
+    def towards(self) -> Vector:
+        """Its size towards its bearing."""
+        return self.size * math.sin(self.toward_rad), self.size * math.cos(self.toward_rad)
+
+
+def in_phase(fleet: Fleet, trouble: Trouble) -> bool:
+    """Whether the trouble's vehicle is in the trouble's phase of flight."""
+    vehicle = fleet.state.vehicles[trouble.vehicle]
+    order, home = vehicle.order, vehicle.return_reason is not None
+    if vehicle.phase in (Phase.YIELDED, Phase.GUARDED, Phase.OFFLINE):
+        return False
+    match trouble.phase:
+        case "take-off":
+            return isinstance(order, TakeOff)
+        case "search":
+            return isinstance(order, Sweep)
+        case "look":
+            return isinstance(order, Look)
+        case "explore":
+            return isinstance(order, FlyTo) and fleet.state.tree is not None and not home
+        case "way home":
+            return isinstance(order, FlyTo) and home
+        case "landing":
+            return isinstance(order, Land)
+        case "ground":
+            return isinstance(order, AwaitBattery)
+
+
+# --- beginnings and ends, by kind ------------------------------------------------------------
+Act = Callable[["Fleet", Trouble], None]
+
+
+def _storm(fleet: Fleet, trouble: Trouble) -> None:
+    end_s = fleet.t_s + trouble.for_s
+    fleet.air.storms.append(Storm(fleet.t_s, end_s, trouble.towards))
+
+
+def _jump(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].offset_m = trouble.towards
+
+
+def _jump_back(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].offset_m = (0.0, 0.0)
+
+
+def _drift(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].drift_m_s = trouble.towards
+
+
+def _drift_ends(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].drift_m_s = (0.0, 0.0)
+    fleet.vehicles[trouble.vehicle].offset_m = (0.0, 0.0)
+
+
+def _turn(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].compass_rad = math.radians(trouble.size)
+
+
+def _turn_back(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].compass_rad = 0.0
+
+
+def _waver(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].noise_m = trouble.size
+
+
+def _cut(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].link = trouble.word  # type: ignore[assignment]
+
+
+def _mend(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].link = "good"
+
+
+def _fail_order(fleet: Fleet, trouble: Trouble) -> None:
+    driver = fleet.drivers[trouble.vehicle]
+    driver.fail_in_s = driver.clock_s + 0.1
+
+
+def _refuse(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].refuses += tuple(trouble.word.split())
+
+
+def _obey(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].refuses = ()
+
+
+def _spoil(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].camera = trouble.word  # type: ignore[assignment]
+
+
+def _clean(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].camera = "good"
+
+
+def _pilot(fleet: Fleet, trouble: Trouble) -> None:
+    craft, rng = fleet.vehicles[trouble.vehicle], fleet.rng
+    if not craft.armed or craft.crashed:
+        return
+    where, _, ending = trouble.word.partition(" ")
+    here = craft.believed
+    if where == "home":
+        way = [(here, 10.0 + 5.0 * rng.random()), (craft.home, 12.0)]
+    else:
+        way = [
+            (
+                GridPoint(here.east_m + rng.uniform(-15, 15), here.north_m + rng.uniform(-15, 15)),
+                rng.uniform(3.0, 35.0),
+            )
+            for _ in range(0 if where == "here" else 3)
+        ]
+    endings: dict[str, Ending] = {"release": "release", "land": "land"}
+    full_wh = fleet.setting.mission.battery.capacity_wh
+    pilot = Pilot(way, endings[ending], full_wh, keeps_s=rng.uniform(1.0, 20.0))
+    pilot.take(craft)
+    fleet.pilots[trouble.vehicle] = pilot
+
+
+def _failsafe(fleet: Fleet, trouble: Trouble) -> None:
+    craft = fleet.vehicles[trouble.vehicle]
+    if craft.flying:
+        craft.return_height_m = trouble.size
+        craft.failsafe = True
+        craft.mode = "follow"
+        craft.switch("rtl" if trouble.word == "rtl" else "land")
+
+
+def _link_failsafe(fleet: Fleet, trouble: Trouble) -> None:
+    """Silent; after some seconds its own failsafe brings it home."""
+    _cut(fleet, replace(trouble, word="silent"))
+    fleet.link_failsafes[trouble.vehicle] = fleet.t_s + trouble.size
+
+
+def _link_is_back(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.link_failsafes.pop(trouble.vehicle, None)
+    _mend(fleet, trouble)
+
+
+def _motor(fleet: Fleet, trouble: Trouble) -> None:
+    craft = fleet.vehicles[trouble.vehicle]
+    if craft.flying:
+        craft.motors_failed, craft.stays_armed = True, trouble.word == "armed"
+
+
+def _cell(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.vehicles[trouble.vehicle].wh *= 1.0 - trouble.size
+
+
+def _sag(fleet: Fleet, trouble: Trouble) -> None:
+    capacity_wh = fleet.setting.mission.battery.capacity_wh
+    fleet.drivers[trouble.vehicle].hides_wh = trouble.size * capacity_wh
+
+
+def _sag_ends(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.drivers[trouble.vehicle].hides_wh = 0.0
+
+
+def _poor_swaps(fleet: Fleet, trouble: Trouble) -> None:
+    rng = random.Random(int(trouble.size * 1e6))
+    shares = [rng.uniform(0.3, 0.97) for _ in range(int(rng.uniform(1, 4)))]
+    fleet.drivers[trouble.vehicle].poor_batteries = shares
+
+
+def _dies(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.die(kill=trouble.word == "killed", away_s=trouble.size)
+
+
+def _recall(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.recall()
+
+
+def _nothing(fleet: Fleet, trouble: Trouble) -> None:
+    pass
+
+
+ACTS: Final[dict[str, tuple[Act, Act]]] = {
+    "none": (_nothing, _nothing),
+    "storm": (_storm, _nothing),
+    "gnss jump": (_jump, _jump_back),
+    "gnss drift": (_drift, _drift_ends),
+    "compass": (_turn, _turn_back),
+    "noise": (_waver, _nothing),
+    "link silent": (_cut, _mend),
+    "link failsafe": (_link_failsafe, _link_is_back),
+    "commands lost": (_cut, _mend),
+    "acks lost": (_cut, _mend),
+    "order fails": (_fail_order, _nothing),
+    "order refused": (_refuse, _obey),
+    "camera silent": (_spoil, _clean),
+    "camera lost": (_spoil, _clean),
+    "camera slow": (_spoil, _clean),
+    "camera drops": (_spoil, _clean),
+    "pilot": (_pilot, _nothing),
+    "failsafe": (_failsafe, _nothing),
+    "motor": (_motor, _nothing),
+    "battery cell": (_cell, _nothing),
+    "battery sag": (_sag, _sag_ends),
+    "poor swaps": (_poor_swaps, _nothing),
+    "process ends": (_dies, _nothing),
+    "recall": (_recall, _nothing),
+}
+LASTING: Final = ("link silent", "link failsafe", "commands lost", "acks lost")
+
+
+def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Trouble:
+    """A trouble of a kind with random size, bearing and duration."""
+    made = Trouble(kind, vehicle, phase, rng.uniform(0.0, 8.0), toward_rad=rng.uniform(0, math.tau))
+    short = rng.choice([rng.uniform(1, 8), rng.uniform(8, 60), rng.uniform(60, 200), math.inf])
+    match kind:
+        case "storm":
+            return replace(made, size=rng.choice([7, 9, 12, 16, 20, 25]) * 1.0, for_s=short)
+        case "gnss jump":
+            return replace(made, size=rng.uniform(5, 60), for_s=rng.uniform(3, 60))
+        case "gnss drift":
+            return replace(made, size=rng.choice([0.1, 0.5, 2.0]), for_s=rng.uniform(20, 150))
+        case "compass":
+            return replace(made, size=rng.choice([-1, 1]) * rng.uniform(10, 150), for_s=short)
+        case "noise":
+            return replace(made, size=rng.uniform(0.3, 0.8))
+        case "link silent" | "commands lost" | "acks lost":
+            word = kind.removeprefix("link ")
+            return replace(made, word=word, for_s=short)
+        case "link failsafe":
+            return replace(made, size=rng.uniform(5, 30), for_s=rng.choice([short, math.inf]))
+        case "order refused":
+            names = ["FlyTo Sweep", "Look", "Land", "TakeOff", "ReturnToLaunch", "FlyTo Land"]
+            return replace(made, word=rng.choice(names), for_s=short)
+        case "camera silent" | "camera lost" | "camera slow" | "camera drops":
+            return replace(made, word=kind.removeprefix("camera "), for_s=short)
+        case "pilot":
+            word = f"{rng.choice(['here', 'roam', 'roam', 'home'])} {rng.choice(['release', 'land'])}"
+            return replace(made, word=word)
+        case "failsafe":
+            return replace(made, word=rng.choice(["rtl", "rtl", "land"]), size=rng.choice([15.0, 30.0]))
+        case "motor":
+            return replace(made, word=rng.choice(["armed", "disarmed"]))
+        case "battery cell":
+            return replace(made, size=rng.uniform(0.2, 0.5))
+        case "battery sag":
+            return replace(made, size=rng.choice([rng.uniform(0.05, 0.4), 1.0]), for_s=short)
+        case "poor swaps":
+            return replace(made, after_s=0.0, size=rng.random())
+        case "process ends":
+            return replace(made, word=rng.choice(["killed", "raised"]), size=rng.uniform(3, 90))
+    return made
