@@ -75,6 +75,8 @@ class Limits:
     fence: Fence
     energy: EnergyModel
     airspeed_limit_m_s: float = AIRSPEED_LIMIT_M_S
+    slack_s: float = 0.0
+    """What everything may take longer, where a simulator runs faster than a busy machine hears."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +195,7 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
         was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
         at_height=guard.at_height or _near_height(guard.task, seen),
     )
-    guard, verdict = _crashed(guard, seen)
+    guard, verdict = _crashed(limits, guard, seen)
     if verdict is not None or guard.down or not seen.airborne:
         return replace(guard, last_s=seen.t_s), verdict
     guard = _measured(limits, guard, seen)
@@ -265,8 +267,8 @@ def _since(since_s: float | None, holds: bool, t_s: float) -> float | None:
     return t_s if since_s is None else since_s
 
 
-def _lasted(since_s: float | None, t_s: float, limit_s: float) -> bool:
-    return since_s is not None and t_s - since_s >= limit_s
+def _lasted(limits: Limits, since_s: float | None, t_s: float, limit_s: float) -> bool:
+    return since_s is not None and t_s - since_s >= limit_s + limits.slack_s
 
 
 def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
@@ -295,7 +297,7 @@ def _off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
 
 
 # --- what follows -----------------------------------------------------------------------------
-def _crashed(guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
+def _crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
     """Down without having been told to land: motors off away from home, or no height."""
     if guard.down or not guard.was_up:
         return guard, None
@@ -310,7 +312,7 @@ def _crashed(guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
     expected = landing or (returning and at_home) or guard.task.doing in ("ground", "climb")
     low = not expected and seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
     guard = replace(guard, low_since_s=_since(guard.low_since_s, low, seen.t_s))
-    if _lasted(guard.low_since_s, seen.t_s, DOWN_S):
+    if _lasted(limits, guard.low_since_s, seen.t_s, DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None
 
@@ -342,14 +344,16 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     if guard.action == "land":
         return None
     if guard.task.doing == "land" and guard.action is None:
-        hovers = seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S
+        hovers = (
+            seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S + limits.slack_s
+        )
         return Verdict("land", "it was told to land, and hovers") if hovers else None
     reason = _wrong(limits, guard, seen)
     if reason is None:
         return None
     if guard.action == "rtl":
         # the climb to its return height comes first, and is no fault
-        settled = seen.t_s - guard.acted_s >= RECOVERY_S
+        settled = seen.t_s - guard.acted_s >= RECOVERY_S + limits.slack_s
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
@@ -358,7 +362,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:
         return Verdict("report", reason)
-    if seen.t_s - guard.reported_s >= RECOVERY_S:
+    if seen.t_s - guard.reported_s >= RECOVERY_S + limits.slack_s:
         return Verdict("rtl", f"{reason}, and the mission did not bring it home")
     return None
 
@@ -368,7 +372,7 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     limit_m_s = limits.airspeed_limit_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
-    if not _lasted(guard.receding_since_s, seen.t_s, RECEDING_S):
+    if not _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
         return None
     return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
 
@@ -376,22 +380,25 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
 def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     """What is wrong, in words; None while all is well."""
     t_s, task = seen.t_s, guard.task
-    if _lasted(guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(guard, seen):
+    if _lasted(limits, guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(
+        limits, guard, seen
+    ):
         return f"it is {guard.outside_m:.0f} m outside of the geofence"
-    if _lasted(guard.receding_since_s, t_s, RECEDING_S):
+    if _lasted(limits, guard.receding_since_s, t_s, RECEDING_S):
         return "it is carried away from where it should go"
-    if _lasted(guard.off_since_s, t_s, OFF_PATH_HOME_S if task.homeward else OFF_PATH_S):
+    if _lasted(limits, guard.off_since_s, t_s, OFF_PATH_HOME_S if task.homeward else OFF_PATH_S):
         off_m = _off_path_m(seen.position, task.path)
         return f"it is {off_m:.0f} m off its way"
-    if _lasted(guard.sunk_since_s, t_s, HEIGHT_LOST_S):
+    if _lasted(limits, guard.sunk_since_s, t_s, HEIGHT_LOST_S):
         return f"it has lost height ({seen.height_m:.0f} m instead of {task.height_m:.0f})"
     return _too_long(limits, guard, seen)
 
 
-def _coming_back(guard: Guard, seen: Seen) -> bool:
+def _coming_back(limits: Limits, guard: Guard, seen: Seen) -> bool:
     """Whether a vehicle outside of the fence is on its way back, with progress."""
     homeward = guard.action == "rtl" or guard.task.homeward
-    return homeward and seen.t_s - guard.best_s < RECOVERY_S and guard.receding_since_s is None
+    recent = seen.t_s - guard.best_s < RECOVERY_S + limits.slack_s
+    return homeward and recent and guard.receding_since_s is None
 
 
 def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
@@ -400,15 +407,15 @@ def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     if guard.action == "rtl":
         climb_s = max(30.0 - seen.height_m, 0.0) / CLIMB_SPEED_M_S
         way_m = route_length_m(seen.position, (seen.home,))
-        if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s:
+        if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s + limits.slack_s:
             return f"it has come no nearer to home for {t_s - guard.best_s:.0f} s"
         return None
     if task.doing != "leg":
         return None
     # near the end it settles, which brings it no nearer
-    if guard.best_m > PROGRESS_M * 3 and t_s - guard.best_s > NO_PROGRESS_S:
+    if guard.best_m > PROGRESS_M * 3 and t_s - guard.best_s > NO_PROGRESS_S + limits.slack_s:
         return f"it has made no progress for {t_s - guard.best_s:.0f} s"
-    limit_s = LEG_FACTOR * task.estimate_s + LEG_SLACK_S
+    limit_s = LEG_FACTOR * task.estimate_s + LEG_SLACK_S + 2.0 * limits.slack_s
     if t_s - task.since_s > limit_s:
         return f"a leg of some {task.estimate_s:.0f} s has taken {t_s - task.since_s:.0f} s"
     return None

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import JournalError, LinkError
 from missions.events import Event, Resumed
+from missions.orders import Land
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
+SLACK_WALL_S: Final = 2.0
+"""On a clock that runs fast, a busy machine must not look like an aircraft in trouble."""
 ACK_WAIT_WALL_S: Final = 0.3
 
 
@@ -206,9 +209,10 @@ class _Flight:
     ) -> dict[int, MavlinkVehicle]:
         """The driver of each vehicle, by number."""
         at_a_terminal = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
+        speedup = max(self._plan.speedup or 1.0, 1.0)
         stale_s = BATTERY_STALE_S
         if not self._plan.simulated:
-            stale_s = max(stale_s, BATTERY_STALE_WALL_S * (self._plan.speedup or 1.0))
+            stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
         return {
             number: MavlinkVehicle(
                 number,
@@ -221,6 +225,7 @@ class _Flight:
                 self._link_lost_s(),
                 battery_stale_s=stale_s,
                 ground_patience_s=None if at_a_terminal else ON_GROUND_S,
+                slack_s=0.0 if self._plan.simulated else SLACK_WALL_S * (speedup - 1.0),
                 tell=self._progress.say,
             )
             for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
@@ -258,8 +263,11 @@ class _Flight:
             self._progress.end()
 
     async def _fly(self, vehicles: dict[int, MavlinkVehicle], service: Service) -> State:
-        for vehicle in vehicles.values():
+        for number, vehicle in vehicles.items():
             await vehicle.connect()
+            before = self._state.vehicles[number]
+            if self._resumed and (isinstance(before.order, Land) or before.phase is Phase.GUARDED):
+                vehicle.was_returning()
         return await service.fly()
 
     @contextlib.contextmanager

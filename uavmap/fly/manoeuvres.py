@@ -80,6 +80,8 @@ class Manoeuvres:
         self._grid = reporter.grid
         self._crew = crew
         self._paced_in: int | None = None
+        self.under_way: Callable[[Order], None] = lambda order: None
+        """Called when a sweep begins to move: its camera comes first, which may take a while."""
         self.taken_in: Callable[[], Awaitable[None]] = _nothing_to_wait_for
 
     async def carry_out(self, order: Order) -> None:
@@ -240,6 +242,7 @@ class Manoeuvres:
             asyncio.TaskGroup() as tasks,
         ):
             watching = tasks.create_task(self._watch_frames(frames, None))
+            self.under_way(order)
             await self._reach(lambda: order.end, order.height_m, stop=False)
             await frames.finish()
             watching.cancel()

@@ -61,6 +61,7 @@ class MavlinkVehicle:
         *,
         battery_stale_s: float = BATTERY_STALE_S,
         ground_patience_s: float | None = ON_GROUND_S,
+        slack_s: float = 0.0,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.number = number
@@ -82,17 +83,23 @@ class MavlinkVehicle:
             battery_stale_s,
         )
         self._monitor = Monitor(self._reporter, session.view)
-        limits = Limits(setting.fence, setting.energy, setting.airspeed_limit_m_s)
+        limits = Limits(setting.fence, setting.energy, setting.airspeed_limit_m_s, slack_s)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
         self._manoeuvres = Manoeuvres(
             session, camera, self._reporter, self._monitor, setting.mission, crew
         )
+        self._manoeuvres.under_way = lambda order: self.guardian.told(self._leg_of(order))
         self._tasks: asyncio.TaskGroup | None = None
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
         session.listen(self._on_message)
+
+    def was_returning(self) -> None:
+        """It was landing or returning by our order when an earlier process ended: it is ours."""
+        kind = self._view.kind
+        self._monitor.commanded = (kind.land, kind.rtl)
 
     async def connect(self) -> None:
         """Wait for the vehicle and ask for what the mission needs. Raises `LinkError`."""
@@ -204,35 +211,40 @@ class MavlinkVehicle:
                 return Task("climb", since_s, height_m=height_m, name=name)
             case Land():
                 return Task("land", since_s, name=name)
-            case FlyTo() | Sweep():
-                points = (order.end,) if isinstance(order, Sweep) else order.route
-                homeward = isinstance(order, FlyTo) and order.cell is None and order.stop
-                if isinstance(order, FlyTo) and order.cell is not None:
-                    points = (*points, grid.to_fixed(grid.centre_of(order.cell), since_s))
-                path = (self._reporter.position(), *points)
-                climb_s = abs(order.height_m - self._view.height_m) / CLIMB_SPEED_M_S
-                return Task(
-                    "leg",
-                    since_s,
-                    path,
-                    homeward,
-                    order.height_m,
-                    _legs_s(self._setting.energy, path) + climb_s + SETTLE_S,
-                    grid.drift_speed_m_s,
-                    name,
-                )
-            case Look() | Hold():
-                height_m = order.height_m if isinstance(order, Look) else self._view.height_m
+            case FlyTo():
+                return self._leg_of(order)
+            case Look() | Hold() | Sweep():  # a sweep begins with its camera
+                height_m = self._view.height_m if isinstance(order, Hold) else order.height_m
                 here = self._reporter.position()
+                drift_m_s = grid.drift_speed_m_s
                 return Task(
-                    "hold",
-                    since_s,
-                    (here,),
-                    height_m=height_m,
-                    drift_m_s=grid.drift_speed_m_s,
-                    name=name,
+                    "hold", since_s, (here,), height_m=height_m, drift_m_s=drift_m_s, name=name
                 )
         return Task("ground", since_s, name=name)
+
+    def _leg_of(self, order: Order) -> Task:
+        """A leg that begins now: its path, and about how long it takes."""
+        since_s, grid = self._reporter.now_s(), self._setting.grid
+        points: tuple[GridPoint, ...] = ()
+        height_m = self._view.height_m
+        if isinstance(order, Sweep):
+            points, height_m = (order.end,), order.height_m
+        elif isinstance(order, FlyTo):
+            points, height_m = order.route, order.height_m
+            if order.cell is not None:
+                points = (*points, grid.to_fixed(grid.centre_of(order.cell), since_s))
+        path = (self._reporter.position(), *points)
+        climb_s = abs(height_m - self._view.height_m) / CLIMB_SPEED_M_S
+        return Task(
+            "leg",
+            since_s,
+            path,
+            isinstance(order, FlyTo) and order.cell is None and order.stop,
+            height_m,
+            _legs_s(self._setting.energy, path) + climb_s + SETTLE_S,
+            grid.drift_speed_m_s,
+            type(order).__name__,
+        )
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
