@@ -277,10 +277,19 @@ def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
         return 0.0
     line = LineString(path)
     elapsed_s = seen.t_s - (guard.last_s if guard.last_s is not None else guard.task.since_s)
-    reach_m = REACH_M + REACH_M_S * max(elapsed_s, 0.0)
     begin_m = max(guard.along_m - REACH_M, 0.0)
-    near = substring(line, begin_m, min(guard.along_m + reach_m, line.length))
-    return begin_m + float(near.project(Point(seen.position)))
+    end_m = min(guard.along_m + REACH_M + REACH_M_S * max(elapsed_s, 0.0), float(line.length))
+    here = Point(seen.position)
+    near = begin_m + float(substring(line, begin_m, end_m).project(here))
+    within_m = float(line.interpolate(near).distance(here)) + REACH_M / 2
+    # where it turns back nearly the way it came, the farther of two places is the likelier
+    ahead = near
+    step_m = REACH_M / 5
+    while ahead + step_m <= end_m:
+        ahead += step_m
+        if float(line.interpolate(ahead).distance(here)) <= within_m:
+            near = ahead
+    return near
 
 
 def _left_m(position: GridPoint, path: Sequence[GridPoint], along_m: float) -> float:

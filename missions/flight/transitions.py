@@ -160,7 +160,14 @@ def _on_its_way_home(
     if before.phase is Phase.LOST:  # nobody knows what it has been through
         reason = reason or ReturnReason.BATTERY
     if event.mode == "rtl":
-        return replace(connected, phase=Phase.GUARDED, order=StandDown(), note=before.note)
+        resumed = reason or (None if before.note else ReturnReason.BATTERY)
+        return replace(
+            connected,
+            phase=Phase.GUARDED,
+            order=StandDown(),
+            return_reason=resumed,
+            note=before.note,
+        )
     if event.mode == "land":
         # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
         reason = reason or ReturnReason.BATTERY
@@ -276,12 +283,12 @@ def _(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
         away = f"it landed {away_m:.0f} m from its pad"
         note = f"{vehicle.note}; {away}" if vehicle.note else away
         return replace(landed, phase=Phase.DOWN, order=StandDown(), note=note)
-    if vehicle.phase is Phase.GUARDED:
-        return replace(landed, phase=Phase.FAILED, order=StandDown())
     if vehicle.return_reason is ReturnReason.BATTERY:
         return replace(landed, phase=Phase.GROUNDED, order=AwaitBattery())
     if vehicle.return_reason in (ReturnReason.DONE, ReturnReason.RECALLED):
         return replace(landed, phase=Phase.FINISHED, order=StandDown(), vertex=None)
+    if vehicle.phase is Phase.GUARDED:
+        return replace(landed, phase=Phase.FAILED, order=StandDown())
     note = vehicle.note or "landed unexpectedly (no land command was sent)"
     return replace(landed, phase=Phase.FAILED, order=StandDown(), note=note)
 

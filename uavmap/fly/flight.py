@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import JournalError, LinkError
 from missions.events import Event, Resumed
-from missions.orders import Land
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
@@ -266,7 +265,7 @@ class _Flight:
         for number, vehicle in vehicles.items():
             await vehicle.connect()
             before = self._state.vehicles[number]
-            if self._resumed and (isinstance(before.order, Land) or before.phase is Phase.GUARDED):
+            if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
         return await service.fly()
 
