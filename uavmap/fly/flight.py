@@ -10,8 +10,9 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,7 +23,7 @@ from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.http_pictures import fetch_over_http
+from uavmap.fly.http_pictures import PictureFetcher
 from uavmap.fly.imaging import CameraDriver, Fetch
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
@@ -170,7 +171,8 @@ class _Flight:
             ]
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(simulation.run())
-                await self._serve(simulation.names(), sessions, simulation.fetch)
+                fetches = [simulation.fetch] * len(sessions)
+                await self._serve(simulation.names(), sessions, fetches)
                 world.cancel()
 
     # --- connected -------------------------------------------------------------------------
@@ -178,11 +180,19 @@ class _Flight:
         async with contextlib.AsyncExitStack() as stack:
             log = stack.enter_context(self._log())
             ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (self._plan.speedup or 1.0))
-            sessions = [
-                await stack.enter_async_context(_connected(url, log.record, ack_wait_s))
+            opened = [
+                await stack.enter_async_context(
+                    _connected(url, log.record, ack_wait_s, self._progress.say)
+                )
                 for url in self._plan.urls
             ]
-            await self._serve(list(self._plan.urls), sessions, fetch_over_http)
+            fetches = [self._fetcher(transport) for _, transport in opened]
+            await self._serve(list(self._plan.urls), [session for session, _ in opened], fetches)
+
+    def _fetcher(self, transport: Transport) -> PictureFetcher:
+        """For the pictures of the vehicle at the other end of a link."""
+        named = self._setting.mission.camera.hosts
+        return PictureFetcher(lambda: (*named, transport.peer_host or ""))
 
     def _link_lost_s(self) -> float:
         """On a clock that runs fast, a busy machine must not look like a lost link."""
@@ -195,7 +205,9 @@ class _Flight:
         return Classifier.of(mission, self._setting.grid, mission.altitude_m(number - 1))
 
     # --- both ------------------------------------------------------------------------------
-    async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
+    async def _serve(
+        self, names: list[str], sessions: list[Session], fetches: Sequence[Fetch]
+    ) -> None:
         automatic = self._plan.simulated or self._plan.auto_swap
         crew = Crew(self._progress.say, automatic=automatic)
         vehicles = {
@@ -210,8 +222,13 @@ class _Flight:
                 crew.swap,
                 self._link_lost_s(),
             )
-            for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
+            for number, (name, session, fetch) in enumerate(
+                zip(names, sessions, fetches, strict=True), start=1
+            )
         }
+        for number, session in enumerate(sessions, start=1):
+            session.view.expect_near(self._setting.mission.home)
+            session.view.gate.say = partial(_say_of, self._progress, number)
 
         def observe(event: Event, state: State) -> None:
             self._progress.update(event, state, again=self._journal.expected)
@@ -273,10 +290,15 @@ def _all_wait(state: State, waiting: set[int]) -> bool:
     )
 
 
+def _say_of(progress: Progress, number: int, text: str) -> None:
+    """A line about one vehicle."""
+    progress.say(f"vehicle {number}: {text}")
+
+
 @contextlib.asynccontextmanager
 async def _connected(
-    url: str, record: Callable[[bytes], None], ack_wait_s: float
-) -> AsyncIterator[Session]:
+    url: str, record: Callable[[bytes], None], ack_wait_s: float, say: Callable[[str], None]
+) -> AsyncIterator[tuple[Session, Transport]]:
     """A session over the transport that a URL names."""
     opened: list[Transport] = []
 
@@ -285,9 +307,9 @@ async def _connected(
             transport.send(frame)
 
     session = Session(send, record, ack_wait_s)
-    async with open_transport(parse_url(url), session.feed) as transport:
+    async with open_transport(parse_url(url), session.feed, say) as transport:
         opened.append(transport)
-        yield session
+        yield session, transport
 
 
 def _results(

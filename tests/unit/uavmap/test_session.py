@@ -36,12 +36,15 @@ def conversation(body: Callable[[Peer], Coroutine[Any, Any, None]], **how: Any) 
 
 
 def script(peer: Peer, *replies: list[Message] | None) -> None:
-    """Answer the n-th command with the n-th reply, later ones with silence."""
+    """Answer the n-th command with the n-th reply, later ones with silence.
+
+    The component that was asked answers.
+    """
     rest = list(replies)
 
     def answer(message: Message) -> None:
         if message.get_type().startswith("COMMAND_") and rest and (reply := rest.pop(0)):
-            peer.say(*reply)
+            peer.say(*reply, component=message.target_component)
 
     peer.answer = answer
 
