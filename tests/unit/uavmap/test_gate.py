@@ -6,6 +6,7 @@ import math
 import random
 import struct
 import tracemalloc
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -559,13 +560,17 @@ def test_acknowledgements_of_whatever_are_harmless() -> None:
 @pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")
 def test_a_real_flight_passes_whole() -> None:
     """A recorded ArduCopter: nothing of what it says is refused but positions before the fix."""
-    data, session, refusals = TLOG.read_bytes(), [], []
+    data = TLOG.read_bytes()
+    session: list[Session] = []
+    refusals: list[str] = []
+    heard: Counter[str] = Counter()
     clock = VirtualClock()
 
     async def main() -> None:
         link = Session(lambda frame: None, lambda frame: None)
         session.append(link)
         link.view.gate.say = refusals.append
+        link.listen(lambda message: heard.update([message.get_type()]))
         at, begun_us = 0, None
         reader = mav.MAVLink(None)
         reader.robust_parsing = True
@@ -586,3 +591,5 @@ def test_a_real_flight_passes_whole() -> None:
     reasons = {reason for (_, reason) in view.gate.refused}
     assert reasons <= {"no position yet"}
     assert refusals == []
+    assert heard["GLOBAL_POSITION_INT"] > 700
+    assert view.uid != ""
