@@ -20,6 +20,9 @@ MOST_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
 """How far a clock may be ahead of ours: a simulator may run many times as fast as it was said."""
 
+OLDER: Final = "older than the one before"
+"""What a link that changes the order of frames brings: nothing to be told of."""
+
 FASTEST_M_S: Final = 50.0
 """No multicopter that flies missions is faster, with the wind behind it."""
 SLACK_M: Final = 25.0
@@ -97,8 +100,7 @@ class BootClock:
         elif _goes_on(self.boot_s, self._heard_s, boot_s, now_s):
             self._set(boot_s, now_s)
         elif not self._confirms(boot_s, now_s):
-            behind = boot_s < self.boot_s
-            return "older than the one before" if behind else "its clock leapt ahead"
+            return OLDER if boot_s < self.boot_s else "its clock leapt ahead"
         return None
 
     def _confirms(self, boot_s: float, now_s: float) -> bool:

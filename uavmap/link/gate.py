@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from missions.units import LatLon
-from uavmap.link.continuity import BootClock, CameraClock, Fix, Track, distance_m
+from uavmap.link.continuity import OLDER, BootClock, CameraClock, Fix, Track, distance_m
 from uavmap.link.rules import NO_FIX, RULES, Message, Sender, place_fault
 
 TELL_EVERY_S: Final = 10.0
 AREA_M: Final = 100_000.0
 """Farther from the mission nothing is a position of one of its vehicles."""
 HOME_M: Final = 50_000.0
+_EXPECTED: Final = (NO_FIX, OLDER)
+"""What is counted, but no news to anybody."""
 
 
 def _to_nobody(text: str) -> None:
@@ -59,7 +61,8 @@ class Gate:
     def refuse(self, kind: str, reason: str, now_s: float) -> None:
         """Count what was not believed, and tell it. `reason` holds no value of the message."""
         self.refused[kind, reason] += 1
-        if reason == NO_FIX or now_s - self._told_s.get(kind, float("-inf")) < TELL_EVERY_S:
+        told_s = self._told_s.get(kind, float("-inf"))
+        if reason in _EXPECTED or now_s - told_s < TELL_EVERY_S:
             return
         self._told_s[kind] = now_s
         count = self.refused[kind, reason]
