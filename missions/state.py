@@ -17,6 +17,7 @@ from missions.ground.grid import Grid
 from missions.ground.lanes import Lane, lanes, share_out
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
+from missions.mission_file.energy_model import energy_model
 from missions.mission_file.schema import Mission, positions
 from missions.orders import FlyTo, Hold, Order, Sweep
 from missions.units import Cell, GridPoint
@@ -121,7 +122,7 @@ class Setting:
             mission,
             grid,
             fence,
-            EnergyModel.of(mission),
+            energy_model(mission),
             EXPLORERS[mission.strategy],
             lanes(box, mission.grid.cell_m, fence),
         )

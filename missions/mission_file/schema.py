@@ -84,6 +84,8 @@ class Flight(_Section):
     speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
     settle_m_s: Positive = 0.5
     """A frame is taken once the vehicle is slower than this."""
+    max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
+    """What the airframe can hold against the wind."""
 
 
 class CameraSection(_Section):
@@ -96,6 +98,8 @@ class CameraSection(_Section):
     yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
     interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
     """Time between two frames of a cell."""
+    noiseless: bool = False
+    """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
 
 
 class DetectorSection(_Section):

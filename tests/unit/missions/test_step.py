@@ -186,9 +186,9 @@ def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Serv
 
 
 def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
-    """The fence is two halves with a gap: the box lies in the one, home in the other."""
+    """The fence is two halves with a gap: the box lies in both, home in the one."""
     wall = square(-60, 10, 160, 4)
-    made = mission(square(0, 20, 30, 20), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
+    made = mission(square(0, -4, 30, 44), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
     flight = fleet(made, roi={Cell(2, 7)})
     flight.start()
     flight.run(300.0)
