@@ -45,8 +45,14 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
     }
     hints = typing.get_type_hints(kind)
+
+    def value(hint: object) -> st.SearchStrategy[object]:
+        if typing.get_origin(hint) is typing.Literal:
+            return st.sampled_from(typing.get_args(hint))
+        return of_type[hint]
+
     return {
-        field.name: of_type[hints[field.name]]
+        field.name: value(hints[field.name])
         for field in dataclasses.fields(kind)
         if field.default is dataclasses.MISSING
     }
