@@ -1,4 +1,4 @@
-"""How a mission looks at pictures: frame -> plausible? -> look(frame, grid, detector) -> votes."""
+"""How a mission looks at pictures: frame -> plausible -> look(frame, grid, detector) -> votes."""
 
 from __future__ import annotations
 
