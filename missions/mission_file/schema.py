@@ -87,6 +87,8 @@ class Flight(_Section):
     speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
     settle_m_s: Positive = 0.5
     """A frame is taken once the vehicle is slower than this."""
+    max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
+    """What the airframe can hold against the wind."""
 
 
 class CameraSection(_Section):
@@ -101,6 +103,8 @@ class CameraSection(_Section):
     """Time between two frames of a cell."""
     hosts: tuple[HostName, ...] = ()
     """From where pictures may be fetched, besides the host at the other end of the link."""
+    noiseless: bool = False
+    """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
 
 
 class DetectorSection(_Section):

@@ -84,7 +84,7 @@ class MavlinkVehicle:
             battery_stale_s,
         )
         self._monitor = Monitor(self._reporter, session.view)
-        limits = Limits(setting.fence, setting.energy, setting.airspeed_limit_m_s, slack_s)
+        limits = Limits(setting.fence, setting.energy, slack_s)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
