@@ -30,7 +30,7 @@ from uavmap.fly.vehicle import LINK_LOST_S, MavlinkVehicle
 from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
-from uavmap.record.flight_plan import JOURNAL, TLOG, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.record.tlog import TlogWriter
 from uavmap.results.score import true_roi
@@ -96,7 +96,7 @@ def resume(
             )
         if plan.simulated and not again and not plan.rehomed:
             plan = replace(plan, rehomed=True)
-            journal.put_meta("plan", asdict(plan))
+            journal.put_meta(REHOMED, True)
         if again:
             journal.start_verification()
             state = State.initial(setting)
