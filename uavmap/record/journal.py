@@ -221,7 +221,7 @@ def _refuse_occupied(path: Path) -> None:
 def _refuse_missing(path: Path) -> None:
     try:
         there = path.is_file()
-        begun = not there and interrupted_recovery(path) is not None
+        begun = interrupted_recovery(path) is not None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JournalError(f"{path} cannot be opened: {reason}") from None
