@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shutil
 import sqlite3
 from collections import Counter
@@ -21,6 +22,7 @@ from missions.events import Airborne, Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
 from tests.unit.uavmap.journals import META, contents, read, some_events, write, write_version_1
 from uavmap.cli import main
+from uavmap.record import chain
 from uavmap.record.journal import Journal
 from uavmap.record.recovery import recover
 from uavmap.record.salvage import confirmed_in_log, salvage
@@ -76,21 +78,20 @@ def judge(path: Path, events: list[Event]) -> str:
     try:
         found = read(path)
     except JournalError as error:
-        assert "\n" not in str(error)
         said = str(error)
     else:
         assert found == (events, META)
         return "without effect"
+    assert "\n" not in said
     assert contents(path.parent) == before
-    try:
-        done = recover(path)
-    except JournalError as error:
-        assert "no flight plan can be read" in str(error)
-        assert "--recover" not in said
+    if "--recover" not in said:
+        assert "no flight plan can be read" in said
+        with pytest.raises(JournalError, match="no flight plan can be read"):
+            recover(path)
         assert contents(path.parent) == before
         return "no plan"
+    done = recover(path)
     assert done is not None
-    assert "--recover" in said
     assert f"{done.kept} event" in said
     after = contents(path.parent)
     for side in ("", "-wal", "-shm"):
@@ -225,19 +226,14 @@ def test_a_plan_that_was_changed_with_its_checksum_breaks_the_chain(
     whole: Path, tmp_path: Path
 ) -> None:
     path = copied(whole, tmp_path / "changed")
-    other = write(tmp_path / "other.db", [])
     changed_in_place(
         path,
-        lambda database: database.execute(
-            "UPDATE meta SET (value, checksum) = (?, ?)", forged(other)
-        ),
+        lambda database: database.execute("UPDATE meta SET (value, checksum) = (?, ?)", forged()),
     )
     assert "event 1 is not as it was written" in refused(path)
 
 
-def forged(path: Path) -> tuple[str, bytes]:
-    from uavmap.record import chain
-
+def forged() -> tuple[str, bytes]:
     plan = json.dumps({**META["plan"], "seed": 8})
     return plan, chain.of_meta("plan", plan)
 
@@ -284,8 +280,6 @@ def test_an_interrupted_recovery_is_finished(
     path = copied(killed, tmp_path / "interrupted")
     flip(path.with_name("journal.db-wal"), 8 * 60_000)
     before = contents(path.parent)
-    import os
-
     rename, done = os.rename, []
 
     def limited(source: Path, target: Path) -> None:
@@ -299,9 +293,9 @@ def test_an_interrupted_recovery_is_finished(
         recover(path)
     monkeypatch.undo()
     if steps:
-        with pytest.raises(JournalError, match="--recover` finishes it|--recover` goes on"):
+        with pytest.raises(JournalError, match=r"--recover` finishes it|--recover` goes on"):
             Journal.open(path)
-        with pytest.raises(JournalError, match="exists already|recovery was interrupted"):
+        with pytest.raises(JournalError, match=r"exists already|recovery was interrupted"):
             Journal.create(path, META)
     recover(path)
     kept, _ = read(path)
