@@ -7,6 +7,7 @@ Exit codes: 0 done and complete; 2 something is wrong with the input or the link
 from __future__ import annotations
 
 import argparse
+import errno
 import sys
 from collections.abc import Sequence
 
@@ -36,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
-        code: int = options.run(options)
+        code = _run(options)
     except* UavmapError as group:
         for error in leaves(group):
             for line in str(error).splitlines():  # a mission file may have several faults
@@ -45,4 +46,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except* KeyboardInterrupt:
         print("uavmap: interrupted", file=sys.stderr)
         code = INTERRUPTED
+    return code
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        code: int = options.run(options)
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        name = str(error.filename or "an argument")
+        raise UavmapError(f"{name[:60]}...: too long for the name of a file") from None
     return code

@@ -137,7 +137,7 @@ class Terminal:
         for v in state.vehicles.values():
             table.add_row(
                 str(v.vehicle),
-                _doing(v),
+                Text(_doing(v)),  # a vehicle's own words may look like markup
                 f"{v.position.east_m:.1f}",
                 f"{v.position.north_m:.1f}",
                 f"{v.height_m:.1f}",
