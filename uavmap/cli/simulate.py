@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from missions.arena.roi import KINDS, MAX_CELLS, Roi, grown
@@ -221,8 +220,10 @@ def _table(done: Sequence[Trial], explorers: Sequence[Explorer], terms: Terms) -
     """The certificates for people: of a ROI, or the means of several."""
     runs = len(done) // len(explorers)
     robots = f"{terms.robots} robot" + "s" * (terms.robots > 1)
-    title = f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {robots}" if done else ""
-    table = Table(title=escape(title), title_justify="left")
+    table = Table(
+        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {robots}" if done else "",
+        title_justify="left",
+    )
     table.add_column("strategy", no_wrap=True)
     for title in ("T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"):
         table.add_column(title, justify="right")

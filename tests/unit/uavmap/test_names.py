@@ -82,16 +82,6 @@ def test_markup_in_a_name_is_shown_as_it_is(
     assert "[/x][red] (rdfs)" in capsys.readouterr().out
 
 
-def test_markup_in_the_name_of_a_roi_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a[").mkdir()
-    (tmp_path / "a[" / "b].json").write_text('{"rois": [{"start": [0, 0], "cells": [[0, 0]]}]}')
-    assert main(["simulate", "--roi", "a[/b].json"]) == 0
-    assert "a[/b].json" in capsys.readouterr().out
-
-
 LONG = "x" * 5000
 
 
