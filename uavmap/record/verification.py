@@ -34,6 +34,7 @@ from uavmap.record.journal_file import (
 from uavmap.record.salvage import agrees, confirmed_in_log, event_row, salvage
 
 _HEADER_BYTES: Final = 100
+_LONGEST_SAID: Final = 200
 _LOG_INDEX: Final = struct.Struct("=IIIBBHIIII8s8s")
 _LOG_INDEX_VERSION: Final = 3007000
 
@@ -66,11 +67,20 @@ def verify(path: Path) -> Verified:
             found = _check_content(path, database)
             frames = _frames_in_log(database)
         _check_log(path, found, frames)
-    except (_DamageError, sqlite3.Error) as damage:
-        raise JournalError(_told(path, " ".join(str(damage).split()))) from None
+    except _DamageError as damage:
+        raise JournalError(_told(path, str(damage))) from None
+    except (sqlite3.Error, UnicodeError, OverflowError) as error:
+        # SQLite quotes what is damaged, and what it quotes may be no text
+        raise JournalError(_told(path, f"is damaged: {_readable(str(error))}")) from None
     except OSError as error:
         raise JournalError(f"{path} cannot be read: {error.strerror or error}") from None
     return found
+
+
+def _readable(text: str) -> str:
+    """Words of SQLite in one line, without what a terminal would obey."""
+    words = " ".join(text.split())[:_LONGEST_SAID]
+    return "".join(letter if letter.isprintable() else "?" for letter in words)
 
 
 def _told(path: Path, damage: str) -> str:
@@ -173,7 +183,7 @@ def _check_content(path: Path, database: sqlite3.Connection) -> Verified:
         raise _unknown_version(version)
     (verdict,) = database.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
-        raise _DamageError(f"is damaged: {verdict}")
+        raise _DamageError(f"is damaged: {_readable(verdict)}")
     written = {
         sql for (sql,) in database.execute("SELECT sql FROM sqlite_master WHERE sql NOTNULL")
     }

@@ -27,7 +27,7 @@ from uavmap.record.journal import Journal
 from uavmap.record.recovery import recover
 from uavmap.record.salvage import confirmed_in_log, salvage
 
-EVENTS = some_events(60)
+EVENTS = some_events(35)
 LONG = FrameSeen(1, 70.0, Cell(0, 0), tuple(Vote(Cell(n, 7), True, 0.5) for n in range(400)))
 """Too long for a page."""
 
@@ -68,7 +68,7 @@ def refused(path: Path) -> str:
     assert contents(path.parent) == before
     line = str(caught.value)
     assert str(path) in line
-    assert "\n" not in line
+    assert line.isprintable()
     return line
 
 
@@ -82,7 +82,7 @@ def judge(path: Path, events: list[Event]) -> str:
     else:
         assert found == (events, META)
         return "without effect"
-    assert "\n" not in said
+    assert said.isprintable()
     assert contents(path.parent) == before
     if "--recover" not in said:
         assert "no flight plan can be read" in said
@@ -206,7 +206,7 @@ def test_a_digit_that_changes_is_noticed(
     ("statement", "words"),
     [
         ("DELETE FROM events WHERE seq = 9", "event 9 is missing"),
-        ("UPDATE events SET seq = 900 WHERE seq = 121", "event 121 is missing"),
+        ("UPDATE events SET seq = 900 WHERE seq = 71", "event 71 is missing"),
         ("UPDATE events SET t_s = 3.0 WHERE seq = 9", "event 9 cannot be read"),
         ("UPDATE events SET body = x'ff' WHERE seq = 9", "event 9 cannot be read"),
         ("UPDATE events SET body = CAST(x'ff' AS TEXT) WHERE seq = 9", "decode"),
