@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from missions.events import from_json
 from uavmap.record import chain
 from uavmap.record.journal_file import PAGE_BYTES, EventRow
-from uavmap.record.sqlite_pages import Pages, Value, row_numbers, rows_of
+from uavmap.record.sqlite_pages import Pages, Value, row_numbers, rows_of, values_of
 
 _LOG_HEADER: Final = 32
 _FRAME_HEADER: Final = 24
@@ -54,13 +54,17 @@ class _Found:
 
     meta: dict[str, list[tuple[str, bytes | None]]] = field(default_factory=dict)
     events: dict[int, list[Candidate]] = field(default_factory=dict)
+    seen: set[tuple[int | None, bytes]] = field(default_factory=set)
 
-    def take_in_all(self, rows: Iterable[tuple[int | None, list[Value]]]) -> None:
+    def take_in_all(self, rows: Iterable[tuple[int | None, bytes]]) -> None:
         for number, row in rows:
+            if (number, row) in self.seen:  # each page of the log repeats what was on it before
+                continue
+            self.seen.add((number, row))
             if number is None:
-                self._take_in_meta(row)
+                self._take_in_meta(values_of(row))
             else:
-                self._take_in_event(number, row)
+                self._take_in_event(number, values_of(row))
 
     def _take_in_event(self, number: int, row: list[Value]) -> None:
         # the number is the key of the table, and lies outside of the row
@@ -69,9 +73,7 @@ class _Found:
         if (event := event_row(row[1:5])) is not None:
             checksum = row[5] if len(row) == 6 else None
             if checksum is None or isinstance(checksum, bytes):
-                candidates = self.events.setdefault(number, [])
-                if (event, checksum) not in candidates:
-                    candidates.append((event, checksum))
+                self.events.setdefault(number, []).append((event, checksum))
 
     def has_checksums(self) -> bool:
         """Whether any event has one; then none counts without."""

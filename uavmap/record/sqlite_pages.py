@@ -32,8 +32,8 @@ class Pages:
     data: Mapping[int, bytes]
 
 
-def rows_of(page: bytes, pages: Pages, *, first: bool) -> Iterator[tuple[int | None, list[Value]]]:
-    """The rows of a page, each with its number; None in a table that has no numbers.
+def rows_of(page: bytes, pages: Pages, *, first: bool) -> Iterator[tuple[int | None, bytes]]:
+    """The rows of a page as bytes, each with its number; None in a table that has no numbers.
 
     Args:
         page: its bytes.
@@ -43,8 +43,8 @@ def rows_of(page: bytes, pages: Pages, *, first: bool) -> Iterator[tuple[int | N
     for kind, place in _cells(page, first=first):
         try:
             if (cell := _cell(page, place, kind, pages)) is not None:
-                yield cell[0], _record(cell[1])
-        except (IndexError, ValueError):
+                yield cell
+        except IndexError:
             continue
 
 
@@ -112,18 +112,25 @@ def _overflow(page: int, size: int, pages: Pages) -> bytes:
     return b"".join(parts)
 
 
-def _record(data: bytes) -> list[Value]:
-    """The values of a row. Raises IndexError or ValueError for what is none."""
-    end, place = _varint(data, 0)
+def values_of(row: bytes) -> list[Value]:
+    """The values of a row; empty for what is none."""
+    try:
+        return _values(row)
+    except (IndexError, ValueError):
+        return []
+
+
+def _values(row: bytes) -> list[Value]:
+    end, place = _varint(row, 0)
     kinds: list[int] = []
     while place < end:
-        kind, place = _varint(data, place)
+        kind, place = _varint(row, place)
         kinds.append(kind)
     values: list[Value] = []
     place = end
     for kind in kinds:
         width = _WIDTHS.get(kind, (kind - 12) // 2 if kind >= 12 else 0)
-        raw = data[place : place + width]
+        raw = row[place : place + width]
         if len(raw) != width:
             raise ValueError("a value is cut short")
         values.append(_value(kind, raw))
