@@ -1,4 +1,4 @@
-"""Whole flights over links that lose, delay and double; more of them: tests.benchmarks.bad_links."""
+"""Whole flights over links that lose, delay and double; more: tests.benchmarks.bad_links."""
 
 from __future__ import annotations
 
