@@ -39,6 +39,9 @@ INSIDE_M = 0.5
 PAD_WAVER_M = 2.0
 """How far the position may be off that a vehicle lands by."""
 
+RIM_CELLS = 1
+"""So many cells of the rim, half of them region, may come out as not: that is noise, not a lie."""
+
 COLUMNS = (
     "n", "ok", "inc", "down", "other", "home", "away", "air", "crash", "breach", "late", "far",
     "res", "lie", "unrep", "end", "tb",
@@ -47,7 +50,7 @@ EXPLAINED = """\
 n flights; ok exit 0; inc exit 3; down exit 4; other exit 2; home, away: everybody landed at home,
 or somebody elsewhere; air in the air at the end; crash; breach somebody left the fence; late ...
 and was neither on the ground nor in RTL or LAND 60 s later; far more than 150 m outside; res landed
-with less than the reserve; lie exit 0 with cells missed or somebody not at home; unrep a crash, or
+with less than the reserve; lie exit 0 with cells missed (beyond one of the rim) or somebody not at home; unrep a crash, or
 an aircraft that is not at home, of which no word was said; end no end; tb a traceback."""
 
 
@@ -123,6 +126,10 @@ class Flown:
     """Of orders that failed, and what a guardian did."""
 
     @property
+    def _missed(self) -> int:
+        return int(self.summary.get("cells_missed") or 0)
+
+    @property
     def columns(self) -> frozenset[str]:
         """Where it counts in the table."""
         craft = self.truth.aircraft.values()
@@ -144,7 +151,7 @@ class Flown:
             "late": any(c.outside_s > SEEN_TO_S for c in craft),
             "far": any(c.outside_m > FAR_M for c in craft),
             "res": self.truth.reserve_violations > 0,
-            "lie": self.code == 0 and (bool(self.summary.get("cells_missed")) or crashed or air),
+            "lie": self.code == 0 and (self._missed > RIM_CELLS or crashed or air),
             "unrep": (crashed or air) and not told,
             "end": "no end" in self.raised,
             "tb": bool(self.raised) and "no end" not in self.raised,
