@@ -59,6 +59,7 @@ class Guardian:
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
+        self._jumps = session.view.gate.track.jumps
         self._last_wh = limits.energy.capacity_wh
         self.entrusted = False
         """Whether it was in the air by our order when an earlier process ended."""
@@ -122,6 +123,7 @@ class Guardian:
             self._last_wh = seen.remaining_wh
         if self._monitor.overridden and self.acting:
             self._let_go()
+        self._look_for_leaps(seen)
         self._guard, verdict = watch(self._limits, self._guard, seen)
         if not seen.armed and not seen.airborne and self.acting:
             self._let_go()
@@ -133,6 +135,15 @@ class Guardian:
             self._crashed(seen, verdict.reason)
         else:
             self.take_over("land" if verdict.rung == "land" else "rtl", verdict.reason)
+
+    def _look_for_leaps(self, seen: Seen) -> None:
+        """A position that leapt ends the mission of this vehicle: its places mean nothing."""
+        track, leaps = self._view.gate.track, self._monitor.leaps
+        leapt, leaps.leapt = leaps.leapt, ""
+        if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
+            self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
+        if leapt and not self.acting and seen.airborne and seen.mode != "other":
+            self.order_failed(f"{leapt}: satellite navigation is not to be trusted")
 
     def _seen(self) -> Seen | None:
         """What telemetry says, None where it says nothing of now."""
