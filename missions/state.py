@@ -105,6 +105,8 @@ class VehicleState:
     """Sorties that the battery ended, since the last progress; the last counts itself."""
     braking_until_s: float | None = None
     """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
+    landed_away_m: float = 0.0
+    """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
     note: str = ""
 
     @property
@@ -116,6 +118,11 @@ class VehicleState:
     def cruise_height_m(self) -> float:
         """Its layer, above its own home."""
         return self.cruise_altitude_m - self.home_level_m
+
+    @property
+    def away(self) -> bool:
+        """Whether somebody has to look for it: not on the ground, or on the ground elsewhere."""
+        return not self.landed or bool(self.landed_away_m) or self.phase in (Phase.DOWN, Phase.LOST)
 
     @property
     def level_m(self) -> float:

@@ -187,11 +187,11 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
         _show(summary, folder, as_json=as_json)
     for line in summary.get("aircraft_down", ()):
         complain(line)
-    if summary["completed"]:
-        return 0
-    if "aircraft_down" in summary:
+    if not summary["completed"] and "aircraft_down" in summary:
         complain(f"to go on: uavmap resume {folder}")
-    return AIRCRAFT_DOWN if summary.get("aircraft_down") else INCOMPLETE
+    if summary.get("aircraft_down"):  # also where everything is mapped
+        return AIRCRAFT_DOWN
+    return 0 if summary["completed"] else INCOMPLETE
 
 
 def _show(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> None:

@@ -226,7 +226,7 @@ def aircraft_down(setting: Setting, state: State) -> list[str]:
     """The aircraft that somebody has to look after, each with its place."""
     lines = []
     for number, vehicle in sorted(state.vehicles.items()):
-        if vehicle.phase in (Phase.DOWN, Phase.LOST) or not vehicle.landed:
+        if vehicle.away:
             place = setting.grid.position(vehicle.position)
             where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
             lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")
