@@ -66,6 +66,8 @@ PAD_M: Final = 5.0
 """A landing nearer to its pad than this is a landing at home."""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
+SPENT_S: Final = 2.5
+"""So long the charge must be told to be so low: one wrong message is no empty battery."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +149,7 @@ class Guard:
     outside_m: float = 0.0
     low_since_s: float | None = None
     sunk_since_s: float | None = None
+    spent_since_s: float | None = None
 
     def told(self, task: Task) -> Guard:
         """This guard after a new order; what it has taken over it keeps."""
@@ -198,6 +201,9 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     if verdict is not None or guard.down or not seen.airborne:
         return replace(guard, last_s=seen.t_s), verdict
     guard = _measured(limits, guard, seen)
+    guard = replace(
+        guard, spent_since_s=_since(guard.spent_since_s, _is_spent(limits, seen), seen.t_s)
+    )
     verdict = _last_reserve(limits, guard, seen) or _trouble(limits, guard, seen)
     guard = replace(guard, last_s=seen.t_s)
     if verdict is None:
@@ -334,13 +340,19 @@ def landing_wh(energy: EnergyModel, height_m: float) -> float:
     return energy.hover_wh(max(height_m, 0.0) / LANDING_SPEED_M_S + 8.0)
 
 
+def _is_spent(limits: Limits, seen: Seen) -> bool:
+    if seen.remaining_wh is None:
+        return False
+    return seen.remaining_wh <= LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
+
+
 def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     """Land while the energy for it is there."""
-    if seen.remaining_wh is None or guard.action == "land" or guard.task.doing == "land":
+    if guard.action == "land" or guard.task.doing == "land":
+        return None
+    if not _lasted(limits, guard.spent_since_s, seen.t_s, SPENT_S) or seen.remaining_wh is None:
         return None
     need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
-    if seen.remaining_wh > need_wh:
-        return None
     return Verdict(
         "land",
         f"{seen.remaining_wh:.1f} Wh are left, and landing from here takes {need_wh:.1f}",

@@ -213,6 +213,7 @@ class MavlinkVehicle:
                 with contextlib.suppress(LinkError):
                     if not self._streams.go_on:
                         await self.connect()
+                    await self._fresh_position()
                     self._camera.uncertain()
                     monitor.report_connected()
             elif (
@@ -223,6 +224,11 @@ class MavlinkVehicle:
             ):
                 given_up = True
                 reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+
+    async def _fresh_position(self) -> None:
+        """Wait for the next position: what is ordered now begins where it is, not where it was."""
+        begin_s = asyncio.get_running_loop().time()
+        await self._session.until(lambda: self._view.position_s >= begin_s, 1.0)
 
     def _waited_for_s(self) -> float | None:
         """How long a vehicle is waited for that has fallen silent."""
