@@ -58,6 +58,8 @@ DOWN_M: Final = 0.8
 DOWN_S: Final = 4.0
 DOWN_M_S: Final = 0.7
 """Below this height, no faster than this, for so long: it lies on the ground."""
+FALL_M_S: Final = 4.0
+"""Nobody descends this fast: it falls."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
@@ -134,6 +136,9 @@ class Guard:
     was_up: bool = False
     at_height: bool = False
     down: bool = False
+    height_m: float = 0.0
+    fell: bool = False
+    """It came down faster than anybody flies it."""
     along_m: float = 0.0
     """How far along its path it has come."""
     best_m: float = float("inf")
@@ -182,8 +187,10 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     Call it about once a second. A verdict of `rtl` or `land` is in force at once: the guard that
     is returned has it as its action.
     """
-    if seen.mode == "other" and seen.armed:
-        return guard.released(), None
+    guard = _falling(guard, seen)
+    if seen.mode == "other" and seen.armed and not _lies(guard, seen):
+        free = guard.released()
+        return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
     guard = replace(
         guard,
         was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
@@ -291,9 +298,25 @@ def _off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
 
 
 # --- what follows -----------------------------------------------------------------------------
+def _falling(guard: Guard, seen: Seen) -> Guard:
+    """The guard with the height, and with whether the vehicle falls."""
+    fell = guard.fell
+    if guard.last_s is not None and seen.t_s > guard.last_s:
+        sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
+        fell = sink_m_s > FALL_M_S or (fell and sink_m_s > -UP_M)
+    return replace(guard, height_m=seen.height_m, fell=fell)
+
+
+def _lies(guard: Guard, seen: Seen) -> bool:
+    """Whether it fell, and has come to rest."""
+    return guard.fell and seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
+
+
 def _crashed(guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
     """Down without having been told to land: motors off away from home, or no height."""
     at_home = seen.position.distance_to(seen.home) <= PAD_M
+    if _lies(guard, seen) and not guard.down:
+        return replace(guard, down=True), Verdict("crashed", f"it fell, {_off_home(seen)}")
     landing = guard.action == "land" or guard.task.doing == "land" or seen.mode == "land"
     returning = guard.action == "rtl" or seen.mode == "rtl"
     if guard.down or not guard.was_up or landing or (returning and at_home):
@@ -348,6 +371,9 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
         return Verdict("land", blown)
+    if guard.outside_m > 0.0 and _lasted(guard.receding_since_s, seen.t_s, RECEDING_S):
+        # what leads it astray would lead its autopilot astray, too, and a climb costs the time
+        return Verdict("land", f"{reason}, outside of the geofence")
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 
+from missions.events import FrameSeen, Tracked
 from missions.guardian import PAD_M
 from missions.state import Setting
 from tests.fake_fleet import Fleet
@@ -109,8 +110,12 @@ def counted(fleet: Fleet) -> frozenset[str]:
 
 
 def narrate(fleet: Fleet) -> None:
-    """What happened, in the order it did."""
-    lines = [(event.t_s, 0, str(event)) for event in fleet.events]
+    """What happened, in the order it did, but for whereabouts and frames."""
+    lines = [
+        (event.t_s, 0, str(event))
+        for event in fleet.events
+        if not isinstance(event, Tracked | FrameSeen)
+    ]
     lines += [(t_s, 1, f"    -> {number}: {order}") for t_s, number, order in fleet.orders]
     for _, _, line in sorted(lines):
         print(line)

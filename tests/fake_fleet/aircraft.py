@@ -90,8 +90,9 @@ class Aircraft:
 
     @property
     def ground_speed_m_s(self) -> float:
-        """How fast it says it is."""
-        return math.hypot(*self.velocity_m_s)
+        """How fast it says it is: who falsifies positions falsifies velocities, too."""
+        (east, north), drift = self.velocity_m_s, self.drift_m_s
+        return math.hypot(east + drift[0], north + drift[1]) if self.flying else 0.0
 
     # --- what it can be told ---------------------------------------------------------------
     def take_off(self, height_m: float) -> None:
@@ -197,6 +198,7 @@ class Aircraft:
         if self.compass_rad:
             sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
             east, north = east * cos + north * sin, north * cos - east * sin
+        east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
         through = math.hypot(east - wind[0], north - wind[1])
         if through > AIRSPEED_M_S:
             share = AIRSPEED_M_S / through

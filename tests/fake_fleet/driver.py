@@ -166,15 +166,15 @@ class Driver:
     # --- orders ----------------------------------------------------------------------------
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
-        if isinstance(order, StandDown) and self.craft.flying:
-            self.order = order  # whatever it flies now it flies on
+        if isinstance(order, StandDown):
+            self.order = order  # whatever it flies now it flies on, and the guardian stays with it
             return
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
         self.way = self._points(order)
         t_s = self.around.now_s
         if isinstance(order, ReturnToLaunch):
             self.guard = self.guard.acting("rtl", t_s)
-        elif isinstance(order, AwaitBattery | StandDown):
+        elif isinstance(order, AwaitBattery):
             self.guard = self.guard.released()
         else:
             self.guard = self.guard.told(self._task(order, t_s))

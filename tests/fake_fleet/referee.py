@@ -15,7 +15,7 @@ from missions.arena.roi import component
 from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.events import FrameSeen, from_json, to_json
 from missions.ground.lanes import point_on
-from missions.guardian import PAD_M
+from missions.flight.return_home import BESIDE_M
 from missions.mapping.belief import FrameId
 from missions.orders import StandDown, TakeOff
 from missions.state import Phase
@@ -66,7 +66,9 @@ class Notes:
     """Something in this sortie took its energy or its landing out of the mission's hands."""
     known_wind_m_s: float = 0.0
     was_flying: bool = False
-    wrong_s: float | None = None
+    lied: bool = False
+    """Its positions lied when it landed last."""
+    spoofed_s: float = -math.inf
     fell: bool = False
 
 
@@ -100,6 +102,8 @@ class Referee:
         lies = math.hypot(*craft.offset_m) > LIES_M or abs(craft.compass_rad) > COMPASS_RAD
         if lies or wind_m_s > AIRSPEED_LIMIT_M_S:
             notes.blind_s = t_s
+        if craft.drift_m_s != (0.0, 0.0):
+            notes.spoofed_s = t_s
         others = craft.mode == "other" or craft.failsafe
         if others:
             notes.hands_s = t_s
@@ -134,8 +138,8 @@ class Referee:
         if notes.outside_s is None:
             notes.outside_s = t_s
         out_m = float(outer.distance(Point(at)))
-        if out_m < 0.01 or fleet.stood_outside:
-            return
+        if out_m < 0.01 or fleet.stood_outside or t_s - notes.spoofed_s < FORGIVEN_S:
+            return  # who is led away by positions and velocities that agree cannot know it
         forgiven = max(notes.blind_s, notes.hands_s) >= notes.outside_s - FORGIVEN_S
         ours = craft.mode == "follow"
         if ours and not notes.breach_told and not forgiven:
@@ -156,6 +160,8 @@ class Referee:
             if not self._fall_forgiven(fleet, craft, notes):
                 self.note(fleet.t_s, "fell", f"vehicle {craft.number} fell out of the sky")
         landed = notes.was_flying and not craft.flying
+        if landed:
+            notes.lied = fleet.t_s - notes.blind_s < FORGIVEN_S
         notes.was_flying = craft.flying
         if not landed or craft.crashed:
             return
@@ -249,14 +255,11 @@ class Referee:
 
     def _stands_away(self, fleet: Fleet, craft: Aircraft) -> None:
         vehicle = fleet.state.vehicles[craft.number]
-        pads = (craft.home, vehicle.pad)
-        away_m = min(craft.position.distance_to(pad) for pad in pads)
+        away_m = craft.position.distance_to(craft.home)
         at_home = vehicle.phase in (Phase.FINISHED, Phase.GROUNDED)
-        lies = math.hypot(*craft.offset_m) > LIES_M
-        if not craft.flying and at_home and away_m > PAD_M + LIES_M and not lies:
-            if self.notes[craft.number].blind_s < fleet.t_s - 200.0 or away_m > 30.0:
-                text = f"vehicle {craft.number} stands {away_m:.0f} m from its pad"
-                self.note(fleet.t_s, "unreported", f"{text} as {vehicle.phase}")
+        if not craft.flying and at_home and away_m > BESIDE_M and not self.notes[craft.number].lied:
+            text = f"vehicle {craft.number} stands {away_m:.0f} m from its pad"
+            self.note(fleet.t_s, "unreported", f"{text} as {vehicle.phase}")
 
     def _belief(self, fleet: Fleet) -> Iterator[str]:
         looks = fleet.state.belief.looks
