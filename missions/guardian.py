@@ -47,6 +47,9 @@ OFF_PATH_HOME_S: Final = 5.0
 """A jump of the position estimate is flown back from by the autopilot itself, in some seconds."""
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
+BLOWN_S: Final = 2.0
+HOPELESS: Final = 1.25
+"""In so many times the wind that it can hold it lands before it is seen to be carried away."""
 """Who is carried away from its goal this fast for so long cannot hold its position."""
 OUTSIDE_S: Final = 2.0
 RECOVERY_S: Final = 6.0
@@ -60,6 +63,8 @@ DOWN_M_S: Final = 0.7
 """Below this height, no faster than this, for so long: it lies on the ground."""
 FALL_M_S: Final = 4.0
 """Nobody descends this fast: it falls."""
+STANDS_S: Final = 20.0
+"""Motors that still turn so long after a touch-down: nobody will stop them but the crew."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
@@ -163,7 +168,6 @@ class Guard:
             along_m=0.0,
             best_m=float("inf"),
             best_s=task.since_s,
-            receding_since_s=None,
             last_gap_m=None,
             off_since_s=None,
             sunk_since_s=None,
@@ -228,7 +232,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     """The guard with distances to the goal, the path and the fence taken in."""
     path = _goal(guard, seen)
     task = guard.task
-    if guard.action == "land" or not path or task.doing in ("climb", "land", "ground"):
+    if guard.action == "land" or not path or task.doing in ("land", "ground"):
         path = path if guard.action == "rtl" else ()
     outside_m = float(limits.fence.outer.distance(Point(seen.position)))
     guard = replace(
@@ -240,7 +244,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         return replace(guard, last_gap_m=None, receding_since_s=None, off_since_s=None)
     along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
     gap_m = _left_m(seen.position, path, along_m)
-    receding = False
+    receding = guard.receding_since_s is not None  # a new order does not bring it to rest
     if guard.last_gap_m is not None and guard.last_s is not None and seen.t_s > guard.last_s:
         receding = gap_m - guard.last_gap_m > RECEDING_M_S * (seen.t_s - guard.last_s)
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
@@ -319,15 +323,15 @@ def _crashed(guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
         return replace(guard, down=True), Verdict("crashed", f"it fell, {_off_home(seen)}")
     landing = guard.action == "land" or guard.task.doing == "land" or seen.mode == "land"
     returning = guard.action == "rtl" or seen.mode == "rtl"
-    if guard.down or not guard.was_up or landing or (returning and at_home):
-        low = False
-    else:
-        low = seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
-        if not seen.armed:
-            reason = f"its motors are off, {_off_home(seen)}"
-            return replace(guard, down=True), Verdict("crashed", reason)
+    due = guard.was_up and not landing and not (returning and at_home)
+    if due and not seen.armed and not guard.down:
+        reason = f"its motors are off, {_off_home(seen)}"
+        return replace(guard, down=True), Verdict("crashed", reason)
+    # a landing, or a climb that does not begin, may take its time at the ground
+    low = seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S and seen.armed
+    low = low and not guard.down and (guard.was_up or seen.airborne)
     guard = replace(guard, low_since_s=_since(guard.low_since_s, low, seen.t_s))
-    if _lasted(guard.low_since_s, seen.t_s, DOWN_S):
+    if _lasted(guard.low_since_s, seen.t_s, DOWN_S if due else STANDS_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None
 
@@ -343,7 +347,8 @@ def landing_wh(energy: EnergyModel, height_m: float) -> float:
 
 def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     """Land while the energy for it is there."""
-    if seen.remaining_wh is None or guard.action == "land" or guard.task.doing == "land":
+    landing = guard.action == "land" or seen.mode == "land"
+    if seen.remaining_wh is None or landing:
         return None
     need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
     if seen.remaining_wh > need_wh:
@@ -362,15 +367,19 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         hovers = seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S
         return Verdict("land", "it was told to land, and hovers") if hovers else None
     reason = _wrong(limits, guard, seen)
+    if guard.action == "rtl" and seen.mode == "follow":
+        # it did not take the command, or was told something else
+        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S
+        return Verdict("land", "it does not return by its autopilot") if due else None
+    blown = _blown_away(limits, guard, seen)
+    if blown is not None:
+        return Verdict("land", blown)
     if reason is None:
         return None
     if guard.action == "rtl":
         # the climb to its return height comes first, and is no fault
         settled = seen.t_s - guard.acted_s >= RECOVERY_S
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
-    blown = _blown_away(limits, guard, seen)
-    if blown is not None:
-        return Verdict("land", blown)
     if guard.outside_m > 0.0 and _lasted(guard.receding_since_s, seen.t_s, RECEDING_S):
         # what leads it astray would lead its autopilot astray, too, and a climb costs the time
         return Verdict("land", f"{reason}, outside of the geofence")
@@ -388,7 +397,8 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     limit_m_s = limits.airspeed_limit_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
-    if not _lasted(guard.receding_since_s, seen.t_s, RECEDING_S):
+    hopeless = seen.wind_m_s >= HOPELESS * limit_m_s
+    if not hopeless and not _lasted(guard.receding_since_s, seen.t_s, BLOWN_S):
         return None
     return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
 

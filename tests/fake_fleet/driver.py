@@ -247,6 +247,8 @@ class Driver:
             self._fail("it was refused")
         elif isinstance(order, COMMANDS) and self.link != "good" and self.clock_s >= NO_ACK_S:
             self._fail("it was not acknowledged 5 times")
+        elif isinstance(order, TakeOff) and self.clock_s >= 60.0 + 3.0 * order.height_m:
+            self._fail("it did not climb")
         elif self.clock_s >= self.fail_in_s:
             self.fail_in_s = math.inf
             self._fail("it failed half-way")
@@ -272,6 +274,8 @@ class Driver:
             self._sweep(order)
         elif isinstance(order, Look):
             self._look(order)
+        elif isinstance(order, Land) and not craft.armed and not self.was_airborne:
+            self._on_ground()  # a take-off that was called off in time
 
     def _reached(self, point: GridPoint, *, stop: bool) -> bool:
         off_m = self.craft.believed.distance_to(point)
@@ -396,7 +400,7 @@ class Driver:
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
             self.around.post(LiftedOff(self.number, now_s))
-        elif self.was_airborne and not craft.armed:
+        elif not craft.armed and (self.was_airborne or self.guard.action is not None):
             self._on_ground()
 
     def _mode_name(self) -> str:

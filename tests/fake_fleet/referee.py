@@ -174,7 +174,8 @@ class Referee:
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
         """Whether nobody could have brought it down in time: it did not hear, or was not ours."""
         driver = fleet.drivers[craft.number]
-        return not driver.obeys or craft.mode == "other" or fleet.emptied.get(craft.number, 0) > 0.3
+        theirs = craft.mode == "other" or craft.failsafe
+        return not driver.obeys or theirs or fleet.emptied.get(craft.number, 0) > 0.3
 
     def _check_responsible(
         self, fleet: Fleet, craft: Aircraft, driver: Driver, notes: Notes
