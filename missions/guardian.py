@@ -254,7 +254,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     return replace(
         guard,
         along_m=along_m,
-        best_m=min(guard.best_m, gap_m),
+        best_m=gap_m if progressed else guard.best_m,
         best_s=seen.t_s if progressed else guard.best_s,
         last_gap_m=gap_m,
         receding_since_s=_since(guard.receding_since_s, receding, seen.t_s),

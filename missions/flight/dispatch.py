@@ -70,6 +70,11 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         state = find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     target = _first_target(setting, state, vehicle)
+    if target is None and not setting.lanes and state.tree is None:
+        note = "no part of the search box can be flown inside the geofence; move the one or the other"
+        return state.with_vehicle(
+            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+        )
     if target is None:
         return state
     if refusal := _unfit(setting, vehicle):

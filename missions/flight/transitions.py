@@ -138,6 +138,10 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
         returns_by_itself=event.mode == "rtl",
         note="",
     )
+    away_m = event.position.distance_to(event.home)
+    if phase is Phase.GROUNDED and not vehicle.landed and away_m > PAD_M:
+        note = f"it came down {away_m:.0f} m from its pad while nothing was heard from it"
+        return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
     if phase is not Phase.AIRBORNE:
         return connected
     return _on_its_way_home(connected, event, vehicle)

@@ -59,6 +59,8 @@ class Aircraft:
     returning: str = ""
     crashed: bool = False
     crash_height_m: float = 0.0
+    unseen: bool = False
+    """It crashed while no process watched it."""
     motors_failed: bool = False
     stays_armed: bool = False
     """After a crash its motors go on turning: no crash detection."""

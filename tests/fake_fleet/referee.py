@@ -16,6 +16,7 @@ from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.events import FrameSeen, from_json, to_json
 from missions.ground.lanes import point_on
 from missions.flight.return_home import BESIDE_M
+from missions.guardian import PAD_M
 from missions.mapping.belief import FrameId
 from missions.orders import StandDown, TakeOff
 from missions.state import Phase
@@ -40,7 +41,8 @@ ALONE_S: Final = 8.0
 REACTION_S: Final = 12.0
 """To leave the air that a failsafe takes takes the others so long."""
 CRASH_M: Final = 2.0
-"""A fall from less is a hard landing."""
+PAD_CRASH_M: Final = 5.0
+"""A fall from less is a hard landing; on its pad telemetry does not tell them apart."""
 
 Kind = str
 
@@ -234,7 +236,9 @@ class Referee:
         for number, craft in fleet.vehicles.items():
             phase = state.vehicles[number].phase
             fell_m = craft.crash_height_m
-            if craft.crashed and fell_m > CRASH_M and not fleet.dead:
+            at_pad = craft.position.distance_to(craft.home) < PAD_M
+            hard = fell_m > (PAD_CRASH_M if at_pad else CRASH_M)
+            if craft.crashed and hard and not fleet.dead and not (at_pad and craft.unseen):
                 if phase not in (Phase.DOWN, Phase.LOST):
                     self.note(t_s, "unreported", f"vehicle {number} lies there as {phase}")
                 if state.completed:

@@ -348,6 +348,30 @@ def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: S
     assert service.order() == AwaitBattery()
 
 
+def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
+    service: Service,
+) -> None:
+    service.exploring()
+    service.post(LinkLost(1, 20.0))
+    field = GridPoint(20.0, 20.0)
+    back = Connected(1, 90.0, HOME, field, 0.0, False, True, 30.0)
+    assert service.post(back) == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert service.state.over
+
+
+def test_a_box_that_cannot_be_flown_ends_with_a_word() -> None:
+    """Every lane of the box lies in the margin of a hole."""
+    hole = square(-9, 17, 38, 28)
+    made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), [hole], vehicles=2)
+    flight = fleet(made, roi=())
+    flight.start()
+    flight.run(60.0)
+    assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FAILED}
+    assert "search box" in flight.state.vehicles[1].note
+    assert not flight.state.completed
+
+
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
