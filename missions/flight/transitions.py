@@ -28,6 +28,7 @@ from missions.events import (
     Tracked,
 )
 from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.return_home import BESIDE_M
 from missions.flight.sightings import frame_seen, look_ended
 from missions.guardian import PAD_M
 from missions.orders import AwaitBattery, Land, ReturnToLaunch, StandDown, TakeOff
@@ -95,7 +96,7 @@ def _resume(setting: Setting, state: State) -> State:
             spare_pad=None,
             at_target=False,
             vertex=v.vertex or root,
-            cleared=True,
+            cleared=v.phase is not Phase.DOWN,  # perhaps nobody has fetched it
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
@@ -139,8 +140,11 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
         note="",
     )
     away_m = event.position.distance_to(event.home)
-    if phase is Phase.GROUNDED and not vehicle.landed and away_m > PAD_M:
-        note = f"it came down {away_m:.0f} m from its pad while nothing was heard from it"
+    # one that was put there by people starts with a new home; one beside a blocked pad is close
+    farthest_m = PAD_M if not vehicle.landed else BESIDE_M
+    has_flown = not (vehicle.landed and vehicle.cleared)
+    if phase is Phase.GROUNDED and has_flown and away_m > farthest_m:
+        note = f"it came down {away_m:.0f} m from its pad, and lies there still"
         return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
     if phase is not Phase.AIRBORNE:
         return connected

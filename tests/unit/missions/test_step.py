@@ -12,6 +12,7 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     Connected,
+    Crashed,
     Event,
     FrameSeen,
     Landed,
@@ -358,6 +359,17 @@ def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
     assert service.post(back) == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.DOWN
     assert service.state.over
+
+
+def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service) -> None:
+    service.exploring()
+    field = GridPoint(20.0, 20.0)
+    service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
+    service.post(Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    service.post(Resumed(200.0))
+    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
+    assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
 
 
 def test_a_box_that_cannot_be_flown_ends_with_a_word() -> None:
