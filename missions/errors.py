@@ -10,6 +10,7 @@
     ├── StudyError          a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── OutputError             a file that cannot be written, or of a kind that is not written
+    ├── AircraftError           an aircraft is down away from home, or was left to its autopilot
     └── LinkError               a connection URL, or a vehicle that does not answer
         └── CommandRefusedError      a vehicle that answered no, with what it said
 
@@ -57,6 +58,10 @@ class JournalError(UavmapError):
 
 class OutputError(UavmapError):
     """A file that cannot be written: no folder, no permission, a kind that is not written."""
+
+
+class AircraftError(UavmapError):
+    """A flight ended with an aircraft down away from home, or left to its autopilot."""
 
 
 class LinkError(UavmapError):

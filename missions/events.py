@@ -39,8 +39,8 @@ class Connected:
     kind: Literal["connected"] = "connected"
     home_amsl_m: float | None = None
     """Height of home above the sea, None where the vehicle has not said."""
-    mode: Literal["follow", "rtl", "land", "other"] = "follow"
-    """What its autopilot does: follow us, return, land, or something else."""
+    mode: Literal["follow", "rtl", "land", "other"] | None = None
+    """What its autopilot does in the air: follow us, return, land, or something else."""
 
 
 @dataclass(frozen=True, slots=True)

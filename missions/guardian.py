@@ -82,6 +82,8 @@ class Limits:
     fence: Fence
     energy: EnergyModel
     airspeed_limit_m_s: float = AIRSPEED_LIMIT_M_S
+    slack_s: float = 0.0
+    """What everything may take longer, where a simulator runs faster than a busy machine hears."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,9 +163,13 @@ class Guard:
         """This guard after a new order; what it has taken over it keeps."""
         if self.action is not None:
             return self
+        again = task.doing == "climb"  # from the ground: what was before is over
         return replace(
             self,
             task=task,
+            was_up=self.was_up and not again,
+            at_height=self.at_height and not again,
+            down=self.down and not again,
             reported=False,
             along_m=0.0,
             best_m=float("inf"),
@@ -182,7 +188,7 @@ class Guard:
 
     def released(self) -> Guard:
         """This guard after a pilot took the vehicle, or after it stands on the ground."""
-        return Guard(was_up=False)
+        return Guard()
 
 
 def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
@@ -192,7 +198,7 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     is returned has it as its action.
     """
     guard = _falling(guard, seen)
-    if seen.mode == "other" and seen.armed and not _lies(guard, seen):
+    if seen.mode == "other" and seen.armed and not (guard.fell and _low(seen)):
         free = guard.released()
         return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
     guard = replace(
@@ -200,7 +206,7 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
         was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
         at_height=guard.at_height or _near_height(guard.task, seen),
     )
-    guard, verdict = _crashed(guard, seen)
+    guard, verdict = _crashed(limits, guard, seen)
     if verdict is not None or guard.down or not seen.airborne:
         return replace(guard, last_s=seen.t_s), verdict
     guard = _measured(limits, guard, seen)
@@ -272,8 +278,8 @@ def _since(since_s: float | None, holds: bool, t_s: float) -> float | None:
     return t_s if since_s is None else since_s
 
 
-def _lasted(since_s: float | None, t_s: float, limit_s: float) -> bool:
-    return since_s is not None and t_s - since_s >= limit_s
+def _lasted(limits: Limits, since_s: float | None, t_s: float, limit_s: float) -> bool:
+    return since_s is not None and t_s - since_s >= limit_s + limits.slack_s
 
 
 def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
@@ -282,10 +288,19 @@ def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
         return 0.0
     line = LineString(path)
     elapsed_s = seen.t_s - (guard.last_s if guard.last_s is not None else guard.task.since_s)
-    reach_m = REACH_M + REACH_M_S * max(elapsed_s, 0.0)
     begin_m = max(guard.along_m - REACH_M, 0.0)
-    near = substring(line, begin_m, min(guard.along_m + reach_m, line.length))
-    return begin_m + float(near.project(Point(seen.position)))
+    end_m = min(guard.along_m + REACH_M + REACH_M_S * max(elapsed_s, 0.0), float(line.length))
+    here = Point(seen.position)
+    near = begin_m + float(substring(line, begin_m, end_m).project(here))
+    within_m = float(line.interpolate(near).distance(here)) + REACH_M / 2
+    # where it turns back nearly the way it came, the farther of two places is the likelier
+    ahead = near
+    step_m = REACH_M / 5
+    while ahead + step_m <= end_m:
+        ahead += step_m
+        if float(line.interpolate(ahead).distance(here)) <= within_m:
+            near = ahead
+    return near
 
 
 def _left_m(position: GridPoint, path: Sequence[GridPoint], along_m: float) -> float:
@@ -311,27 +326,31 @@ def _falling(guard: Guard, seen: Seen) -> Guard:
     return replace(guard, height_m=seen.height_m, fell=fell)
 
 
-def _lies(guard: Guard, seen: Seen) -> bool:
-    """Whether it fell, and has come to rest."""
-    return guard.fell and seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
+def _low(seen: Seen) -> bool:
+    """Whether it has no height, and does not move."""
+    return seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
 
 
-def _crashed(guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
-    """Down without having been told to land: motors off away from home, or no height."""
-    at_home = seen.position.distance_to(seen.home) <= PAD_M
-    if _lies(guard, seen) and not guard.down:
+def _crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
+    """Down without having been told to land: it fell, motors off away from home, or no height."""
+    if guard.down:
+        return guard, None
+    if guard.fell and _low(seen):
         return replace(guard, down=True), Verdict("crashed", f"it fell, {_off_home(seen)}")
+    at_home = seen.position.distance_to(seen.home) <= PAD_M
     landing = guard.action == "land" or guard.task.doing == "land" or seen.mode == "land"
-    returning = guard.action == "rtl" or seen.mode == "rtl"
-    due = guard.was_up and not landing and not (returning and at_home)
-    if due and not seen.armed and not guard.down:
+    if not seen.armed:
+        if not guard.was_up or landing or at_home:
+            return (guard.released() if guard.was_up else guard), None
         reason = f"its motors are off, {_off_home(seen)}"
         return replace(guard, down=True), Verdict("crashed", reason)
+    returning = guard.action == "rtl" or seen.mode == "rtl"
     # a landing, or a climb that does not begin, may take its time at the ground
-    low = seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S and seen.armed
-    low = low and not guard.down and (guard.was_up or seen.airborne)
+    expected = landing or (returning and at_home) or not guard.was_up
+    expected = expected or guard.task.doing in ("ground", "climb")
+    low = _low(seen) and (guard.was_up or seen.airborne)
     guard = replace(guard, low_since_s=_since(guard.low_since_s, low, seen.t_s))
-    if _lasted(guard.low_since_s, seen.t_s, DOWN_S if due else STANDS_S):
+    if _lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None
 
@@ -364,12 +383,14 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     if guard.action == "land":
         return None
     if guard.task.doing == "land" and guard.action is None:
-        hovers = seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S
+        hovers = (
+            seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S + limits.slack_s
+        )
         return Verdict("land", "it was told to land, and hovers") if hovers else None
     reason = _wrong(limits, guard, seen)
     if guard.action == "rtl" and seen.mode == "follow":
         # it did not take the command, or was told something else
-        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S
+        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
@@ -378,16 +399,16 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return None
     if guard.action == "rtl":
         # the climb to its return height comes first, and is no fault
-        settled = seen.t_s - guard.acted_s >= RECOVERY_S
+        settled = seen.t_s - guard.acted_s >= RECOVERY_S + limits.slack_s
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
-    if guard.outside_m > 0.0 and _lasted(guard.receding_since_s, seen.t_s, RECEDING_S):
+    if guard.outside_m > 0.0 and _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
         # what leads it astray would lead its autopilot astray, too, and a climb costs the time
         return Verdict("land", f"{reason}, outside of the geofence")
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:
         return Verdict("report", reason)
-    if seen.t_s - guard.reported_s >= RECOVERY_S:
+    if seen.t_s - guard.reported_s >= RECOVERY_S + limits.slack_s:
         return Verdict("rtl", f"{reason}, and the mission did not bring it home")
     return None
 
@@ -398,7 +419,7 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
     hopeless = seen.wind_m_s >= HOPELESS * limit_m_s
-    if not hopeless and not _lasted(guard.receding_since_s, seen.t_s, BLOWN_S):
+    if not hopeless and not _lasted(limits, guard.receding_since_s, seen.t_s, BLOWN_S):
         return None
     return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
 
@@ -406,22 +427,25 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
 def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     """What is wrong, in words; None while all is well."""
     t_s, task = seen.t_s, guard.task
-    if _lasted(guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(guard, seen):
+    if _lasted(limits, guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(
+        limits, guard, seen
+    ):
         return f"it is {guard.outside_m:.0f} m outside of the geofence"
-    if _lasted(guard.receding_since_s, t_s, RECEDING_S):
+    if _lasted(limits, guard.receding_since_s, t_s, RECEDING_S):
         return "it is carried away from where it should go"
-    if _lasted(guard.off_since_s, t_s, OFF_PATH_HOME_S if task.homeward else OFF_PATH_S):
+    if _lasted(limits, guard.off_since_s, t_s, OFF_PATH_HOME_S if task.homeward else OFF_PATH_S):
         off_m = _off_path_m(seen.position, task.path)
         return f"it is {off_m:.0f} m off its way"
-    if _lasted(guard.sunk_since_s, t_s, HEIGHT_LOST_S):
+    if _lasted(limits, guard.sunk_since_s, t_s, HEIGHT_LOST_S):
         return f"it has lost height ({seen.height_m:.0f} m instead of {task.height_m:.0f})"
     return _too_long(limits, guard, seen)
 
 
-def _coming_back(guard: Guard, seen: Seen) -> bool:
+def _coming_back(limits: Limits, guard: Guard, seen: Seen) -> bool:
     """Whether a vehicle outside of the fence is on its way back, with progress."""
     homeward = guard.action == "rtl" or guard.task.homeward
-    return homeward and seen.t_s - guard.best_s < RECOVERY_S and guard.receding_since_s is None
+    recent = seen.t_s - guard.best_s < RECOVERY_S + limits.slack_s
+    return homeward and recent and guard.receding_since_s is None
 
 
 def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
@@ -430,15 +454,15 @@ def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     if guard.action == "rtl":
         climb_s = max(30.0 - seen.height_m, 0.0) / CLIMB_SPEED_M_S
         way_m = route_length_m(seen.position, (seen.home,))
-        if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s:
+        if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s + limits.slack_s:
             return f"it has come no nearer to home for {t_s - guard.best_s:.0f} s"
         return None
     if task.doing != "leg":
         return None
     # near the end it settles, which brings it no nearer
-    if guard.best_m > PROGRESS_M * 3 and t_s - guard.best_s > NO_PROGRESS_S:
+    if guard.best_m > PROGRESS_M * 3 and t_s - guard.best_s > NO_PROGRESS_S + limits.slack_s:
         return f"it has made no progress for {t_s - guard.best_s:.0f} s"
-    limit_s = LEG_FACTOR * task.estimate_s + LEG_SLACK_S
+    limit_s = LEG_FACTOR * task.estimate_s + LEG_SLACK_S + 2.0 * limits.slack_s
     if t_s - task.since_s > limit_s:
         return f"a leg of some {task.estimate_s:.0f} s has taken {t_s - task.since_s:.0f} s"
     return None

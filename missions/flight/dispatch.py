@@ -71,7 +71,9 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         vehicle = state.vehicles[vehicle.vehicle]
     target = _first_target(setting, state, vehicle)
     if target is None and not setting.lanes and state.tree is None:
-        note = "no part of the search box can be flown inside the geofence; move the one or the other"
+        note = (
+            "no part of the search box can be flown inside the geofence; move the one or the other"
+        )
         return state.with_vehicle(
             replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
         )

@@ -139,16 +139,21 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
         returns_by_itself=event.mode == "rtl",
         note="",
     )
-    away_m = event.position.distance_to(event.home)
-    # one that was put there by people starts with a new home; one beside a blocked pad is close
-    farthest_m = PAD_M if not vehicle.landed else BESIDE_M
-    has_flown = not (vehicle.landed and vehicle.cleared)
-    if phase is Phase.GROUNDED and has_flown and away_m > farthest_m:
-        note = f"it came down {away_m:.0f} m from its pad, and lies there still"
-        return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
     if phase is not Phase.AIRBORNE:
-        return connected
+        return _found_on_the_ground(connected, vehicle)
     return _on_its_way_home(connected, event, vehicle)
+
+
+def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
+    """A vehicle that has flown, and stands away from its pad now, is down there."""
+    away_m = connected.position.distance_to(connected.home)
+    has_flown = not (before.landed and before.cleared)
+    # one that people put elsewhere starts with a new home; one beside a blocked pad is close
+    near = away_m <= (BESIDE_M if before.landed else PAD_M)
+    if not connected.landed or not has_flown or near:
+        return connected
+    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
+    return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 
 def _on_its_way_home(
@@ -159,7 +164,14 @@ def _on_its_way_home(
     if before.phase is Phase.LOST:  # nobody knows what it has been through
         reason = reason or ReturnReason.BATTERY
     if event.mode == "rtl":
-        return replace(connected, phase=Phase.GUARDED, order=StandDown(), note=before.note)
+        resumed = reason or (None if before.note else ReturnReason.BATTERY)
+        return replace(
+            connected,
+            phase=Phase.GUARDED,
+            order=StandDown(),
+            return_reason=resumed,
+            note=before.note,
+        )
     if event.mode == "land":
         # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
         reason = reason or ReturnReason.BATTERY
@@ -275,12 +287,12 @@ def _(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
         away = f"it landed {away_m:.0f} m from its pad"
         note = f"{vehicle.note}; {away}" if vehicle.note else away
         return replace(landed, phase=Phase.DOWN, order=StandDown(), note=note)
-    if vehicle.phase is Phase.GUARDED:
-        return replace(landed, phase=Phase.FAILED, order=StandDown())
     if vehicle.return_reason is ReturnReason.BATTERY:
         return replace(landed, phase=Phase.GROUNDED, order=AwaitBattery())
     if vehicle.return_reason in (ReturnReason.DONE, ReturnReason.RECALLED):
         return replace(landed, phase=Phase.FINISHED, order=StandDown(), vertex=None)
+    if vehicle.phase is Phase.GUARDED:
+        return replace(landed, phase=Phase.FAILED, order=StandDown())
     note = vehicle.note or "landed unexpectedly (no land command was sent)"
     return replace(landed, phase=Phase.FAILED, order=StandDown(), note=note)
 

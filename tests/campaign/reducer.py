@@ -90,9 +90,7 @@ def fly(seed: int, *, verbose: bool = False) -> Outcome:
     fleet.referee.conclude(fleet, twice=seed % 5 == 0)
     if verbose:
         narrate(fleet)
-    return Outcome(
-        seed, flight.label, str(flight), counted(fleet), tuple(fleet.referee.found)
-    )
+    return Outcome(seed, flight.label, str(flight), counted(fleet), tuple(fleet.referee.found))
 
 
 def counted(fleet: Fleet) -> frozenset[str]:

@@ -211,7 +211,9 @@ class Aircraft:
         share = 1.0 if change <= ACCEL_M_S2 * dt_s else ACCEL_M_S2 * dt_s / change
         ve, vn = ve + (east - ve) * share, vn + (north - vn) * share
         self.velocity_m_s = (ve, vn)
-        self.position = GridPoint(self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s)
+        self.position = GridPoint(
+            self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s
+        )
 
     def _climb(self, dt_s: float, ground_m: float) -> None:
         landing = self.mode == "land" or (self.mode == "rtl" and self.returning == "land")

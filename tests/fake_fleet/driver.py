@@ -266,7 +266,9 @@ class Driver:
             if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
                 self.order = None
                 self.around.post(
-                    Airborne(self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m)
+                    Airborne(
+                        self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m
+                    )
                 )
         elif isinstance(order, FlyTo):
             self._fly(order)

@@ -14,8 +14,8 @@ from shapely.geometry import Point
 from missions.arena.roi import component
 from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.events import FrameSeen, from_json, to_json
-from missions.ground.lanes import point_on
 from missions.flight.return_home import BESIDE_M
+from missions.ground.lanes import point_on
 from missions.guardian import PAD_M
 from missions.mapping.belief import FrameId
 from missions.orders import StandDown, TakeOff
@@ -112,9 +112,8 @@ class Referee:
         known = vehicle.phase is Phase.YIELDED
         if not known:
             notes.known_s = t_s
-        if driver.link == "silent":
-            if driver.silent_s <= 0.5:
-                notes.silent_s = t_s
+        if driver.link == "silent" and driver.silent_s <= 0.5:
+            notes.silent_s = t_s
         if vehicle.phase is not Phase.GUARDED:
             notes.guarded_s = t_s
         if craft.flying and not notes.was_flying:
@@ -217,8 +216,8 @@ class Referee:
         t_s, notes = fleet.t_s, self.notes[craft.number]
         if craft.mode == "other" or craft.motors_failed or fleet.dead:
             return True
-        if t_s - notes.blind_s < FORGIVEN_S or t_s - notes.hands_s < REACTION_S and not (
-            craft.failsafe
+        if t_s - notes.blind_s < FORGIVEN_S or (
+            t_s - notes.hands_s < REACTION_S and not (craft.failsafe)
         ):
             return True
         if craft.failsafe and t_s - notes.known_s < REACTION_S:

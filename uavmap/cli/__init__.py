@@ -1,7 +1,8 @@
 """The command `uavmap`.
 
 Exit codes: 0 done and complete; 2 something is wrong with the input or the link, said in a line;
-3 the flight is over, but the mission incomplete; 130 interrupted.
+3 the flight is over, but the mission incomplete; 4 an aircraft is down away from its pad, or was
+left to its autopilot; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from missions.errors import UavmapError, leaves
+from missions.errors import AircraftError, UavmapError, leaves
 from uavmap import __version__
 from uavmap.cli import animate, check, fly, replay, resume, simulate, sitl, strategies, study
-from uavmap.cli.common import INTERRUPTED
+from uavmap.cli.common import AIRCRAFT_DOWN, INTERRUPTED
 
 USER_ERROR = 2
 
@@ -37,12 +38,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         code: int = options.run(options)
+    except* AircraftError as group:
+        _say(group)
+        code = AIRCRAFT_DOWN
     except* UavmapError as group:
-        for error in leaves(group):
-            for line in str(error).splitlines():  # a mission file may have several faults
-                print(f"uavmap: {line}", file=sys.stderr)
+        _say(group)
         code = USER_ERROR
     except* KeyboardInterrupt:
         print("uavmap: interrupted", file=sys.stderr)
         code = INTERRUPTED
     return code
+
+
+def _say(group: BaseExceptionGroup[UavmapError]) -> None:
+    for error in leaves(group):
+        for line in str(error).splitlines():  # a mission file may have several faults
+            print(f"uavmap: {line}", file=sys.stderr)

@@ -18,11 +18,14 @@ from missions.mission_file.schema import MAX_VEHICLES
 from uavmap.record.flight_plan import JOURNAL
 
 INCOMPLETE: Final = 3
+AIRCRAFT_DOWN: Final = 4
 INTERRUPTED: Final = 130
 RESULTS: Final = "results"
 
 _SHOWN: Final = {
     "completed": "mission completed",
+    "frames_judged": "frames judged",
+    "unsearched_m": "search lanes without a judged frame, m",
     "flight_time_s": "flight time, s",
     "makespan_s": "makespan, s",
     "distance_m": "distance, m",
@@ -164,8 +167,15 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
         sys.stdout.write("\n")
     else:
         _table(summary)
+        print(summary.get("finding", ""))
         print(f"results in {folder}")
-    return 0 if summary["completed"] else INCOMPLETE
+    for line in summary.get("aircraft_down", ()):
+        print(f"uavmap: {line}", file=sys.stderr)
+    if summary["completed"]:
+        return 0
+    if "aircraft_down" in summary:
+        print(f"uavmap: to go on: uavmap resume {folder}", file=sys.stderr)
+    return AIRCRAFT_DOWN if summary.get("aircraft_down") else INCOMPLETE
 
 
 def _table(summary: Mapping[str, Any]) -> None:

@@ -25,8 +25,10 @@ from uavmap.fly.ground_crew import Crew
 from uavmap.fly.http_pictures import fetch_over_http
 from uavmap.fly.imaging import CameraDriver, Fetch
 from uavmap.fly.progress import Progress
+from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.service import Service
-from uavmap.fly.vehicle import LINK_LOST_S, MavlinkVehicle
+from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
+from uavmap.fly.watch_over import watched_over
 from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
@@ -40,7 +42,13 @@ if TYPE_CHECKING:
     from uavmap.simulation import Truth
 
 LINK_LOST_WALL_S: Final = 2.0
+BATTERY_STALE_WALL_S: Final = 5.0
+SLACK_WALL_S: Final = 2.0
+"""On a clock that runs fast, a busy machine must not look like an aircraft in trouble."""
 ACK_WAIT_WALL_S: Final = 0.3
+
+
+_ENDED: Final = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
 
 
 def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
@@ -195,23 +203,38 @@ class _Flight:
         return Classifier.of(mission, self._setting.grid, mission.altitude_m(number - 1))
 
     # --- both ------------------------------------------------------------------------------
-    async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
-        automatic = self._plan.simulated or self._plan.auto_swap
-        crew = Crew(self._progress.say, automatic=automatic)
-        vehicles = {
+    def _vehicles(
+        self, names: list[str], sessions: list[Session], fetch: Fetch, crew: Crew
+    ) -> dict[int, MavlinkVehicle]:
+        """The driver of each vehicle, by number."""
+        at_a_terminal = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
+        speedup = max(self._plan.speedup or 1.0, 1.0)
+        stale_s = BATTERY_STALE_S
+        if not self._plan.simulated:
+            stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
+        return {
             number: MavlinkVehicle(
                 number,
                 name,
                 session,
                 CameraDriver(number, session, self._classifier(number), fetch, self._now_s),
-                self._setting.mission,
-                self._setting.grid,
+                self._setting,
                 self._now_s,
                 crew.swap,
                 self._link_lost_s(),
+                battery_stale_s=stale_s,
+                ground_patience_s=None if at_a_terminal else ON_GROUND_S,
+                slack_s=0.0 if self._plan.simulated else SLACK_WALL_S * (speedup - 1.0),
+                tell=self._progress.say,
             )
             for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
         }
+
+    async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
+        """Fly the mission, and look after the aircraft however that ends."""
+        automatic = self._plan.simulated or self._plan.auto_swap
+        crew = Crew(self._progress.say, automatic=automatic)
+        vehicles = self._vehicles(names, sessions, fetch, crew)
 
         def observe(event: Event, state: State) -> None:
             self._progress.update(event, state, again=self._journal.expected)
@@ -225,17 +248,30 @@ class _Flight:
         if self._resumed:
             service.post(Resumed(round(self._now_s(), 3)))
         self._progress.begin(self._setting, again=self._again)
+        guardians = [vehicle.guardian for vehicle in vehicles.values()]
         try:
-            for vehicle in vehicles.values():
-                await vehicle.connect()
-            with self._recall_on_interrupt(service):
-                self._state = await service.fly()
+            with self._interrupts(service):
+                self._state = await watched_over(
+                    guardians, self._fly(vehicles, service), leave=not self._plan.simulated
+                )
+        except BaseException:
+            if self._journal.bodies():
+                self._progress.say(f"to go on: uavmap resume {self._folder}")
+            raise
         finally:
             self._progress.end()
 
+    async def _fly(self, vehicles: dict[int, MavlinkVehicle], service: Service) -> State:
+        for number, vehicle in vehicles.items():
+            await vehicle.connect()
+            before = self._state.vehicles[number]
+            if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
+                vehicle.was_returning()
+        return await service.fly()
+
     @contextlib.contextmanager
-    def _recall_on_interrupt(self, service: Service) -> Any:
-        """Ctrl-C once brings real aircraft home; a second time it leaves them where they are.
+    def _interrupts(self, service: Service) -> Any:
+        """Ctrl-C once brings real aircraft home; a second time their autopilots do.
 
         A simulated flight just stops: nobody is in the air.
         """
@@ -244,32 +280,35 @@ class _Flight:
             return
         loop = asyncio.get_running_loop()
         task = asyncio.current_task()
+        presses = 0
 
         def interrupted() -> None:
-            if service.state.recalled and task is not None:
+            nonlocal presses
+            presses += 1
+            if presses == 1 and not service.ended:
+                self._progress.say(
+                    "coming home and landing; press Ctrl-C again to leave that to the autopilots"
+                )
+                service.recall()
+            elif task is not None:
                 task.cancel()
-                return
-            self._progress.say(
-                "coming home and landing; press Ctrl-C again to leave the aircraft as they are"
-            )
-            service.recall()
 
-        for number in (signal.SIGINT, signal.SIGTERM):
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        for number in numbers:
             loop.add_signal_handler(number, interrupted)
         try:
             yield
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         finally:
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in numbers:
                 loop.remove_signal_handler(number)
 
 
 def _all_wait(state: State, waiting: set[int]) -> bool:
     """Whether everybody who is not done waits for a battery that nobody here will announce."""
     return bool(waiting) and all(
-        number in waiting or v.phase in (Phase.FINISHED, Phase.FAILED)
-        for number, v in state.vehicles.items()
+        number in waiting or v.phase in _ENDED for number, v in state.vehicles.items()
     )
 
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable
+import itertools
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import ImageError, LinkError
+from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
 from missions.units import Cell, LatLon, Pose, Quaternion
 from uavmap.fly.classifier import Classifier
@@ -25,6 +26,9 @@ Fetch = Callable[[str], Awaitable[bytes]]
 
 PICTURE_WAIT_S: Final = 3.0
 """How long a picture may be late before it is asked for again, and then given up."""
+
+START_TRIES: Final = 3
+"""How often a camera may reject a start after it was stopped."""
 
 MOST_MISSING: Final = 20
 """How many announcements are asked for again at once: a camera's count may jump."""
@@ -47,6 +51,12 @@ class CameraDriver:
         self._fetch = fetch
         self._now_s = mission_time_s
         self._frames: Frames | None = None
+        self._idle = False
+        """Whether the camera is known to take no pictures just now."""
+
+    def uncertain(self) -> None:
+        """Nobody knows what the camera does: another process may have begun it, or it restarted."""
+        self._idle = False
 
     def on_message(self, message: Message) -> None:
         """Take note of a picture that was announced."""
@@ -56,14 +66,15 @@ class CameraDriver:
     @contextlib.asynccontextmanager
     async def every(self, interval_s: float) -> AsyncIterator[Frames]:
         """Pictures at an interval for as long as the context lasts."""
-        async with self._frames_of(Frames(self, None)) as frames:
-            await self.start(interval_s, 0)
+        async with self._frames_of(Frames(self, None, interval_s)) as frames:
+            with suppressed_silence():  # a silent camera is told by its missing pictures
+                await self.start(interval_s, 0)
             yield frames
 
     @contextlib.asynccontextmanager
     async def burst(self, most: int) -> AsyncIterator[Frames]:
         """Pictures in bursts of a look's number, at most so many."""
-        async with self._frames_of(Frames(self, most)) as frames:
+        async with self._frames_of(Frames(self, most, self.interval_s)) as frames:
             yield frames
 
     @contextlib.asynccontextmanager
@@ -78,21 +89,51 @@ class CameraDriver:
                 self.stop()
 
     async def start(self, interval_s: float, count: int) -> None:
-        """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped."""
-        if self._frames is not None:
-            self._frames.capturing = True
-        await self._session.command(
-            mav.MAV_CMD_IMAGE_START_CAPTURE,
-            0,
-            interval_s,
-            count,
-            0,
-            component=self._session.view.camera_component,
-        )
+        """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped.
+
+        A camera that still captures (its stop was lost, or another process began it) rejects the
+        start for the time being: it is stopped first. Pictures that come are as good as an
+        acknowledgement. Raises `LinkError` when neither comes, or the camera refuses.
+        """
+        frames = self._frames
+        if frames is not None:
+            frames.capturing = True
+        before = 0 if frames is None else frames.heard
+
+        def coming() -> bool:
+            return frames is not None and frames.heard > before
+
+        for attempt in itertools.count(1):
+            if not self._idle:
+                await self._stop_first()
+            self._idle = False
+            try:
+                await self._session.command(
+                    mav.MAV_CMD_IMAGE_START_CAPTURE,
+                    0,
+                    interval_s,
+                    count,
+                    0,
+                    component=self._session.view.camera_component,
+                    done=coming,
+                )
+                return
+            except CommandRefusedError:
+                if attempt >= START_TRIES:
+                    raise
+
+    async def _stop_first(self) -> None:
+        """IMAGE_STOP_CAPTURE, acknowledged; a camera that refuses has nothing to stop."""
+        with contextlib.suppress(LinkError):
+            await self._session.command(
+                mav.MAV_CMD_IMAGE_STOP_CAPTURE,
+                component=self._session.view.camera_component,
+            )
 
     def stop(self) -> None:
         """MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent while being called off."""
         view = self._session.view
+        self._idle = False
         self._session.send(
             mav.MAVLink_command_long_message(
                 view.system_id,
@@ -102,6 +143,10 @@ class CameraDriver:
                 *([0.0] * 7),
             )
         )
+
+    def ended(self) -> None:
+        """A burst has taken all its pictures: the camera has stopped by itself."""
+        self._idle = True
 
     @property
     def burst_size(self) -> int:
@@ -141,18 +186,34 @@ class CameraDriver:
         return FrameLost(self._number, round(self._now_s(), 3), reason)
 
 
-class Frames:
-    """The pictures of one order, as they are announced."""
+@contextlib.contextmanager
+def suppressed_silence() -> Iterator[None]:
+    """Let a camera that does not answer pass, and one that refuses not."""
+    try:
+        yield
+    except CommandRefusedError:
+        raise
+    except LinkError:
+        pass
 
-    def __init__(self, eyes: CameraDriver, most: int | None) -> None:
-        self._eyes = eyes
+
+class Frames:
+    """The pictures of one order, as they are announced.
+
+    `most` None: a stream, until it is stopped; else bursts, of so many in all.
+    """
+
+    def __init__(self, camera: CameraDriver, most: int | None, interval_s: float) -> None:
+        self._camera = camera
         self._most = most
+        self._interval_s = interval_s
         self._announced: asyncio.Queue[Message] = asyncio.Queue()
         self._next_index: int | None = None
         self._seen: set[int] = set()
         self._pending = 0
-        self._none_pending = asyncio.Event()
-        self._none_pending.set()
+        self._progress = asyncio.Event()
+        self.heard = 0
+        """How many pictures were announced."""
         self.capturing = False
 
     def announced(self, message: Message) -> None:
@@ -162,50 +223,102 @@ class Frames:
             return
         if self._next_index is not None:
             for missing in range(max(self._next_index, index - MOST_MISSING), index):
-                self._eyes.ask_again(missing)
+                self._camera.ask_again(missing)
         self._next_index = max(index + 1, self._next_index or 0)
         self._seen.add(index)
         self._pending += 1
-        self._none_pending.clear()
+        self.heard += 1
         self._announced.put_nowait(message)
 
     async def finish(self) -> None:
-        """Take no more, and wait (not for long) until those announced are judged and reported."""
-        self._eyes.stop()
-        self.capturing = False
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(PICTURE_WAIT_S):
-                await self._none_pending.wait()
+        """Take no more, and wait until those announced are judged.
 
-    def _done(self) -> None:
-        self._pending -= 1
-        if self._pending == 0:
-            self._none_pending.set()
+        The first picture is waited for; then for each that is announced, as long as one after the
+        other is judged: a slow link takes its time, a dead one ends the wait.
+        """
+        if self.heard == 0:
+            await self._moved_on()
+        self._camera.stop()
+        self.capturing = False
+        while self._pending and await self._moved_on():
+            pass
+
+    async def _moved_on(self) -> bool:
+        """Whether another picture is judged, or lost, within the time for one."""
+        self._progress.clear()
+        try:
+            async with asyncio.timeout(self._interval_s + PICTURE_WAIT_S):
+                await self._progress.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    def left_over(self) -> list[FrameLost]:
+        """The pictures that were announced and never judged: they are lost, and that is said."""
+        pending, self._pending = self._pending, 0
+        late = "it came too late: the pictures are fetched slower than they are taken"
+        return [self._camera.lost(late) for _ in range(pending)]
 
     async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameSeen | FrameLost]:
         """Every picture's verdicts, in the order of their coming."""
         if self._most is None:
             while True:
-                yield await self._eyes.judge(await self._announced.get(), vantage)
-                self._done()
+                yield await self._streamed(vantage)
         taken = 0
         while taken < self._most:
-            count = min(self._eyes.burst_size, self._most - taken)
-            await self._eyes.start(self._eyes.interval_s, count)
-            for _ in range(count):
+            count = min(self._camera.burst_size, self._most - taken)
+            try:
+                await self._camera.start(self._interval_s, count)
+            except CommandRefusedError:
+                raise
+            except LinkError as silence:  # the link may live, and the camera may wake up
+                taken += count
+                yield self._camera.lost(f"the camera is silent: {silence}")
+                continue
+            whole = True
+            for last in (*[False] * (count - 1), True):
                 taken += 1
-                yield await self._next(vantage)
-            self.capturing = False
+                event = await self._next(vantage)
+                whole = whole and isinstance(event, FrameSeen)
+                if last:  # before the mission hears of it, and calls us off
+                    self.capturing = False
+                    if whole:
+                        self._camera.ended()
+                yield event
+
+    async def _streamed(self, vantage: Cell | None) -> FrameSeen | FrameLost:
+        """The next picture of a stream; when none comes for long, one is lost, and it is restarted.
+
+        A camera that restarted, or never heard the start, is silent for ever otherwise.
+        """
+        try:
+            async with asyncio.timeout(2.0 * self._interval_s + PICTURE_WAIT_S):
+                message = await self._announced.get()
+        except TimeoutError:
+            if self.capturing:
+                self._camera.uncertain()
+                with suppressed_silence():
+                    await self._camera.start(self._interval_s, 0)
+            return self._camera.lost("the camera is silent: no picture was announced")
+        event = await self._camera.judge(message, vantage)
+        self._judged()
+        return event
+
+    def _judged(self) -> None:
+        self._pending -= 1
+        self._progress.set()
 
     async def _next(self, vantage: Cell | None) -> FrameSeen | FrameLost:
-        wait_s = self._eyes.interval_s + PICTURE_WAIT_S
+        wait_s = self._interval_s + PICTURE_WAIT_S
         for last_try in (False, True):
             try:
                 async with asyncio.timeout(wait_s):
                     message = await self._announced.get()
             except TimeoutError:
                 if not last_try and self._next_index is not None:
-                    self._eyes.ask_again(self._next_index)
+                    self._camera.ask_again(self._next_index)
                 continue
-            return await self._eyes.judge(message, vantage)
-        return self._eyes.lost("a picture was ordered, but none was announced")
+            event = await self._camera.judge(message, vantage)
+            self._judged()
+            return event
+        return self._camera.lost("a picture was ordered, but none was announced")

@@ -5,23 +5,18 @@ Watched at every message, whatever the vehicle carries out just then.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final
+from typing import Final, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError
-from missions.events import Connected, Event, Landed, Overridden, Released, Tracked
-from missions.ground.grid import Grid
+from missions.events import Connected, Landed, LiftedOff, Overridden, Released, Tracked
 from missions.units import GridPoint
+from uavmap.fly.reporter import Reporter
+from uavmap.fly.wind import WindEstimate
 from uavmap.link.session import Message
 from uavmap.link.view import VehicleView
 
-Report = Callable[[Event], None]
-
 TRACK_S: Final = 1.0
-BATTERY_STALE_S: Final = 10.0
-"""A charge that is older counts as none: the vehicle comes home while it can."""
 
 _OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
@@ -31,38 +26,26 @@ _OFF_GROUND: Final = (
 """A take-off that is called off goes from the first of these to the last."""
 
 
-class Watch:
+class Monitor:
     """The state of a vehicle that matters to the mission, and the events that follow from it.
 
     `commanded` are the modes that follow from what we asked for last; every other is somebody
     else's, and so is each while a failsafe flies.
     """
 
-    def __init__(
-        self,
-        number: int,
-        name: str,
-        view: VehicleView,
-        capacity_wh: float,
-        grid: Grid,
-        now_s: Callable[[], float],
-        loop_s: Callable[[], float],
-    ) -> None:
-        self.number = number
-        self.name = name
-        self.now_s = now_s
-        self.report: Report = lambda event: None
+    def __init__(self, reporter: Reporter, view: VehicleView) -> None:
         self.commanded: tuple[int, ...] = ()
         self.connected = False
         self.was_airborne = False
+        self.overridden = False
         self.mode_changes = 0
-        self._loop_s = loop_s
+        self.wind = WindEstimate()
+        self._reporter = reporter
         self._view = view
-        self._capacity_wh = capacity_wh
-        self._grid = grid
         self._mode: int | None = None
         self._armed = self._failsafe = False
-        self._overridden = False
+        self._refused = False
+        """Whether it was taken from us on the ground, before a take-off."""
         self._tracked_s = float("-inf")
 
     def on_message(self, message: Message) -> None:
@@ -70,12 +53,35 @@ class Watch:
         name = message.get_type()
         if name == "HEARTBEAT":
             self._watch_mode()
+        elif name == "ATTITUDE":
+            self.wind.tilted(message.roll, message.pitch, message.yaw)
         elif name == "GLOBAL_POSITION_INT":
+            self._measure_wind()
             self._track()
         self._watch_landing()
 
+    @property
+    def mode(self) -> Literal["follow", "rtl", "land", "other"]:
+        """Who flies: we (in what way), or somebody else."""
+        view, kind = self._view, self._view.kind
+        if self.overridden or view.failsafe:
+            return "other"
+        if view.mode == kind.rtl:
+            return "rtl"
+        if view.mode == kind.land:
+            return "land"
+        return "follow" if view.mode in kind.ours else "other"
+
+    @property
+    def airborne(self) -> bool:
+        """Armed, and not on the ground by the autopilot's own word."""
+        return self._view.armed and self._view.landed_state in _OFF_GROUND
+
     def _watch_mode(self) -> None:
-        """The pilot has the last word: a mode that we did not ask for ends our say."""
+        """The pilot has the last word: a mode that we did not ask for ends our say.
+
+        On the ground, too: who turns the switch away while we wait to take off means it.
+        """
         view, kind = self._view, self._view.kind
         mode, armed, failsafe = view.mode, view.armed, view.failsafe
         before = self._mode
@@ -84,84 +90,101 @@ class Watch:
         turned = mode != before
         self._mode, self._armed, self._failsafe = mode, armed, failsafe
         self.mode_changes += turned
-        if self._overridden:
+        reporter = self._reporter
+        if self.overridden:
             given = turned and mode == kind.follows and before not in kind.by_itself
-            if given and armed and not failsafe:
-                self._overridden = False
+            # what was taken in the air is given back in the air: a landed PX4 holds by itself
+            if given and not failsafe and (armed or self._refused):
+                self.overridden = False
                 self.commanded = (kind.follows,)
-                self.report(Released(self.number, self.t_s(), self.position(), self._height_m()))
-        elif armed and (failsafe or mode not in self.commanded):
-            self._overridden = True
-            self.report(Overridden(self.number, self.t_s(), self._view.mode_name))
+                height_m = reporter.height_m() if self.airborne else 0.0
+                reporter.report(
+                    Released(reporter.number, reporter.t_s(), reporter.position(), height_m)
+                )
+        elif self._not_by_us(mode, armed=armed, failsafe=failsafe, turned=turned):
+            self.overridden = True
+            self._refused = not armed
+            reporter.report(Overridden(reporter.number, reporter.t_s(), view.mode_name))
+
+    def _not_by_us(self, mode: int | None, *, armed: bool, failsafe: bool, turned: bool) -> bool:
+        """Whether somebody else has the vehicle in this mode."""
+        if armed:
+            return failsafe or mode not in self.commanded
+        waiting = turned and not self.was_airborne and not failsafe
+        return waiting and mode not in (*self.commanded, *self._view.kind.ours)
 
     def _watch_landing(self) -> None:
         if not self.connected:
             return
         if self._view.on_ground and self.was_airborne:
             self.was_airborne = False
-            self.report(Landed(self.number, self.t_s(), self.remaining()))
-        elif self._view.landed_state in _OFF_GROUND and self._view.armed:
+            self.landed()
+        elif self.airborne and not self.was_airborne:
             self.was_airborne = True
+            self._reporter.report(LiftedOff(self._reporter.number, self._reporter.t_s()))
+
+    def landed(self) -> None:
+        """Say that the vehicle stands on the ground."""
+        reporter = self._reporter
+        # it keeps the mode in which it landed until somebody changes it
+        if not self.overridden and self._view.mode is not None:
+            self.commanded = (*self._view.kind.ours, self._view.mode)
+        self.wind.forget()
+        reporter.report(
+            Landed(
+                reporter.number, reporter.t_s(), reporter.remaining(), position=reporter.position()
+            )
+        )
+
+    def _measure_wind(self) -> None:
+        north_m_s, east_m_s, _ = self._view.velocity_ned_m_s
+        if self.airborne and self._view.height_m > 2.0:
+            self.wind.moved(self._reporter.loop_s(), north_m_s, east_m_s)
+        else:
+            self.wind.forget()
 
     def _track(self) -> None:
-        now_s = self.now_s()
+        reporter = self._reporter
+        now_s = reporter.now_s()
         if self.connected and now_s - self._tracked_s >= TRACK_S - 1e-6:
             self._tracked_s = now_s
-            self.report(
+            reporter.report(
                 Tracked(
-                    self.number, self.t_s(), self.position(), self._height_m(), self.remaining()
+                    reporter.number,
+                    reporter.t_s(),
+                    reporter.position(),
+                    reporter.height_m(),
+                    reporter.remaining(),
+                    wind_m_s=self.wind.speed_m_s,
                 )
             )
 
     def report_connected(self) -> None:
         """Say where the vehicle is, after its link was opened."""
-        view = self._view
+        view, reporter = self._view, self._reporter
         airborne = view.armed and view.landed_state != mav.MAV_LANDED_STATE_ON_GROUND
         self.connected = True
         self.mode_changes += 1
         self._mode, self._armed, self._failsafe = view.mode, view.armed, view.failsafe
         self.was_airborne = airborne
-        ours = view.mode in view.kind.ours and not view.failsafe
+        ours = view.mode in (*view.kind.ours, *self.commanded) and not view.failsafe
+        if not airborne and view.mode is not None:
+            # whatever mode it stands in, nobody has said no to us yet
+            self.commanded = (*view.kind.ours, view.mode)
         self.commanded = self.commanded or view.kind.ours
-        self._overridden = airborne and not ours
-        home = self._grid.fixed(view.home) if view.home is not None else GridPoint(0.0, 0.0)
-        self.report(
+        self.overridden = airborne and not ours
+        home = reporter.home() if view.home is not None else GridPoint(0.0, 0.0)
+        reporter.report(
             Connected(
-                self.number,
-                self.t_s(),
-                _rounded(home),
-                self.position(),
-                self._height_m(),
+                reporter.number,
+                reporter.t_s(),
+                home,
+                reporter.position(),
+                reporter.height_m(),
                 airborne,
                 ours,
-                self.remaining(),
+                reporter.remaining(),
+                home_amsl_m=reporter.home_amsl_m(),
+                mode=self.mode if airborne else None,
             )
         )
-
-    # --- what it knows, rounded for the journal ----------------------------------------------
-    def t_s(self) -> float:
-        """Mission time, to a millisecond."""
-        return round(self.now_s(), 3)
-
-    def position(self) -> GridPoint:
-        """Where the vehicle is, in the fixed frame. Raises `LinkError` if it has not said."""
-        if self._view.position is None:
-            raise LinkError(f"{self.name}: the vehicle has not said where it is")
-        return _rounded(self._grid.fixed(self._view.position))
-
-    def _height_m(self) -> float:
-        return round(self._view.height_m, 2)
-
-    def remaining_wh(self) -> float | None:
-        """The charge, None when it is not known or not known any more."""
-        if self._loop_s() - self._view.battery_s > BATTERY_STALE_S:
-            return None
-        return self._view.remaining_wh(self._capacity_wh)
-
-    def remaining(self) -> float:
-        """The charge for an event; unknown counts as empty, so that the vehicle comes home."""
-        return round(self.remaining_wh() or 0.0, 3)
-
-
-def _rounded(point: GridPoint) -> GridPoint:
-    return GridPoint(round(point.east_m, 2), round(point.north_m, 2))

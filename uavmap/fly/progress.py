@@ -17,8 +17,11 @@ from rich.text import Text
 
 from missions.events import (
     BatterySwapped,
+    Connected,
+    Crashed,
     Event,
     FrameLost,
+    GivenUp,
     LinkLost,
     OrderFailed,
     Overridden,
@@ -29,6 +32,14 @@ from missions.state import Phase, Setting, State, VehicleState
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
+_NOTED: Final = (
+    Phase.YIELDED,
+    Phase.FAILED,
+    Phase.OFFLINE,
+    Phase.GUARDED,
+    Phase.DOWN,
+    Phase.LOST,
+)
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 
 _DOING: Final = {
@@ -169,7 +180,7 @@ def phase(state: State) -> str:
 
 
 def _doing(vehicle: VehicleState) -> str:
-    if vehicle.phase in (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE):
+    if vehicle.phase in _NOTED:
         return vehicle.note or vehicle.phase.value
     if vehicle.phase is Phase.FINISHED:
         return "done"
@@ -198,6 +209,12 @@ def _remarkable(event: Event) -> str:
             return f"vehicle {number}: link lost"
         case OrderFailed(vehicle=number, order=order, reason=reason):
             return f"vehicle {number}: {order} failed: {reason}"
+        case Crashed(vehicle=number, reason=reason):
+            return f"vehicle {number} is down: {reason}; its cells go to the others"
+        case GivenUp(vehicle=number, reason=reason):
+            return f"vehicle {number} is given up: {reason}; it is taken up again when it speaks"
+        case Connected(vehicle=number, airborne=True, ours=True):
+            return f"vehicle {number} answers, in the air and ours"
         case FrameLost(vehicle=number, reason=reason):
             return f"vehicle {number}: a picture was lost: {reason}"
         case BatterySwapped(vehicle=number):

@@ -4,13 +4,14 @@
     step(state, event) -> (state, orders)
     orders -> vehicle.give(order) -> MAVLink
 
-An event is committed to the journal before it is acted on.
+Reports wait in a queue and are taken in one at a time: whoever reports is never called back in
+the middle of it. An event is committed to the journal before it is acted on.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
 from missions.events import Event, Recalled
@@ -25,7 +26,9 @@ Observer = Callable[[Event, State], None]
 class Vehicle(Protocol):
     """What the service needs of a vehicle."""
 
-    async def run(self, report: Callable[[Event], None]) -> None:
+    async def run(
+        self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
+    ) -> None:
         """Report events and carry out orders until cancelled."""
         ...
 
@@ -50,23 +53,38 @@ class Service:
         self._journal = journal
         self._vehicles = vehicles
         self._observe = observe
+        self._reports: asyncio.Queue[Event] = asyncio.Queue()
         self._over = asyncio.Event()
+        self._recalled = False
         self._failure: Exception | None = None
 
     def post(self, event: Event) -> None:
-        """Something happened: commit it, take it in, hand out the orders that follow.
+        """Something happened: it is taken in as soon as what came before it is."""
+        self._reports.put_nowait(event)
 
-        What goes wrong here ends the flight: most calls come from the event loop itself, which
-        would note the error and fly on with an event lost.
+    async def taken_in(self) -> None:
+        """Wait until everything that was posted is taken in and its orders are given."""
+        await self._reports.join()
+
+    async def _take_in(self) -> None:
+        """Take in what was posted, in order.
+
+        What goes wrong here ends the mission: an event must never be lost without a word. The
+        aircraft are then their guardians' (`uavmap.fly.guardian`).
         """
-        try:
-            self._post(event)
-        except Exception as failure:
-            self._failure = self._failure or failure
-            self._over.set()
-            raise
+        while True:
+            event = await self._reports.get()
+            try:
+                self._post(event)
+            except Exception as failure:
+                self._failure = failure
+                self._over.set()
+                return
+            finally:
+                self._reports.task_done()
 
     def _post(self, event: Event) -> None:
+        """Commit an event, take it in, hand out the orders that follow."""
         self._journal.append(event)
         self.state, orders = step(self.setting, self.state, event)
         for number, order in orders:
@@ -75,9 +93,15 @@ class Service:
         if self.state.over:
             self._over.set()
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is taken in any more."""
+        return self._over.is_set()
+
     def recall(self) -> None:
         """Call everybody home; the mission can be resumed later."""
-        if not self.state.recalled:
+        if not self._recalled:
+            self._recalled = True
             self.post(Recalled(self.state.t_s))
 
     def stop(self) -> None:
@@ -87,9 +111,12 @@ class Service:
     async def fly(self) -> State:
         """Fly until nobody has anything more to do. Returns the final state."""
         async with asyncio.TaskGroup() as tasks:
-            running = [tasks.create_task(v.run(self.post)) for v in self._vehicles.values()]
+            running = [
+                tasks.create_task(v.run(self.post, self.taken_in)) for v in self._vehicles.values()
+            ]
+            taking_in = tasks.create_task(self._take_in())
             await self._over.wait()
-            for task in running:
+            for task in (*running, taking_in):
                 task.cancel()
         if self._failure is not None:
             raise self._failure

@@ -2,41 +2,50 @@
 
     orders -> vehicle.give(order) -> MAVLink -> events
 
-`give` replaces whatever is being carried out (`uavmap.fly.manoeuvres`). What the vehicle does
-by itself, a pilot's mode change, a landing, is watched all the time (`uavmap.fly.monitor`), and
-so is the link.
+`give` replaces whatever is being carried out (`uavmap.fly.manoeuvres`). What the vehicle does by
+itself, a pilot's mode change, a landing, is watched all the time (`uavmap.fly.monitor`), and so is
+the link. Its guardian (`uavmap.fly.guardian`) hears of every order, and may take the vehicle away.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+import itertools
+from collections.abc import Awaitable, Callable
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError, leaves
-from missions.events import LinkLost, OrderFailed
-from missions.ground.grid import Grid
-from missions.mission_file.schema import Mission
-from missions.orders import Order
+from missions.energy import CLIMB_SPEED_M_S, EnergyModel
+from missions.errors import CommandRefusedError, LinkError, leaves
+from missions.events import GivenUp, LinkLost, OrderFailed
+from missions.guardian import Limits, Task
+from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
+from missions.state import Setting
+from missions.units import GridPoint
+from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
-from uavmap.fly.monitor import Report, Watch
+from uavmap.fly.monitor import Monitor
+from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.link.autopilots import AUTOPILOTS
 from uavmap.link.session import Message, Session
 
-HEARTBEAT_S: Final = 1.0
 LINK_LOST_S: Final = 5.0
-LINK_GIVEN_UP_S: Final = 120.0
 ANSWER_S: Final = 10.0
+AFTER_ENDURANCE_S: Final = 60.0
+"""A silent vehicle that flew is given up so long after its battery must be empty."""
+ON_GROUND_S: Final = 120.0
+"""A silent vehicle on the ground is waited for so long, where nobody stands beside it."""
+SETTLE_S: Final = 5.0
 
 
 class MavlinkVehicle:
     """One vehicle of the mission, at the other end of a session.
 
-    `link_lost_s` is how long it may be silent, in seconds of the loop's clock.
+    `link_lost_s` is how long it may be silent, in seconds of the loop's clock. `ground_patience_s`
+    is how long a silent one on the ground is waited for; None: for as long as it takes a crew.
     """
 
     def __init__(
@@ -44,31 +53,53 @@ class MavlinkVehicle:
         number: int,
         name: str,
         session: Session,
-        eyes: CameraDriver,
-        mission: Mission,
-        grid: Grid,
+        camera: CameraDriver,
+        setting: Setting,
         mission_time_s: Callable[[], float],
         crew: Crew,
         link_lost_s: float = LINK_LOST_S,
+        *,
+        battery_stale_s: float = BATTERY_STALE_S,
+        ground_patience_s: float | None = ON_GROUND_S,
+        slack_s: float = 0.0,
+        tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.number = number
         self.name = name
         self._session = session
         self._view = session.view
-        self._eyes = eyes
+        self._camera = camera
+        self._setting = setting
         self._link_lost_s = link_lost_s
-        self._watch = Watch(
+        self._ground_patience_s = ground_patience_s
+        self._reporter = Reporter(
             number,
             name,
             session.view,
-            mission.battery.capacity_wh,
-            grid,
+            setting.mission.battery.capacity_wh,
+            setting.grid,
             mission_time_s,
             lambda: asyncio.get_running_loop().time(),
+            battery_stale_s,
         )
-        self._manoeuvres = Manoeuvres(session, eyes, self._watch, mission, grid, crew)
+        self._monitor = Monitor(self._reporter, session.view)
+        limits = Limits(setting.fence, setting.energy, setting.airspeed_limit_m_s, slack_s)
+        self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
+        self.guardian.stand_aside = self._stand_aside
+        self.guardian.order_failed = self._order_failed
+        self._manoeuvres = Manoeuvres(
+            session, camera, self._reporter, self._monitor, setting.mission, crew
+        )
+        self._manoeuvres.under_way = lambda order: self.guardian.told(self._leg_of(order))
         self._tasks: asyncio.TaskGroup | None = None
         self._task: asyncio.Task[None] | None = None
+        self._order: Order | None = None
+        session.listen(self._on_message)
+
+    def was_returning(self) -> None:
+        """It was landing or returning by our order when an earlier process ended: it is ours."""
+        kind = self._view.kind
+        self._monitor.commanded = (kind.land, kind.rtl)
 
     async def connect(self) -> None:
         """Wait for the vehicle and ask for what the mission needs. Raises `LinkError`."""
@@ -84,10 +115,9 @@ class MavlinkVehicle:
                 f"{self.name}: the autopilot is none that this version can fly "
                 f"(MAV_AUTOPILOT {view.autopilot}); it flies {flown} copters"
             )
-        for message_id, rate_hz in view.kind.streams.items():
-            await session.message_interval(message_id, rate_hz)
-        session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         begin_s = asyncio.get_running_loop().time()
+        await self._ask_for_streams(begin_s)
+        session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         while missing := self._missing(begin_s):
             session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
             if await session.until(lambda: not self._missing(begin_s), 5.0):
@@ -97,58 +127,171 @@ class MavlinkVehicle:
             if asyncio.get_running_loop().time() - begin_s > READY_S:
                 raise LinkError(f"{self.name}: the vehicle did not report {missing}")
 
-    async def run(self, report: Report) -> None:
-        """Report and carry out orders until cancelled. `connect` comes first."""
-        self._watch.report = report
+    async def _ask_for_streams(self, begin_s: float) -> None:
+        """Ask for every stream until it is acknowledged, for as long as the vehicle is heard.
+
+        A stream that is refused may come all the same; what is missing is said in the end.
+        """
+        for message_id, rate_hz in self._view.kind.streams.items():
+            while True:
+                try:
+                    await self._session.message_interval(message_id, rate_hz)
+                    break
+                except CommandRefusedError:
+                    break
+                except LinkError as error:
+                    waited_s = asyncio.get_running_loop().time() - begin_s
+                    if not self._hears() or waited_s > READY_S:
+                        raise LinkError(
+                            f"{self.name}: {error} in {waited_s:.0f} s: the link loses too much, "
+                            "or it carries nothing towards the vehicle"
+                        ) from None
+
+    async def run(self, report: Report, taken_in: Callable[[], Awaitable[None]]) -> None:
+        """Report and carry out orders until cancelled. `connect` comes first.
+
+        `taken_in` returns once the mission has taken in what was reported so far.
+        """
+        self._reporter.report = report
+        self._manoeuvres.taken_in = taken_in
         async with asyncio.TaskGroup() as tasks:
             self._tasks = tasks
-            tasks.create_task(self._beat())
-            tasks.create_task(self._watch_link())
-            self._session.listen(self._on_message)
-            self._watch.report_connected()
+            try:
+                tasks.create_task(self._watch_link())
+                self._monitor.report_connected()
+                await asyncio.Event().wait()
+            finally:
+                self._tasks = None
 
     def give(self, order: Order) -> None:
-        """Carry out an order instead of the present one."""
+        """Carry out an order instead of the present one.
+
+        While its guardian has the vehicle nothing is begun.
+        """
         if self._tasks is None:
             raise RuntimeError("a vehicle takes orders only while it runs")
+        self._stand_aside()
+        self.guardian.told(self._task_of(order))
+        if self.guardian.acting:
+            return
+        self._order = order
+        if isinstance(order, ReturnToLaunch):
+            self.guardian.take_over("rtl", "its way home cannot be flown as planned")
+            return
+        self._task = self._tasks.create_task(self._carry_out(order))
+
+    def _stand_aside(self) -> None:
+        """End what is being carried out."""
         if self._task is not None:
             self._task.cancel()
-        self._task = self._tasks.create_task(self._carry_out(order))
+            self._task = None
 
     async def _carry_out(self, order: Order) -> None:
         try:
             await self._manoeuvres.carry_out(order)
         except* LinkError as group:
-            reason = "; ".join(str(error) for error in leaves(group))
-            name = type(order).__name__
-            self._watch.report(OrderFailed(self.number, self._watch.t_s(), name, reason))
+            self._order_failed("; ".join(str(error) for error in leaves(group)))
+
+    def _order_failed(self, reason: str) -> None:
+        name = type(self._order).__name__
+        self._reporter.report(OrderFailed(self.number, self._reporter.t_s(), name, reason))
 
     def _on_message(self, message: Message) -> None:
-        self._watch.on_message(message)
-        self._eyes.on_message(message)
+        self._monitor.on_message(message)
+        self._camera.on_message(message)
+
+    # --- what the guardian is told ------------------------------------------------------------
+    def _task_of(self, order: Order) -> Task:
+        """What an order asks of the vehicle, and about how long it takes."""
+        since_s = self._reporter.now_s()
+        name = type(order).__name__
+        grid = self._setting.grid
+        match order:
+            case TakeOff(height_m):
+                return Task("climb", since_s, height_m=height_m, name=name)
+            case Land():
+                return Task("land", since_s, name=name)
+            case FlyTo():
+                return self._leg_of(order)
+            case Look() | Hold() | Sweep():  # a sweep begins with its camera
+                height_m = self._view.height_m if isinstance(order, Hold) else order.height_m
+                here = self._reporter.position()
+                drift_m_s = grid.drift_speed_m_s
+                return Task(
+                    "hold", since_s, (here,), height_m=height_m, drift_m_s=drift_m_s, name=name
+                )
+        return Task("ground", since_s, name=name)
+
+    def _leg_of(self, order: Order) -> Task:
+        """A leg that begins now: its path, and about how long it takes."""
+        since_s, grid = self._reporter.now_s(), self._setting.grid
+        points: tuple[GridPoint, ...] = ()
+        height_m = self._view.height_m
+        if isinstance(order, Sweep):
+            points, height_m = (order.end,), order.height_m
+        elif isinstance(order, FlyTo):
+            points, height_m = order.route, order.height_m
+            if order.cell is not None:
+                points = (*points, grid.to_fixed(grid.centre_of(order.cell), since_s))
+        path = (self._reporter.position(), *points)
+        climb_s = abs(height_m - self._view.height_m) / CLIMB_SPEED_M_S
+        return Task(
+            "leg",
+            since_s,
+            path,
+            isinstance(order, FlyTo) and order.cell is None and order.stop,
+            height_m,
+            _legs_s(self._setting.energy, path) + climb_s + SETTLE_S,
+            grid.drift_speed_m_s,
+            type(order).__name__,
+        )
 
     # --- the link ----------------------------------------------------------------------------
-    async def _beat(self) -> None:
-        while True:
-            self._session.heartbeat()
-            await asyncio.sleep(HEARTBEAT_S)
-
     async def _watch_link(self) -> None:
-        watch = self._watch
+        """Say when the vehicle falls silent, and take it up again whenever it speaks."""
+        monitor, reporter = self._monitor, self._reporter
+        given_up = False
+        give_up_after_s: float | None = None
         while True:
-            await asyncio.sleep(HEARTBEAT_S)
-            if watch.connected and self._silent_s() >= self._link_lost_s:
-                watch.connected = False
-                watch.report(LinkLost(self.number, watch.t_s()))
-            elif not watch.connected and self._silent_s() > LINK_GIVEN_UP_S:
-                watch.report(
-                    OrderFailed(self.number, watch.t_s(), "link", "the vehicle stayed silent")
-                )
-                return
-            elif not watch.connected and self._hears():
+            await asyncio.sleep(1.0)
+            if monitor.connected and self._silent_s() >= self._link_lost_s:
+                monitor.connected = given_up = False
+                give_up_after_s = self._waited_for_s()
+                reporter.report(LinkLost(self.number, reporter.t_s()))
+            elif not monitor.connected and self._hears():
                 with contextlib.suppress(LinkError):
                     await self.connect()
-                    watch.report_connected()
+                    self._camera.uncertain()
+                    monitor.report_connected()
+            elif (
+                not monitor.connected
+                and not given_up
+                and give_up_after_s is not None
+                and self._silent_s() > give_up_after_s
+            ):
+                given_up = True
+                reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+
+    def _waited_for_s(self) -> float | None:
+        """How long a vehicle is waited for that has fallen silent."""
+        if not self._monitor.was_airborne:
+            return self._ground_patience_s
+        charge_wh = self._view.remaining_wh(self._setting.mission.battery.capacity_wh)
+        full_wh = self._setting.mission.battery.capacity_wh
+        left_wh = full_wh if charge_wh is None else charge_wh
+        endurance_s = left_wh * 3600.0 / self._setting.mission.battery.hover_power_w
+        return endurance_s + AFTER_ENDURANCE_S
+
+    def _silence(self) -> str:
+        """What is known of a vehicle that is given up."""
+        place = self._setting.grid.position(self._reporter.position())
+        where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
+        if not self._monitor.was_airborne:
+            return f"silent for {self._silent_s():.0f} s, on the ground at {where}"
+        return (
+            f"silent for {self._silent_s():.0f} s, longer than its battery can have lasted; last "
+            f"heard in the air at {where}, {self._view.height_m:.0f} m up"
+        )
 
     def _silent_s(self) -> float:
         """Since when a heartbeat or the position is missing.
@@ -169,7 +312,12 @@ class MavlinkVehicle:
             for what, known in (
                 ("its position", view.position_s >= since_s),
                 ("its home", view.home is not None),
-                ("its battery's charge", self._watch.remaining_wh() is not None),
+                ("its battery's charge", self._reporter.remaining_wh() is not None),
             )
             if not known
         )
+
+
+def _legs_s(energy: EnergyModel, path: tuple[GridPoint, ...]) -> float:
+    """About how long a path takes, from rest to rest at every point."""
+    return sum(energy.leg_s(a.distance_to(b)) for a, b in itertools.pairwise(path))

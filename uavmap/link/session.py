@@ -112,9 +112,15 @@ class Session:
 
     # --- commands ------------------------------------------------------------------------
     async def command(
-        self, command: int, *params: float, component: int = mav.MAV_COMP_ID_AUTOPILOT1
+        self,
+        command: int,
+        *params: float,
+        component: int = mav.MAV_COMP_ID_AUTOPILOT1,
+        done: Callable[[], bool] = lambda: False,
     ) -> None:
         """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
+
+        `done` says that the command was carried out, acknowledged or not: it is not sent again.
 
         Raises `CommandRefusedError` with what the vehicle said, `LinkError` when it stays silent.
         """
@@ -125,7 +131,7 @@ class Session:
                 self.view.system_id, component, command, confirmation, *filled
             )
 
-        await self._until_acknowledged(command, message)
+        await self._until_acknowledged(command, message, done)
 
     async def command_at(
         self,
@@ -153,13 +159,20 @@ class Session:
 
         await self._until_acknowledged(command, message)
 
-    async def _until_acknowledged(self, command: int, message: Callable[[int], Message]) -> None:
+    async def _until_acknowledged(
+        self,
+        command: int,
+        message: Callable[[int], Message],
+        done: Callable[[], bool] = lambda: False,
+    ) -> None:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
             queue = self._acks[command] = asyncio.Queue()
             ack: Message | None = None
             try:
                 for confirmation in range(ACK_TRIES):
+                    if confirmation and done():
+                        return
                     self.send(message(confirmation))
                     ack = await self._ack(queue)
                     if ack is None or ack.result in _MAY_PASS:
@@ -170,6 +183,8 @@ class Session:
                     break
             finally:
                 del self._acks[command]
+        if done():
+            return
         if ack is not None:
             raise CommandRefusedError(
                 f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"

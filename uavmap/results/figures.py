@@ -196,6 +196,43 @@ def _bound_s(setting: Setting, state: State) -> float | None:
     return round(moves * move_s * factor + setting.look_s, 1)
 
 
+def frames_judged(state: State) -> int:
+    """How many pictures were judged."""
+    return sum(len(frames) for frames in state.belief.looks.values())
+
+
+def finding(state: State) -> str:
+    """What the mission has found out, in a sentence that claims no more than was judged."""
+    frames = frames_judged(state)
+    left_m = sum(a.distance_to(b) for a, b in state.unsearched)
+    if state.tree is None:
+        text = f"no region found in {frames} judged frames"
+        return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text
+    gaps = [
+        f"{len(cells)} cells {what}"
+        for cells, what in (
+            (state.abandoned, "could not be looked from"),
+            (state.undecided, "lack votes"),
+        )
+        if cells
+    ]
+    if not state.exploration_finished:
+        gaps.append("it is not explored to its end")
+    found = f"a region of {len(state.belief.roi)} cells in {frames} judged frames"
+    return f"{found}; {', '.join(gaps)}" if gaps else f"{found}, explored to its end"
+
+
+def aircraft_down(setting: Setting, state: State) -> list[str]:
+    """The aircraft that somebody has to look after, each with its place."""
+    lines = []
+    for number, vehicle in sorted(state.vehicles.items()):
+        if vehicle.phase in (Phase.DOWN, Phase.LOST) or not vehicle.landed:
+            place = setting.grid.position(vehicle.position)
+            where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
+            lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")
+    return lines
+
+
 def summary(setting: Setting, state: State, found: Figures, seed: int | None) -> dict[str, Any]:
     """The part of summary.json that needs no truth."""
     mission, tree = setting.mission, state.tree
@@ -205,6 +242,10 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "vehicles": len(mission.vehicles),
         "seed": seed,
         "completed": state.completed,
+        "finding": finding(state),
+        "aircraft_down": aircraft_down(setting, state),
+        "frames_judged": frames_judged(state),
+        "unsearched_m": round(sum((a.distance_to(b) for a, b in state.unsearched), 0.0), 1),
         "flight_time_s": found.flight_time_s,
         "makespan_s": found.makespan_s,
         "exploration_s": found.exploration_s,

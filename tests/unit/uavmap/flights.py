@@ -48,6 +48,7 @@ class Flight:
         self.vehicle = make_vehicles(made, seed)[0]
         self.events: list[Event] = []
         self.sent: list[tuple[float, Message]] = []
+        self.told: list[str] = []
         self.to_vehicle: Callable[[Message], bool] = lambda message: True
         self.to_driver: Callable[[Message], bool] = lambda message: True
         self.change: Callable[[bytes], bytes] = lambda picture: picture
@@ -61,10 +62,10 @@ class Flight:
             "sim",
             self.session,
             CameraDriver(1, self.session, classifier, self._fetch, self.now_s),
-            made,
-            grid,
+            self.setting,
             self.now_s,
             self._crew,
+            tell=self.told.append,
         )
 
     @staticmethod
@@ -135,6 +136,9 @@ class Flight:
         if isinstance(event, Overridden):
             self.driver.give(StandDown())
 
+    async def taken_in(self) -> None:
+        """What was reported is taken in at once."""
+
     def seen(self, kind: type[Event]) -> list[Any]:
         return [event for event in self.events if isinstance(event, kind)]
 
@@ -171,10 +175,12 @@ async def under_way(flight: Flight) -> AsyncIterator[Flight]:
         async with asyncio.TaskGroup() as tasks:
             world = tasks.create_task(flight.fly_world())
             await flight.driver.connect()
-            driving = tasks.create_task(flight.driver.run(flight.report))
+            driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
+            guarding = tasks.create_task(flight.driver.guardian.run())
             await asyncio.sleep(0)
             yield flight
             driving.cancel()
+            guarding.cancel()
             world.cancel()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -30,7 +30,9 @@ class Played:
         self.orders: list[Order] = []
         self._events = events
 
-    async def run(self, report: Callable[[Event], None]) -> None:
+    async def run(
+        self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
+    ) -> None:
         loop = asyncio.get_running_loop()
         for after_s, event in self._events:
             loop.call_later(after_s, report, event)
@@ -107,13 +109,38 @@ def test_stop_ends_the_flight_as_it_is(journal: Journal) -> None:
     assert not state.over
 
 
+def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal: Journal) -> None:
+    """Nobody is called back in the middle of a report."""
+    depth: list[int] = []
+
+    class Eager(Played):
+        report: Callable[[Event], None]
+
+        async def run(
+            self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
+        ) -> None:
+            self.report = report
+            report(CONNECTED)
+            await taken_in()
+            assert [type(order) for order in self.orders] == [TakeOff, StandDown]
+            await asyncio.Event().wait()
+
+        def give(self, order: Order) -> None:
+            depth.append(1)
+            assert len(depth) - len(self.orders) == 1
+            self.orders.append(order)
+            if isinstance(order, TakeOff):
+                self.report(LinkLost(1, 1.0))
+                assert len(self.orders) == 1
+
+    serve(journal, Eager(), Service.stop)
+    assert [type(e) for e in journal.events()] == [Connected, LinkLost]
+
+
 @pytest.mark.filterwarnings("error")
-def test_a_journal_that_cannot_be_written_ends_the_flight(
+def test_a_journal_that_cannot_be_written_ends_the_mission(
     journal: Journal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also when the event came from a callback of the loop, which only logs what is raised."""
-    logged: list[object] = []
-
     class Full:
         def execute(self, *_: object) -> None:
             raise sqlite3.OperationalError("database or disk is full")
@@ -130,15 +157,14 @@ def test_a_journal_that_cannot_be_written_ends_the_flight(
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        loop.set_exception_handler(lambda _, context: logged.append(context["exception"]))
         loop.call_later(10.0, monkeypatch.setattr, journal, "_database", Full())
         try:
             await service.fly()
         finally:
             assert loop.time() == pytest.approx(20.0)
+            assert service.ended
 
     with pytest.raises(JournalError, match="cannot be written: database or disk is full"):
         run(main(), VirtualClock())
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
-    assert len(logged) == 1

@@ -19,6 +19,7 @@ from missions.events import (
     Connected,
     FrameLost,
     FrameSeen,
+    GivenUp,
     Landed,
     LinkLost,
     LookEnded,
@@ -43,7 +44,7 @@ from sitl.copter.modes import Mode
 from tests.unit.uavmap.flights import Flight, Message, fly, small_mission, under_way
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
-from uavmap.fly.vehicle import ANSWER_S, LINK_GIVEN_UP_S
+from uavmap.fly.vehicle import ANSWER_S
 
 UP_M = 12.0
 GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.LAND))
@@ -279,10 +280,10 @@ def test_a_pilot_who_starts_from_the_ground_is_left_alone() -> None:
         await flight.after(Land(), Landed)
         flight.pilot_mode(LOITER)
         await asyncio.sleep(2.0)
-        assert not flight.seen(Overridden)  # on the ground, motors off: that is nobody's flight
+        await flight.sees(Overridden, within_s=1.5)  # nothing takes off under a pilot's hand
         flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         assert flight.vehicle.truth.armed
-        await flight.sees(Overridden, within_s=1.5)
+        assert not flight.seen(Released)
 
     fly(body)
 
@@ -377,14 +378,28 @@ def test_who_comes_back_in_another_mode_is_not_ours() -> None:
     fly(body)
 
 
-def test_a_vehicle_that_stays_silent_is_given_up() -> None:
+def test_a_vehicle_that_stays_silent_is_given_up_and_taken_up_when_it_speaks() -> None:
     async def body(flight: Flight) -> None:
         await flying(flight)
         flight.to_driver = flight.to_vehicle = silence
         await flight.sees(LinkLost)
         flight.driver.give(StandDown())
-        failed = await flight.sees(OrderFailed, within_s=LINK_GIVEN_UP_S + 10.0)
-        assert (failed.order, failed.reason) == ("link", "the vehicle stayed silent")
+        battery = flight.setting.mission.battery
+        given_up = await flight.sees(GivenUp, within_s=battery.endurance_s + 120.0)
+        assert "longer than its battery can have lasted" in given_up.reason
+        flight.to_driver = flight.to_vehicle = lambda message: True
+        await flight.sees(Connected, 2, within_s=20.0)
+
+    fly(body)
+
+
+def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes() -> None:
+    async def body(flight: Flight) -> None:
+        flight.to_driver = flight.to_vehicle = silence
+        lost = await flight.sees(LinkLost)
+        given_up = await flight.sees(GivenUp, within_s=200.0)
+        assert given_up.t_s - lost.t_s == pytest.approx(115.0, abs=3.0)
+        assert "on the ground" in given_up.reason
 
     fly(body)
 
@@ -514,13 +529,13 @@ def test_a_corrupt_picture_is_a_lost_frame(part: float) -> None:
     fly(body)
 
 
-def test_a_camera_without_an_answer_fails_the_order() -> None:
+def test_a_camera_without_an_answer_loses_its_pictures() -> None:
     async def body(flight: Flight) -> None:
         await flight.after(TakeOff(UP_M), Airborne)
         flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
-        failed = await flight.after(Look(Cell(0, 0), 3, UP_M), OrderFailed)
-        assert failed.order == "Look"
-        assert "MAV_CMD_IMAGE_START_CAPTURE was not acknowledged" in failed.reason
+        lost = await flight.after(Look(Cell(0, 0), 3, UP_M), FrameLost)
+        assert "the camera is silent" in lost.reason
+        assert not flight.seen(OrderFailed)
 
     fly(body)
 

@@ -1,0 +1,163 @@
+"""The guardian on the wire: a simulated aircraft that its mission forgot, or cannot steer."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import Airborne, Crashed, Guarded, Landed, LiftedOff, OrderFailed, Overridden
+from missions.orders import FlyTo, Hold, Sweep, TakeOff
+from missions.units import GridPoint
+from sitl.copter.modes import Mode
+from tests.unit.uavmap.flights import Flight, fly, small_mission
+
+UP_M = 12.0
+LOITER = 5
+
+
+async def out(flight: Flight, east_m: float = 25.0, north_m: float = 20.0) -> None:
+    """In the air, some way from home, on a leg."""
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(FlyTo((GridPoint(east_m, north_m),), None, stop=False, height_m=UP_M))
+    await asyncio.sleep(5.0)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: str) -> None:
+    made = small_mission()
+    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        await flight.driver.guardian.bring_home("the mission failed (disk full)")
+        assert flight.vehicle.truth.landed
+        assert flight.driver.guardian.fate() == ""
+
+    flight = fly(body, made)
+    assert flight.told == ["vehicle 1: the mission failed (disk full); it returns by its autopilot"]
+    assert [e.action for e in flight.seen(Guarded)] == ["rtl"]
+    assert not flight.seen(Overridden)
+
+
+def test_on_the_ground_nothing_is_sent() -> None:
+    async def body(flight: Flight) -> None:
+        sent = len(flight.sent)
+        await flight.driver.guardian.bring_home("the mission failed")
+        assert flight.commands_after(sent) == []
+
+    assert fly(body).told == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_over_a_link_that_loses_half_of_everything_it_still_comes_home(seed: int) -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        rng = np.random.default_rng(seed)
+        flight.to_driver = flight.to_vehicle = lambda message: rng.random() > 0.5
+        await flight.driver.guardian.bring_home("the mission failed")
+        assert flight.vehicle.truth.landed
+
+    fly(body)
+
+
+def test_an_autopilot_that_does_not_return_lands() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+        await flight.driver.guardian.bring_home("the mission failed")
+        assert flight.vehicle.truth.landed
+        assert "from home" in flight.driver.guardian.fate()
+
+    flight = fly(body)
+    assert [e.action for e in flight.seen(Guarded)] == ["rtl", "land"]
+
+
+def test_a_pilot_has_the_last_word_with_the_guardian_too() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
+        await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
+        flight.pilot_mode(LOITER)
+        await asyncio.wait_for(home, 5.0)
+        sent = len(flight.sent)
+        await asyncio.sleep(10.0)
+        assert flight.commands_after(sent) == []
+        assert "left to whoever flies it" in flight.driver.guardian.fate()
+
+    assert len(fly(body).seen(Overridden)) == 1
+
+
+def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.driver.guardian.take_over("rtl", "a test")
+        await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
+        sent = len(flight.sent)
+        flight.driver.give(Hold())
+        await asyncio.sleep(3.0)
+        assert flight.commands_after(sent) == []
+        await flight.sees(Landed)
+
+    fly(body)
+
+
+def test_a_crash_is_known_and_said() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.motor(share=0.0)
+        crashed = await flight.sees(Crashed, within_s=20.0)
+        assert flight.vehicle.truth.crashed
+        here = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        assert crashed.position.distance_to(here) < 2.0
+
+    flight = fly(body)
+    assert any("is down near" in text for text in flight.told)
+
+
+def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
+        await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
+        where = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        assert math.hypot(where.east_m, where.north_m) < 400.0
+
+    fly(body)
+
+
+def test_a_leg_that_goes_nowhere_is_reported_to_the_mission() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        # accepted, and not carried out: the autopilot is told to stay by somebody else
+        flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
+        flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
+        failed = await flight.sees(OrderFailed, within_s=60.0)
+        assert "no progress" in failed.reason
+
+    fly(body)
+
+
+def test_a_sweep_that_waits_for_its_camera_is_no_leg_without_progress() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
+        flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
+        await asyncio.sleep(25.0)
+        assert not flight.seen(OrderFailed)
+
+    fly(body)
+
+
+def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen() -> None:
+    async def body(flight: Flight) -> None:
+        flight.to_driver = lambda message: (
+            not (message.get_type() == "COMMAND_ACK" and message.command == mav.MAV_CMD_NAV_TAKEOFF)
+        )
+        await flight.after(TakeOff(UP_M), Airborne)
+        assert len(flight.seen(LiftedOff)) == 1
+
+    assert not fly(body).seen(OrderFailed)

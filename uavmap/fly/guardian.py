@@ -1,0 +1,248 @@
+"""The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
+
+It beats our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
+so, has the autopilot return or land by itself until that is seen to happen. It needs a session and
+nothing else: no journal, no explorer, no camera. So it goes on when the service has ended, until
+the aircraft is on the ground or a pilot has it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefusedError, LinkError
+from missions.events import Crashed, Guarded
+from missions.guardian import PAD_M, Action, Guard, Limits, Seen, Task, watch
+from missions.units import GridPoint
+from uavmap.fly.monitor import Monitor
+from uavmap.fly.reporter import Reporter
+from uavmap.link.session import Session
+
+HEARTBEAT_S: Final = 1.0
+WATCH_S: Final = 1.0
+STALE_S: Final = 3.0
+"""Telemetry that is older says nothing of now."""
+RETRY_S: Final = 2.0
+PATIENCE_S: Final = 60.0
+"""Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
+LEAVE_S: Final = 15.0
+"""Who leaves at once still waits so long until the autopilot is seen to return."""
+
+_WORDS: Final = {"rtl": "returns by its autopilot", "land": "lands where it is"}
+
+
+class Guardian:
+    """Keeps one aircraft from being left alone.
+
+    `stand_aside` is called when the guardian takes the vehicle: whatever the mission had it do
+    ends, and nothing more is begun. `tell` takes a line for the operator.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        reporter: Reporter,
+        monitor: Monitor,
+        limits: Limits,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._session = session
+        self._view = session.view
+        self._reporter = reporter
+        self._monitor = monitor
+        self._limits = limits
+        self._tell = tell
+        self._guard = Guard()
+        self._pursuit: asyncio.Task[None] | None = None
+        self._tasks: asyncio.TaskGroup | None = None
+        self._last_wh = 0.0
+        self.stand_aside: Callable[[], None] = lambda: None
+        self.order_failed: Callable[[str], None] = lambda reason: None
+
+    # --- what the driver tells it -----------------------------------------------------------
+    @property
+    def acting(self) -> bool:
+        """Whether the vehicle is the guardian's now."""
+        return self._guard.action is not None
+
+    def told(self, task: Task) -> None:
+        """The mission gave a new order."""
+        if self.acting and not self._view.armed:
+            self._let_go()
+        self._guard = self._guard.told(task)
+
+    def take_over(self, action: Action, reason: str) -> None:
+        """Have the autopilot return or land by itself, and see to it."""
+        self._guard = self._guard.acting(action, self._reporter.now_s())
+        self.stand_aside()
+        kind = self._view.kind
+        self._monitor.commanded = (kind.rtl, kind.land)
+        number = self._reporter.number
+        self._tell(f"vehicle {number}: {reason}; it {_WORDS[action]}")
+        self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
+        if self._pursuit is not None:
+            self._pursuit.cancel()
+        if self._tasks is not None:
+            self._pursuit = self._tasks.create_task(self._pursue(action))
+
+    # --- its own life -----------------------------------------------------------------------
+    async def run(self) -> None:
+        """Beat, watch and act until cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            self._tasks = tasks
+            try:
+                tasks.create_task(self._beat())
+                tasks.create_task(self._watch())
+                await asyncio.Event().wait()
+            finally:
+                self._tasks = None
+
+    async def _beat(self) -> None:
+        while True:
+            self._session.heartbeat()
+            await asyncio.sleep(HEARTBEAT_S)
+
+    async def _watch(self) -> None:
+        while True:
+            await asyncio.sleep(WATCH_S)
+            self._look()
+
+    def _look(self) -> None:
+        """One look at the vehicle."""
+        seen = self._seen()
+        if seen is None:
+            return
+        if seen.remaining_wh is not None:
+            self._last_wh = seen.remaining_wh
+        if self._monitor.overridden and self.acting:
+            self._let_go()
+        self._guard, verdict = watch(self._limits, self._guard, seen)
+        if not seen.armed and not seen.airborne and self.acting:
+            self._let_go()
+        if verdict is None:
+            return
+        if verdict.rung == "report":
+            self.order_failed(verdict.reason)
+        elif verdict.rung == "crashed":
+            self._crashed(seen, verdict.reason)
+        else:
+            self.take_over("land" if verdict.rung == "land" else "rtl", verdict.reason)
+
+    def _seen(self) -> Seen | None:
+        """What telemetry says, None where it says nothing of now."""
+        view, reporter = self._view, self._reporter
+        if not self._monitor.connected or view.position is None or view.home is None:
+            return None
+        if reporter.loop_s() - view.position_s > STALE_S:
+            return None
+        return Seen(
+            t_s=reporter.now_s(),
+            position=reporter.position(),
+            height_m=view.height_m,
+            ground_speed_m_s=view.ground_speed_m_s,
+            home=reporter.home(),
+            armed=view.armed,
+            airborne=self._monitor.airborne,
+            mode=self._monitor.mode,
+            remaining_wh=reporter.remaining_wh(),
+            wind_m_s=self._monitor.wind.speed_m_s,
+        )
+
+    def _crashed(self, seen: Seen, reason: str) -> None:
+        """It is down: say where, and have a vehicle whose motors still run land and disarm."""
+        reporter = self._reporter
+        place = reporter.grid.position(seen.position)
+        self._tell(
+            f"vehicle {reporter.number} is down near {place.lat_deg:.6f}, {place.lon_deg:.6f}: "
+            f"{reason}"
+        )
+        self.stand_aside()
+        self._monitor.was_airborne = False
+        reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
+        if seen.armed:
+            self._monitor.commanded = (self._view.kind.rtl, self._view.kind.land)
+            if self._tasks is not None:
+                self._pursuit = self._tasks.create_task(self._pursue("land"))
+
+    def _let_go(self) -> None:
+        """A pilot has it, or it stands on the ground."""
+        self._guard = self._guard.released()
+        if self._pursuit is not None:
+            self._pursuit.cancel()
+            self._pursuit = None
+
+    async def _pursue(self, action: Action) -> None:
+        """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
+        kind = self._view.kind
+        wanted = kind.rtl if action == "rtl" else kind.land
+        command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
+        while self._view.mode != wanted and self._view.armed:
+            try:
+                await self._session.command(command)
+            except CommandRefusedError as refusal:
+                if action == "rtl":
+                    self.take_over("land", str(refusal))
+                    return
+            except LinkError:
+                pass  # no answer: ask again, for as long as it takes
+            await self._session.until(lambda: self._view.mode == wanted, RETRY_S)
+
+    # --- the end of a flight ----------------------------------------------------------------
+    @property
+    def responsible(self) -> bool:
+        """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
+        return self._monitor.was_airborne and not self._monitor.overridden
+
+    async def bring_home(self, reason: str) -> None:
+        """Return a vehicle that is in the air, and wait until it is down or a pilot has it.
+
+        Gives up on a silent one when its battery cannot have lasted any longer.
+        """
+        if not self.responsible:
+            return
+        if not self.acting:
+            self.take_over("rtl", reason)
+        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
+        heard_s = max(self._view.heard_s, 0.0)
+        while self.responsible:
+            heard_s = max(self._view.heard_s, heard_s)
+            left_s = heard_s + endurance_s - self._reporter.loop_s()
+            if left_s <= 0.0:
+                return
+            await self._session.until(lambda: not self.responsible, min(left_s, max(WATCH_S, 1e-3)))
+
+    async def leave(self, reason: str) -> None:
+        """Have a vehicle that is in the air return, and wait only until it is seen to do so."""
+        if not self.responsible:
+            return
+        if not self.acting:
+            self.take_over("rtl", reason)
+        kind = self._view.kind
+        await self._session.until(
+            lambda: self._view.mode in (kind.rtl, kind.land) or not self.responsible, LEAVE_S
+        )
+
+    def fate(self) -> str:
+        """What is known of the vehicle at the very end, in words; empty if it is at home."""
+        view, reporter = self._view, self._reporter
+        if view.position is None:
+            return ""
+        place = reporter.grid.position(reporter.position())
+        where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
+        if self.responsible:
+            silent_s = reporter.loop_s() - view.heard_s
+            if silent_s > STALE_S * 2:
+                return f"in the air when it was last heard, {silent_s:.0f} s ago, at {where}"
+            return f"left to its autopilot in {view.mode_name} at {where}"
+        if self._monitor.was_airborne:
+            return f"left to whoever flies it in {view.mode_name} at {where}"
+        away_m = self._away_m()
+        return f"on the ground {away_m:.0f} m from home, at {where}" if away_m > PAD_M else ""
+
+    def _away_m(self) -> float:
+        home: GridPoint = self._reporter.home()
+        return self._reporter.position().distance_to(home)

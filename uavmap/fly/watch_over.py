@@ -1,0 +1,108 @@
+"""However a mission ends, its aircraft are looked after before the process may.
+
+    watched_over(guardians, mission) -> what the mission returns
+
+The guardians live around the mission: when it fails, they bring home whoever is in the air; when
+the operator leaves at once, the autopilots do, and that is seen before the process ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Iterable, Sequence
+from typing import Protocol, TypeVar
+
+from missions.errors import AircraftError, leaves
+
+T = TypeVar("T")
+
+
+class Keeper(Protocol):
+    """What is needed of a guardian."""
+
+    async def run(self) -> None:
+        """Watch until cancelled."""
+        ...
+
+    async def bring_home(self, reason: str) -> None:
+        """Return, and wait until down."""
+        ...
+
+    async def leave(self, reason: str) -> None:
+        """Return, and wait until that is seen."""
+        ...
+
+    def fate(self) -> str:
+        """Where the aircraft is at the end, empty if at home."""
+        ...
+
+
+async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, leave: bool) -> T:
+    """Run a mission with its guardians around it.
+
+    `leave`: whether real aircraft have to be left when the operator interrupts; simulated ones end
+    with the process.
+
+    Raises what the mission raises; `AircraftError`, naming every aircraft that is not at home, when
+    one was left in the air or is down elsewhere after a mission that failed.
+    """
+    keeping = [asyncio.create_task(guardian.run()) for guardian in guardians]
+    try:
+        result = await _or_guardian_failed(mission, keeping)
+        await _all(guardian.bring_home("the mission is over") for guardian in guardians)
+        return result
+    except asyncio.CancelledError:
+        if not leave:
+            raise
+        await _all(guardian.leave("the operator left") for guardian in guardians)
+        _say_fates(guardians, "interrupted")
+        raise
+    except Exception as failure:
+        reason = f"the mission failed ({_in_words(failure)})"
+        try:
+            await _all(guardian.bring_home(reason) for guardian in guardians)
+        except asyncio.CancelledError:  # the operator does not wait for it
+            await _all(guardian.leave(reason) for guardian in guardians)
+        _say_fates(guardians, _in_words(failure))
+        raise
+    finally:
+        for task in keeping:
+            task.cancel()
+        await asyncio.gather(*keeping, return_exceptions=True)
+
+
+async def _or_guardian_failed(mission: Awaitable[T], keeping: Sequence[asyncio.Task[None]]) -> T:
+    """The mission's result; a guardian that fails ends the mission, loudly."""
+    flying = asyncio.ensure_future(mission)
+    try:
+        done, _ = await asyncio.wait([flying, *keeping], return_when=asyncio.FIRST_COMPLETED)
+        for task in keeping:
+            if task in done and flying not in done:
+                task.result()
+        return await flying
+    finally:
+        if not flying.done():
+            flying.cancel()
+            await asyncio.gather(flying, return_exceptions=True)
+
+
+async def _all(waits: Iterable[Awaitable[None]]) -> None:
+    await asyncio.gather(*waits)
+
+
+def _say_fates(guardians: Sequence[Keeper], cause: str) -> None:
+    """Raise `AircraftError` when an aircraft is not at home."""
+    fates = [
+        f"vehicle {number}: {fate}"
+        for number, guardian in enumerate(guardians, start=1)
+        if (fate := guardian.fate())
+    ]
+    if fates:
+        raise AircraftError("\n".join([cause, *fates]))
+
+
+def _in_words(failure: BaseException) -> str:
+    """A failure in one line."""
+    if isinstance(failure, BaseExceptionGroup):
+        return "; ".join(_in_words(error) for error in leaves(failure))
+    return str(failure) or type(failure).__name__
