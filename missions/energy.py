@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from missions.mission_file.schema import Mission
-
 LANDING_SPEED_M_S = 0.5
 """ArduCopter's final descent rate, taken for the whole descent."""
 CLIMB_SPEED_M_S = 1.5
 LANDING_OVERHEAD_S = 12.0
 """Braking, turning, and touch-down detection."""
+CLIMB_OVERHEAD_S = 5.0
+"""Arming, spinning up, and levelling out at the top."""
 AIRSPEED_LIMIT_M_S = 12.0
 """What a mapping multicopter can hold; ArduCopter's tilt limit allows more to most."""
+LEAST_HEADWAY_M_S = 0.5
+"""A vehicle must be able to come home faster than this against the wind."""
 NOMINAL_MARGIN = 1.15
 """Flying draws more than hovering."""
 MEASURED_MARGIN = 1.1
@@ -37,17 +39,7 @@ class EnergyModel:
     speed_m_s: float
     wind_m_s: float
     accel_m_s2: float = 2.0
-
-    @classmethod
-    def of(cls, mission: Mission) -> EnergyModel:
-        """The model of a mission's battery and wind."""
-        return cls(
-            mission.battery.hover_power_w,
-            mission.battery.capacity_wh,
-            mission.battery.reserve,
-            mission.flight.speed_m_s,
-            mission.wind.speed_m_s,
-        )
+    max_airspeed_m_s: float = AIRSPEED_LIMIT_M_S
 
     @property
     def reserve_wh(self) -> float:
@@ -64,9 +56,10 @@ class EnergyModel:
         A multicopter holds its ground speed against a head wind by tilting, at a higher power,
         as long as the two together stay below the airspeed that it can fly.
         """
-        against_wind = max(AIRSPEED_LIMIT_M_S - self.wind_m_s, 0.5)
+        against_wind = max(self.max_airspeed_m_s - self.wind_m_s, LEAST_HEADWAY_M_S)
         speed = min(self.speed_m_s, against_wind)
-        return distance_m / speed + speed / self.accel_m_s2
+        # speeding up and braking are reckoned for still air, so that wind never shortens a leg
+        return distance_m / speed + self.speed_m_s / self.accel_m_s2
 
     def leg_wh(self, distance_m: float, drawn_w: float = 0.0) -> float:
         """Energy for a leg."""
@@ -75,6 +68,19 @@ class EnergyModel:
     def hover_wh(self, duration_s: float, drawn_w: float = 0.0) -> float:
         """Energy for staying up for a while."""
         return self.power_w(drawn_w) * duration_s / 3600.0
+
+    def climb_wh(self, height_m: float, drawn_w: float = 0.0) -> float:
+        """Energy to take off and climb."""
+        return self.hover_wh(height_m / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S, drawn_w)
+
+    def sortie_wh(self, out_m: float, home_m: float, height_m: float, hover_s: float) -> float:
+        """Energy of a whole flight: climb, fly out, hover, fly home, land, reserve left."""
+        return (
+            self.climb_wh(height_m)
+            + self.leg_wh(out_m)
+            + self.hover_wh(hover_s)
+            + self.home_wh(home_m, height_m)
+        )
 
     def home_wh(self, distance_m: float, height_m: float, drawn_w: float = 0.0) -> float:
         """Energy to fly home, land, and have the reserve left."""

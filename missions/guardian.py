@@ -26,7 +26,7 @@ from typing import Final, Literal
 from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
-from missions.energy import AIRSPEED_LIMIT_M_S, CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
+from missions.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
 from missions.ground.fence import Fence, route_length_m
 from missions.units import GridPoint
 
@@ -81,7 +81,6 @@ class Limits:
 
     fence: Fence
     energy: EnergyModel
-    airspeed_limit_m_s: float = AIRSPEED_LIMIT_M_S
     slack_s: float = 0.0
     """What everything may take longer, where a simulator runs faster than a busy machine hears."""
 
@@ -415,7 +414,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
 
 def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     """Wind that the airframe cannot hold: returning by itself would only carry it farther."""
-    limit_m_s = limits.airspeed_limit_m_s
+    limit_m_s = limits.energy.max_airspeed_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
     hopeless = seen.wind_m_s >= HOPELESS * limit_m_s

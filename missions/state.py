@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from missions.energy import AIRSPEED_LIMIT_M_S, EnergyModel
+from missions.energy import EnergyModel
 from missions.explorers import EXPLORERS, Explorer, Memory
 from missions.explorers.metric import Metric
 from missions.ground.fence import Fence
@@ -17,6 +17,7 @@ from missions.ground.grid import Grid
 from missions.ground.lanes import Lane, lanes, share_out
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
+from missions.mission_file.energy_model import energy_model
 from missions.mission_file.schema import Mission, positions
 from missions.orders import FlyTo, Hold, Order, Sweep
 from missions.units import Cell, GridPoint
@@ -160,7 +161,7 @@ class Setting:
             mission,
             grid,
             fence,
-            EnergyModel.of(mission),
+            energy_model(mission),
             EXPLORERS[mission.strategy],
             lanes(box, mission.grid.cell_m, fence),
         )
@@ -181,11 +182,6 @@ class Setting:
             look=votes.frames * self.mission.camera.interval_s,
             ramp=self.energy.leg_s(0.0),
         )
-
-    @property
-    def airspeed_limit_m_s(self) -> float:
-        """The strongest wind that the airframe holds its position in."""
-        return AIRSPEED_LIMIT_M_S
 
     @property
     def look_s(self) -> float:

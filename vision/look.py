@@ -75,8 +75,9 @@ def look(
         view: `"cross"`: the cell under the camera's *position* and its four neighbours, in the
             order of `Cell.cross` (the paper's). `"all"`: every cell that the picture shows whole,
             sorted, within `OBLIQUE_LIMIT`; for recorded pictures from high up.
-        vantage: The cell over which the vehicle was told to take the frame; by default the one
-            under the camera. What is judged is where the pose says, not where it should be.
+        vantage: Of the view `"cross"`, the cell over which the vehicle was told to take the frame;
+            by default the one under the camera. Where that cell lies in the picture, the pose
+            says. The view `"all"` goes by the pose alone.
 
     Returns:
         One verdict a cell. A cell of which less than `SEEN_SHARE` is inside the picture is absent.
@@ -93,11 +94,11 @@ def look(
     if frame.pose.height_m <= 0.0:
         return ()  # from the ground nothing of the ground is seen
     matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
-    here = vantage or grid.cell_at(frame.pose.position, frame.t_s)
+    below = grid.cell_at(frame.pose.position, frame.t_s)
     if view == "cross":
-        wanted = tuple(c for c in here.cross() if _in_front(matrix, grid, c))
+        wanted = tuple(c for c in (vantage or below).cross() if _in_front(matrix, grid, c))
     else:
-        wanted = _shown_whole(matrix, grid, frame, here)
+        wanted = _shown_whole(matrix, grid, frame, below)
     if not wanted:
         return ()
     shares = _shares(detector.mask(frame.image), matrix, grid, wanted)
@@ -110,19 +111,20 @@ def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
 
 
 def _shown_whole(
-    matrix: NDArray[np.float64], grid: Grid, frame: Frame, here: Cell
+    matrix: NDArray[np.float64], grid: Grid, frame: Frame, below: Cell
 ) -> tuple[Cell, ...]:
-    """The cells, sorted, whose four corners lie inside the picture."""
+    """The cells around `below`, sorted, whose four corners lie inside the picture."""
     reach = math.ceil(OBLIQUE_LIMIT * frame.pose.height_m / grid.cell_m)
     steps = np.arange(-reach, reach + 2) - 0.5
-    lattice = np.stack(np.meshgrid(steps + here.east, steps + here.north, indexing="ij"), axis=-1)
+    lattice = np.stack(np.meshgrid(steps + below.east, steps + below.north, indexing="ij"), axis=-1)
     pixels, _ = project(matrix, lattice * grid.cell_m)
     edge = (frame.camera.width_px - 0.5, frame.camera.height_px - 0.5)
     # NaN, behind the camera, compares false
     inside: NDArray[np.bool_] = np.logical_and(pixels >= -0.5, pixels <= edge).min(axis=-1)
     whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
     return tuple(
-        Cell(here.east - reach + int(i), here.north - reach + int(j)) for i, j in np.argwhere(whole)
+        Cell(below.east - reach + int(i), below.north - reach + int(j))
+        for i, j in np.argwhere(whole)
     )
 
 

@@ -101,7 +101,7 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
             f"it stands {vehicle.home_level_m:.0f} m higher than the first vehicle, and its layer "
             f"is only {vehicle.cruise_height_m:.0f} m above it; raise flight.altitude_m"
         )
-    if vehicle.wind_m_s > setting.airspeed_limit_m_s:
+    if vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
         return f"it measured a wind of {vehicle.wind_m_s:.0f} m/s, more than it can hold"
     return ""
 

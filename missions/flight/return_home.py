@@ -39,7 +39,7 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if not setting.fence.contains(vehicle.position):
         vehicle = replace(vehicle, note="it was outside of the geofence")
         return send_home(setting, state, vehicle, ReturnReason.FAULT)
-    if vehicle.wind_m_s > setting.airspeed_limit_m_s:
+    if vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
         wind = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
         return send_home(setting, state, replace(vehicle, note=wind), ReturnReason.FAULT)
     if not has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S):

@@ -15,8 +15,11 @@ from missions.units import Cell
 
 def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     """Count the votes; end a look once everything it can see is decided."""
-    votes = {vote.cell: vote.positive for vote in event.votes}
     frame = FrameId(event.vehicle, event.t_s)
+    # a late vote must not undo what the tree was grown on
+    votes = state.belief.in_time(
+        event.vantage, frame, {vote.cell: vote.positive for vote in event.votes}
+    )
     state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
     vehicle = replace(state.vehicles[event.vehicle], frames_lost=0)
     if state.tree is None:

@@ -404,7 +404,14 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
         )
     if vehicle.phase is Phase.AIRBORNE:
         # not even the way home can be flown: its guardian has the autopilot try, and stays with it
-        return replace(vehicle, phase=Phase.GUARDED, order=ReturnToLaunch(), note=note)
+        return replace(
+            vehicle,
+            phase=Phase.GUARDED,
+            order=ReturnToLaunch(),
+            return_reason=None,
+            returns_by_itself=True,
+            note=note,
+        )
     if not vehicle.landed:  # somebody else is responsible for it already
         return replace(vehicle, note=note)
     return replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)

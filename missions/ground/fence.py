@@ -70,8 +70,12 @@ class Fence:
     def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
         """Whether a straight leg stays inside the margin."""
         leg = LineString([start, end])
-        # the prepared test decides nearly always; the exact one forgives a leg along an edge
-        return bool(self.inner.covers(leg)) or leg.difference(self.inner).length < _TOLERANCE_M
+        # the prepared test decides nearly always; the exact one forgives a leg along an edge, but
+        # not a leg so short that all of it is less than what is forgiven
+        if bool(self.inner.covers(leg)):
+            return True
+        outside_m = leg.difference(self.inner).length
+        return bool(outside_m < _TOLERANCE_M) and self.allows(start) and self.allows(end)
 
     def route(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
         """The shortest way to `end` inside the margin: the points to fly to, `end` the last.

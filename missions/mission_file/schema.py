@@ -31,6 +31,9 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
 Share = Annotated[Number, Field(ge=0, le=1)]
+HostName = Annotated[
+    str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
+]
 MAX_VEHICLES = 50
 Vertex = tuple[Latitude, Longitude]
 Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
@@ -84,6 +87,8 @@ class Flight(_Section):
     speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
     settle_m_s: Positive = 0.5
     """A frame is taken once the vehicle is slower than this."""
+    max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
+    """What the airframe can hold against the wind."""
 
 
 class CameraSection(_Section):
@@ -96,6 +101,10 @@ class CameraSection(_Section):
     yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
     interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
     """Time between two frames of a cell."""
+    hosts: tuple[HostName, ...] = ()
+    """From where pictures may be fetched, besides the host at the other end of the link."""
+    noiseless: bool = False
+    """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
 
 
 class DetectorSection(_Section):

@@ -10,6 +10,7 @@ from typing import Any
 
 from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
 from missions.ground.lanes import search_length_m, share_out
+from missions.mission_file import flyable
 from missions.state import Setting
 from missions.units import GridPoint
 from uavmap.mission_source import load_source
@@ -33,11 +34,15 @@ def run(options: argparse.Namespace) -> int:
     """Check."""
     setting = Setting.of(load_source(options.mission).parse())
     figures = estimate(setting)
+    warnings = flyable.warnings(setting.mission, setting.grid)
     if options.json:
+        figures["warnings"] = warnings
         json.dump(figures, sys.stdout, indent=2)
         sys.stdout.write("\n")
         return 0
-    print(f"{options.mission}: nothing wrong")
+    print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
+    for warning in warnings:
+        print(f"  {warning}")
     width = max(map(len, figures))
     for key, value in figures.items():
         print(f"  {key:{width}}  {value}")
@@ -48,6 +53,9 @@ def estimate(setting: Setting) -> dict[str, Any]:
     """What a mission would fly at most: a search of the whole box, and nothing found.
 
     Exploration comes on top; nobody knows how large the ROI is, so it is given per cell.
+    `sortie_wh` is what a full battery leaves for flying about, without the climb, the landing and
+    the reserve; `farthest_corner_wh` what of it goes into the way to the farthest corner of the box
+    and back, and a look there.
     """
     mission, energy = setting.mission, setting.energy
     blocks = share_out(setting.lanes, len(mission.vehicles)) if setting.lanes else ()
@@ -60,11 +68,19 @@ def estimate(setting: Setting) -> dict[str, Any]:
     search_s = longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
     usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
     across_m, along_m = _footprint(setting)
+    area = flyable.search_area(mission, setting.grid)
+    corner = flyable.farthest_corner(mission, setting.grid)
+    corner_layer_m = mission.altitude_m(corner.vehicle)
+    # what is not for flying: the climb, the landing and the reserve
+    aside_wh = energy.climb_wh(corner_layer_m) + energy.home_wh(0.0, corner_layer_m)
+    aside_wh -= energy.leg_wh(0.0)
     return {
         "mission": mission.name,
         "strategy": mission.strategy,
         "vehicles": len(mission.vehicles),
         "lanes": len(setting.lanes),
+        "search_area_m2": round(area.box_m2, 1),
+        "cut_off_m2": round(area.cut_off_m2, 1),
         "search_length_m": round(sum(lengths), 1),
         "search_time_s": round(search_s + overhead_s, 1),
         "search_sorties": math.ceil(search_s / max(usable_s, 1.0)),
@@ -74,6 +90,9 @@ def estimate(setting: Setting) -> dict[str, Any]:
         ),
         "footprint_m": [round(across_m, 1), round(along_m, 1)],
         "turn_back_reserve_wh": round(energy.reserve_wh, 2),
+        "sortie_wh": round(energy.capacity_wh - aside_wh, 2),
+        "farthest_corner_m": round(corner.away_m, 1),
+        "farthest_corner_wh": round(corner.sortie_wh - aside_wh, 2),
     }
 
 

@@ -48,6 +48,7 @@ _SHOWN: Final = {
     "bound_held": "bound held",
     "tree_depth": "depth of the tree",
     "photographs": "photographs",
+    "photographs_judged": "of these judged",
 }
 
 

@@ -1,10 +1,11 @@
-"""How a mission looks at pictures: frame -> look(frame, grid, detector) -> votes."""
+"""How a mission looks at pictures: frame -> plausible -> look(frame, grid, detector) -> votes."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from missions.errors import ImageError
 from missions.events import Vote
 from missions.ground.grid import Grid
 from missions.mission_file.schema import Mission
@@ -12,16 +13,22 @@ from missions.units import Cell
 from vision.camera import Camera
 from vision.detectors import Detector, make_detector
 from vision.look import Frame, look
+from vision.plausible import Image, implausible
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Classifier:
-    """How a mission looks at pictures: camera, detector, and the share that makes a cell ROI."""
+    """How one vehicle's pictures are judged: camera, detector, the share that makes a cell ROI.
+
+    It remembers the vehicle's last picture, to know a stalled camera by; so every vehicle has a
+    classifier of its own.
+    """
 
     mission: Mission
     grid: Grid
     camera: Camera
     detector: Detector
+    _last: Image | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, mission: Mission, grid: Grid, height_m: float | None = None) -> Classifier:
@@ -35,14 +42,16 @@ class Classifier:
         return cls(mission, grid, camera, detector_of(mission, (height_m or lowest_m) / lowest_m))
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
-        """The vantage of a frame, and what it says.
+        """The vantage of a frame, by default the cell below, and what the frame says.
 
-        Without a vantage given, it is the cell below; frames that judge all that they show count
-        as one look over the whole area, and that goes by the name of the grid's first cell.
+        Raises `ImageError` for a picture that is no evidence (`vision.plausible`), or not of the
+        camera's size.
         """
+        last, self._last = self._last, frame.image
+        if reason := implausible(frame.image, last, noiseless=self.mission.camera.noiseless):
+            raise ImageError(reason)
         section = self.mission.detector
-        below = self.grid.cell_at(frame.pose.position, frame.t_s)
-        here = vantage or (below if section.view == "cross" else Cell(0, 0))
+        here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
         verdicts = look(
             frame, self.grid, self.detector, share=section.share, view=section.view, vantage=here
         )

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import signal
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,13 +24,14 @@ from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.http_pictures import fetch_over_http
+from uavmap.fly.http_pictures import PictureFetcher
 from uavmap.fly.imaging import CameraDriver, Fetch
 from uavmap.fly.progress import Progress
 from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
+from uavmap.link.identity import same_aircraft
 from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
@@ -178,7 +181,8 @@ class _Flight:
             ]
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(simulation.run())
-                await self._serve(simulation.names(), sessions, simulation.fetch)
+                fetches = [simulation.fetch] * len(sessions)
+                await self._serve(simulation.names(), sessions, fetches)
                 world.cancel()
 
     # --- connected -------------------------------------------------------------------------
@@ -186,11 +190,19 @@ class _Flight:
         async with contextlib.AsyncExitStack() as stack:
             log = stack.enter_context(self._log())
             ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (self._plan.speedup or 1.0))
-            sessions = [
-                await stack.enter_async_context(_connected(url, log.record, ack_wait_s))
+            opened = [
+                await stack.enter_async_context(
+                    _connected(url, log.record, ack_wait_s, self._progress.say)
+                )
                 for url in self._plan.urls
             ]
-            await self._serve(list(self._plan.urls), sessions, fetch_over_http)
+            fetches = [self._fetcher(transport) for _, transport in opened]
+            await self._serve(list(self._plan.urls), [session for session, _ in opened], fetches)
+
+    def _fetcher(self, transport: Transport) -> PictureFetcher:
+        """For the pictures of the vehicle at the other end of a link."""
+        named = self._setting.mission.camera.hosts
+        return PictureFetcher(lambda: (*named, transport.peer_host or ""))
 
     def _link_lost_s(self) -> float:
         """On a clock that runs fast, a busy machine must not look like a lost link."""
@@ -204,7 +216,7 @@ class _Flight:
 
     # --- both ------------------------------------------------------------------------------
     def _vehicles(
-        self, names: list[str], sessions: list[Session], fetch: Fetch, crew: Crew
+        self, names: list[str], sessions: list[Session], fetches: Sequence[Fetch], crew: Crew
     ) -> dict[int, MavlinkVehicle]:
         """The driver of each vehicle, by number."""
         at_a_terminal = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
@@ -212,6 +224,9 @@ class _Flight:
         stale_s = BATTERY_STALE_S
         if not self._plan.simulated:
             stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
+        for number, session in enumerate(sessions, start=1):
+            session.view.expect_near(self._setting.mission.home)
+            session.view.gate.say = partial(_say_of, self._progress, number)
         return {
             number: MavlinkVehicle(
                 number,
@@ -227,14 +242,18 @@ class _Flight:
                 slack_s=0.0 if self._plan.simulated else SLACK_WALL_S * (speedup - 1.0),
                 tell=self._progress.say,
             )
-            for number, (name, session) in enumerate(zip(names, sessions, strict=True), start=1)
+            for number, (name, session, fetch) in enumerate(
+                zip(names, sessions, fetches, strict=True), start=1
+            )
         }
 
-    async def _serve(self, names: list[str], sessions: list[Session], fetch: Fetch) -> None:
+    async def _serve(
+        self, names: list[str], sessions: list[Session], fetches: Sequence[Fetch]
+    ) -> None:
         """Fly the mission, and look after the aircraft however that ends."""
         automatic = self._plan.simulated or self._plan.auto_swap
         crew = Crew(self._progress.say, automatic=automatic)
-        vehicles = self._vehicles(names, sessions, fetch, crew)
+        vehicles = self._vehicles(names, sessions, fetches, crew)
 
         def observe(event: Event, state: State) -> None:
             self._progress.update(event, state, again=self._journal.expected)
@@ -267,6 +286,7 @@ class _Flight:
             before = self._state.vehicles[number]
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
+        _each_its_own(vehicles)
         return await service.fly()
 
     @contextlib.contextmanager
@@ -305,6 +325,19 @@ class _Flight:
                 loop.remove_signal_handler(number)
 
 
+def _each_its_own(vehicles: dict[int, MavlinkVehicle]) -> None:
+    """Raise `LinkError` where two links lead to one aircraft: it would be told two things at once.
+
+    Seen after both have answered; a router that forwards several vehicles may do that.
+    """
+    for (_, one), (_, other) in itertools.combinations(vehicles.items(), 2):
+        if same_aircraft(one.view, other.view):
+            raise LinkError(
+                f"{one.name} and {other.name} lead to the same aircraft (system "
+                f"{one.view.system_id}); give every vehicle a link and a system id of its own"
+            )
+
+
 def _all_wait(state: State, waiting: set[int]) -> bool:
     """Whether everybody who is not done waits for a battery that nobody here will announce."""
     return bool(waiting) and all(
@@ -312,10 +345,15 @@ def _all_wait(state: State, waiting: set[int]) -> bool:
     )
 
 
+def _say_of(progress: Progress, number: int, text: str) -> None:
+    """A line about one vehicle."""
+    progress.say(f"vehicle {number}: {text}")
+
+
 @contextlib.asynccontextmanager
 async def _connected(
-    url: str, record: Callable[[bytes], None], ack_wait_s: float
-) -> AsyncIterator[Session]:
+    url: str, record: Callable[[bytes], None], ack_wait_s: float, say: Callable[[str], None]
+) -> AsyncIterator[tuple[Session, Transport]]:
     """A session over the transport that a URL names."""
     opened: list[Transport] = []
 
@@ -324,9 +362,9 @@ async def _connected(
             transport.send(frame)
 
     session = Session(send, record, ack_wait_s)
-    async with open_transport(parse_url(url), session.feed) as transport:
+    async with open_transport(parse_url(url), session.feed, say) as transport:
         opened.append(transport)
-        yield session
+        yield session, transport
 
 
 def _results(

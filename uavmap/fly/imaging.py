@@ -15,10 +15,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
-from missions.units import Cell, LatLon, Pose, Quaternion
+from missions.units import Cell
 from uavmap.fly.classifier import Classifier
+from uavmap.fly.picture_pose import pose_of
 from uavmap.link.session import Message, Session
 from uavmap.pictures import read_image
+from uavmap.printable import printable
 from vision.look import Frame
 
 Fetch = Callable[[str], Awaitable[bytes]]
@@ -53,6 +55,8 @@ class CameraDriver:
         self._frames: Frames | None = None
         self._idle = False
         """Whether the camera is known to take no pictures just now."""
+        self._ordered_s = float("-inf")
+        """When pictures were ordered last, on the loop's clock: none of them is older."""
 
     def uncertain(self) -> None:
         """Nobody knows what the camera does: another process may have begun it, or it restarted."""
@@ -95,6 +99,7 @@ class CameraDriver:
         start for the time being: it is stopped first. Pictures that come are as good as an
         acknowledgement. Raises `LinkError` when neither comes, or the camera refuses.
         """
+        self._ordered_s = asyncio.get_running_loop().time()
         frames = self._frames
         if frames is not None:
             frames.capturing = True
@@ -164,21 +169,21 @@ class CameraDriver:
 
     async def judge(self, message: Message, vantage: Cell | None) -> FrameSeen | FrameLost:
         """What a picture that was announced says."""
+        view, camera = self._session.view, self._classifier.camera
         loop_s = asyncio.get_running_loop().time()
-        offset_s = self._session.view.boot_offset_s or 0.0
-        t_s = round(self._now_s() + message.time_boot_ms / 1000.0 + offset_s - loop_s, 3)
+        taken_s = view.captured_s(message.time_boot_ms, loop_s, self._ordered_s)
+        t_s = round(self._now_s() + taken_s - loop_s, 3)
         try:
+            try:
+                pose = pose_of(message, view, self._classifier.grid, loop_s - taken_s)
+            except ImageError as error:
+                view.gate.refuse(message.get_type(), str(error), loop_s)
+                raise
             data = await self._fetch(message.file_url)
-            image = read_image(data, message.file_url)
-            pose = Pose(
-                LatLon(message.lat / 1e7, message.lon / 1e7),
-                message.relative_alt / 1000.0,
-                Quaternion(*message.q),
-            )
-            frame = Frame(image, pose, t_s, self._classifier.camera)
-            here, votes = self._classifier.votes(frame, vantage)
+            image = read_image(data, message.file_url, (camera.width_px, camera.height_px))
+            here, votes = self._classifier.votes(Frame(image, pose, t_s, camera), vantage)
         except (ImageError, LinkError) as error:
-            return FrameLost(self._number, t_s, str(error))
+            return FrameLost(self._number, t_s, printable(str(error)))
         return FrameSeen(self._number, t_s, here, votes)
 
     def lost(self, reason: str) -> FrameLost:

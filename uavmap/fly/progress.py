@@ -29,6 +29,7 @@ from missions.events import (
 )
 from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
+from uavmap.printable import printable
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
@@ -40,6 +41,7 @@ _NOTED: Final = (
     Phase.DOWN,
     Phase.LOST,
 )
+LINE_LIMIT: Final = 4000
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 
 _DOING: Final = {
@@ -100,7 +102,8 @@ class Terminal:
 
     def say(self, text: str) -> None:
         """A line that stays."""
-        self._console.print(text, soft_wrap=True, markup=False)
+        lines = (printable(line, LINE_LIMIT) for line in text.split("\n"))
+        self._console.print("\n".join(lines), soft_wrap=True, markup=False)
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """The flight starts."""
@@ -148,7 +151,7 @@ class Terminal:
         for v in state.vehicles.values():
             table.add_row(
                 str(v.vehicle),
-                _doing(v),
+                Text(_doing(v)),  # as it is: a note may hold what looks like markup
                 f"{v.position.east_m:.1f}",
                 f"{v.position.north_m:.1f}",
                 f"{v.height_m:.1f}",
@@ -181,7 +184,7 @@ def phase(state: State) -> str:
 
 def _doing(vehicle: VehicleState) -> str:
     if vehicle.phase in _NOTED:
-        return vehicle.note or vehicle.phase.value
+        return printable(vehicle.note) or vehicle.phase.value
     if vehicle.phase is Phase.FINISHED:
         return "done"
     if vehicle.return_reason is not None and isinstance(vehicle.order, FlyTo):

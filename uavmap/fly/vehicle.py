@@ -31,6 +31,7 @@ from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.link.autopilots import AUTOPILOTS
 from uavmap.link.session import Message, Session
+from uavmap.link.view import VehicleView
 
 LINK_LOST_S: Final = 5.0
 ANSWER_S: Final = 10.0
@@ -83,7 +84,7 @@ class MavlinkVehicle:
             battery_stale_s,
         )
         self._monitor = Monitor(self._reporter, session.view)
-        limits = Limits(setting.fence, setting.energy, setting.airspeed_limit_m_s, slack_s)
+        limits = Limits(setting.fence, setting.energy, slack_s)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
@@ -95,6 +96,11 @@ class MavlinkVehicle:
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
         session.listen(self._on_message)
+
+    @property
+    def view(self) -> VehicleView:
+        """The latest of what the vehicle has said."""
+        return self._view
 
     def was_returning(self) -> None:
         """It was landing or returning by our order when an earlier process ended: it is ours."""

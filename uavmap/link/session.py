@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -25,6 +26,7 @@ ACK_TRIES: Final = 5
 GROUND_SYSTEM_ID: Final = 245
 """Our own system id: this process flies several vehicles, so it is none of them."""
 
+_READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
 _RESULTS = {
     value.name.removeprefix("MAV_RESULT_"): number
@@ -54,28 +56,51 @@ class Session:
         self._codec.robust_parsing = True
         self._listeners: list[Listener] = []
         self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
-        self._acks: dict[int, asyncio.Queue[Message]] = {}
+        self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
+        """By command and the component that was asked."""
         self._command_lock = asyncio.Lock()
         self.view = VehicleView()
 
     # --- frames --------------------------------------------------------------------------
-    def feed(self, data: bytes) -> None:
-        """Take in what the link has heard."""
+    def feed(self, data: bytes) -> bool:
+        """Take in what the link has heard; whether our vehicle spoke in it."""
         now_s = asyncio.get_running_loop().time()
-        for message in self._codec.parse_buffer(data) or ():
-            if message.get_type() == "BAD_DATA":
-                continue
+        ours = False
+        for message in self._parsed(data):
             self._record(bytes(message.get_msgbuf()))
             if self.view.take(message, now_s):
+                ours = True
                 if message.get_type() == "COMMAND_ACK":
                     self._take_ack(message)
                 for listener in self._listeners:
                     listener(message)
         self._wake()
+        return ours
+
+    def _parsed(self, data: bytes) -> Iterator[Message]:
+        """The messages in a piece of a stream; what is none is passed over."""
+        codec = self._codec
+        while True:
+            try:
+                message = codec.parse_char(data)
+            except Exception:  # of the parser, whose input is whatever a stranger sends
+                message = None
+                codec.buf, codec.buf_index = bytearray(), 0
+            data = b""
+            if message is None:
+                break
+            if message.get_type() != "BAD_DATA" and message.get_msgId() in mav.mavlink_map:
+                yield message
+        # the parser lets go of what it has read only when it has read all of it
+        if codec.buf_index > _READ_BYTES_KEPT:
+            codec.buf, codec.buf_index = codec.buf[codec.buf_index :], 0
 
     def send(self, message: Message) -> None:
-        """Send a message."""
-        frame: bytes = message.pack(self._codec)
+        """Send a message. Raises `LinkError` where a number does not fit into it."""
+        try:
+            frame: bytes = message.pack(self._codec)
+        except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
+            raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
         self._codec.seq = (self._codec.seq + 1) & 0xFF
         self._record(frame)
         self._send(frame)
@@ -115,23 +140,25 @@ class Session:
         self,
         command: int,
         *params: float,
-        component: int = mav.MAV_COMP_ID_AUTOPILOT1,
+        component: int | None = None,
         done: Callable[[], bool] = lambda: False,
     ) -> None:
         """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
 
+        To the autopilot, if no other component is named; only the one that was asked answers.
         `done` says that the command was carried out, acknowledged or not: it is not sent again.
 
         Raises `CommandRefusedError` with what the vehicle said, `LinkError` when it stays silent.
         """
         filled = (*params, *([0.0] * (7 - len(params))))
+        asked = self._autopilot if component is None else component
 
         def message(confirmation: int) -> Message:
             return mav.MAVLink_command_long_message(
-                self.view.system_id, component, command, confirmation, *filled
+                self.view.system_id, asked, command, confirmation, *filled
             )
 
-        await self._until_acknowledged(command, message, done)
+        await self._until_acknowledged(command, asked, message, done)
 
     async def command_at(
         self,
@@ -143,12 +170,15 @@ class Session:
         z: float,
     ) -> None:
         """COMMAND_INT for a place. Errors as for `command`."""
+        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and math.isfinite(z)):
+            raise LinkError(f"no place to send a vehicle to: {lat_deg}, {lon_deg}, {z} m")
         place = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
+        asked = self._autopilot
 
         def message(_confirmation: int) -> Message:
             return mav.MAVLink_command_int_message(
                 self.view.system_id,
-                mav.MAV_COMP_ID_AUTOPILOT1,
+                asked,
                 frame,
                 command,
                 0,
@@ -157,17 +187,22 @@ class Session:
                 *place,
             )
 
-        await self._until_acknowledged(command, message)
+        await self._until_acknowledged(command, asked, message)
+
+    @property
+    def _autopilot(self) -> int:
+        return self.view.autopilot_component or int(mav.MAV_COMP_ID_AUTOPILOT1)
 
     async def _until_acknowledged(
         self,
         command: int,
+        asked: int,
         message: Callable[[int], Message],
         done: Callable[[], bool] = lambda: False,
     ) -> None:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
-            queue = self._acks[command] = asyncio.Queue()
+            queue = self._acks[command, asked] = asyncio.Queue()
             ack: Message | None = None
             try:
                 for confirmation in range(ACK_TRIES):
@@ -182,7 +217,7 @@ class Session:
                     await self._hear_why()
                     break
             finally:
-                del self._acks[command]
+                del self._acks[command, asked]
         if done():
             return
         if ack is not None:
@@ -212,7 +247,8 @@ class Session:
 
     def _take_ack(self, ack: Message) -> None:
         ours = ack.target_system in (0, GROUND_SYSTEM_ID)
-        if ours and (queue := self._acks.get(ack.command)) is not None:
+        asked = (ack.command, ack.get_srcComponent())
+        if ours and (queue := self._acks.get(asked)) is not None:
             queue.put_nowait(ack)
 
     # --- what a client sends of itself -----------------------------------------------------
@@ -239,7 +275,7 @@ class Session:
         self.send(
             mav.MAVLink_command_long_message(
                 self.view.system_id,
-                self.view.camera_component if message_id == 263 else 1,
+                self.view.camera_component if message_id == 263 else self._autopilot,
                 mav.MAV_CMD_REQUEST_MESSAGE,
                 0,
                 message_id,

@@ -1,13 +1,15 @@
 """Bytes to and from a vehicle. What they mean is the session's business.
 
 Every transport hands what it hears to `on_bytes` from the event loop and never blocks the reader:
-an ArduPilot simulation freezes when its TCP client stops reading.
+an ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` answers whether it
+was the vehicle that spoke, and by that a listening socket knows whom to keep to.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import socket
 import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Final, Protocol, cast
@@ -17,10 +19,15 @@ import serial
 from missions.errors import LinkError
 from uavmap.link.urls import Endpoint
 
-PEER_SILENT_S: Final = 3.0
-"""Real seconds after which somebody else may take a silent peer's place."""
+PEER_SILENT_S: Final = 10.0
+"""Real seconds of silence after which our vehicle may be heard from another address."""
+MOST_STRANGERS: Final = 16
+"""How many strangers a link names; of more it says nothing."""
+_KEEPALIVE_S: Final = 5
 
-OnBytes = Callable[[bytes], None]
+OnBytes = Callable[[bytes], bool]
+"""Takes what was heard; whether our vehicle spoke in it."""
+Say = Callable[[str], None]
 
 
 class Transport(Protocol):
@@ -30,12 +37,24 @@ class Transport(Protocol):
         """Send, or drop where nobody listens."""
         ...
 
+    @property
+    def peer_host(self) -> str | None:
+        """The address of the host at the other end; None for a serial port, or nobody yet."""
+        ...
+
+
+def _to_nobody(text: str) -> None:
+    pass
+
 
 @contextlib.asynccontextmanager
-async def open_transport(endpoint: Endpoint, on_bytes: OnBytes) -> AsyncIterator[Transport]:
+async def open_transport(
+    endpoint: Endpoint, on_bytes: OnBytes, say: Say = _to_nobody
+) -> AsyncIterator[Transport]:
     """Open the transport that an endpoint names, and close it at the end.
 
-    Raises `LinkError` where it cannot be opened.
+    `say` is told when somebody else than the vehicle speaks to it. Raises `LinkError` where it
+    cannot be opened.
     """
     opener = {
         "udpin": _open_udp,
@@ -45,7 +64,7 @@ async def open_transport(endpoint: Endpoint, on_bytes: OnBytes) -> AsyncIterator
         "serial": _open_serial,
     }[endpoint.transport]
     try:
-        transport, close = await opener(endpoint, on_bytes)
+        transport, close = await opener(endpoint, on_bytes, _Strangers(endpoint, say))
     except (OSError, ValueError, OverflowError) as error:  # the last two for a baud rate
         raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
     try:
@@ -58,59 +77,124 @@ async def open_transport(endpoint: Endpoint, on_bytes: OnBytes) -> AsyncIterator
 _Opened = tuple[Transport, Callable[[], None]]
 
 
-class _Udp(asyncio.DatagramProtocol):
-    """A UDP socket. A listening one keeps to the first that speaks, until that falls silent."""
+class _Strangers:
+    """Who spoke to a link without being its vehicle; each is told of once."""
 
-    def __init__(self, on_bytes: OnBytes, peer: tuple[str, int] | None) -> None:
+    def __init__(self, endpoint: Endpoint, say: Say) -> None:
+        self._url = endpoint.url
+        self._say = say
+        self._known: set[Any] = set()
+
+    def tell(self, address: Any, what: str) -> None:
+        """Say what somebody did, the first time."""
+        if address in self._known or len(self._known) >= MOST_STRANGERS:
+            return
+        self._known.add(address)
+        self._say(f"{self._url}: {_place(address)} {what}")
+
+    def moved(self, before: Any, now: Any) -> None:
+        """Say that the vehicle is heard from another address."""
+        self._say(f"{self._url}: the vehicle is heard from {_place(now)}, not {_place(before)}")
+
+
+def _place(address: Any) -> str:
+    host, port = address[:2]
+    return host if port is None else f"{host} port {port}"
+
+
+class _Udp(asyncio.DatagramProtocol):
+    """A UDP socket. With a named peer it hears that one and nobody else.
+
+    A listening one keeps to the address from which it first heard the vehicle. Only after a long
+    silence does it hear others, and it follows the vehicle to where that speaks from then.
+    """
+
+    def __init__(
+        self, on_bytes: OnBytes, strangers: _Strangers, named: tuple[str, int] | None
+    ) -> None:
         self._on_bytes = on_bytes
-        self._peer: Any = peer
+        self._strangers = strangers
+        self._named = named is not None
+        self._peer: tuple[str, int] | None = named
         self._heard_s = float("-inf")
         self._transport: asyncio.DatagramTransport | None = None
+
+    @property
+    def peer_host(self) -> str | None:
+        return None if self._peer is None else self._peer[0]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        now_s = time.monotonic()
-        if addr != self._peer and now_s - self._heard_s < PEER_SILENT_S:
-            return  # a second sender on this port; two vehicles must not be taken for one
-        self._peer, self._heard_s = addr, now_s
-        self._on_bytes(data)
+        address = (str(addr[0]), int(addr[1]))  # an IPv6 one has two numbers more
+        if address == self._peer:
+            if self._on_bytes(data):
+                self._heard_s = time.monotonic()
+            return
+        silent_s = time.monotonic() - self._heard_s
+        if self._named or (self._peer is not None and silent_s < PEER_SILENT_S):
+            self._strangers.tell(address, "speaks too, and is not heard")
+            return
+        if self._on_bytes(data):
+            if self._peer is not None:
+                self._strangers.moved(self._peer, address)
+            self._peer, self._heard_s = address, time.monotonic()
 
     def send(self, data: bytes) -> None:
-        if self._transport is not None and self._peer is not None:
-            self._transport.sendto(data, self._peer)
+        transport = self._transport
+        if transport is not None and self._peer is not None and not transport.is_closing():
+            transport.sendto(data, self._peer)
 
 
-async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes) -> _Opened:
+async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
     address = (endpoint.host, endpoint.port)
     if endpoint.transport == "udpin":
         transport, udp = await loop.create_datagram_endpoint(
-            lambda: _Udp(on_bytes, None), local_addr=address
+            lambda: _Udp(on_bytes, strangers, None), local_addr=address
         )
     else:
         family, _, _, _, peer = (await loop.getaddrinfo(*address))[0]
         wildcard = ("::" if len(peer) == 4 else "0.0.0.0", 0)
+        named = (str(peer[0]), int(peer[1]))
         transport, udp = await loop.create_datagram_endpoint(
-            lambda: _Udp(on_bytes, (str(peer[0]), int(peer[1]))), local_addr=wildcard, family=family
+            lambda: _Udp(on_bytes, strangers, named), local_addr=wildcard, family=family
         )
     return udp, transport.close
 
 
-class _Tcp(asyncio.Protocol):
-    """A TCP connection; a server keeps the latest client."""
+class _Tcp:
+    """A TCP link: one connection at a time."""
 
-    def __init__(self, on_bytes: OnBytes) -> None:
-        self._on_bytes = on_bytes
+    def __init__(self, on_bytes: OnBytes, strangers: _Strangers) -> None:
+        self.on_bytes = on_bytes
+        self._strangers = strangers
         self._transport: asyncio.Transport | None = None
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self.close()
-        self._transport = cast(asyncio.Transport, transport)
+    @property
+    def peer_host(self) -> str | None:
+        if self._transport is None:
+            return None
+        return str(self._transport.get_extra_info("peername")[0])
 
-    def data_received(self, data: bytes) -> None:
-        self._on_bytes(data)
+    def made(self, transport: asyncio.Transport) -> bool:
+        """A connection was made; whether it is the link's."""
+        peer = transport.get_extra_info("peername")
+        if peer is None:  # it has gone again before it was looked at
+            return False
+        if self._transport is not None:
+            # by host: a port is new with each try
+            self._strangers.tell((peer[0], None), "wants to connect too, and is refused")
+            return False
+        self._transport = transport
+        _keep_alive(transport.get_extra_info("socket"))
+        return True
+
+    def lost(self, transport: asyncio.Transport) -> None:
+        """A connection has ended: the next client may come."""
+        if transport is self._transport:
+            self._transport = None
 
     def send(self, data: bytes) -> None:
         if self._transport is not None and not self._transport.is_closing():
@@ -121,16 +205,51 @@ class _Tcp(asyncio.Protocol):
             self._transport.abort()
 
 
-async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes) -> _Opened:
+def _keep_alive(connection: socket.socket) -> None:
+    """Have the system find out within some 15 s that the other end is gone without a word."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (("TCP_KEEPIDLE", _KEEPALIVE_S), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3)):
+        if (option := getattr(socket, name, None)) is not None:  # macOS lacks one of them
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
+    if (option := getattr(socket, "TCP_USER_TIMEOUT", None)) is not None:
+        connection.setsockopt(socket.IPPROTO_TCP, option, 3 * _KEEPALIVE_S * 1000)
+
+
+class _TcpConnection(asyncio.Protocol):
+    """One connection of a TCP link, or one that it refuses."""
+
+    def __init__(self, link: _Tcp) -> None:
+        self._link = link
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        made = cast(asyncio.Transport, transport)
+        if self._link.made(made):
+            self._transport = made
+        else:
+            # not at once: asyncio is about to begin to read from it
+            asyncio.get_running_loop().call_soon(made.abort)
+
+    def data_received(self, data: bytes) -> None:
+        if self._transport is not None:
+            self._link.on_bytes(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self._transport is not None:
+            self._link.lost(self._transport)
+
+
+async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
-    _, tcp = await loop.create_connection(lambda: _Tcp(on_bytes), endpoint.host, endpoint.port)
+    tcp = _Tcp(on_bytes, strangers)
+    await loop.create_connection(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
     return tcp, tcp.close
 
 
-async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes) -> _Opened:
+async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
-    tcp = _Tcp(on_bytes)
-    server = await loop.create_server(lambda: tcp, endpoint.host, endpoint.port)
+    tcp = _Tcp(on_bytes, strangers)
+    server = await loop.create_server(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
 
     def close() -> None:
         server.close()
@@ -142,6 +261,8 @@ async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes) -> _Opened:
 class _Serial:
     """A serial port, read when the loop says that there is something to read."""
 
+    peer_host: str | None = None
+
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
 
@@ -151,7 +272,7 @@ class _Serial:
             self._port.write(data)
 
 
-async def _open_serial(endpoint: Endpoint, on_bytes: OnBytes) -> _Opened:
+async def _open_serial(endpoint: Endpoint, on_bytes: OnBytes, _: _Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
     port = serial.Serial(endpoint.host, endpoint.port, timeout=0, write_timeout=0.2)
 

@@ -1,7 +1,12 @@
-"""The latest of what a vehicle has said, in our units."""
+"""The latest of what a vehicle has said, in our units.
+
+Only what the gate admits gets here (`uavmap.link.gate`): the handlers may rely on the ranges of
+`uavmap.link.rules`.
+"""
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -10,15 +15,26 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from uavmap.link.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
+from uavmap.link.continuity import CameraClock
+from uavmap.link.gate import Gate
+from uavmap.link.rules import RULES, Sender
+from uavmap.printable import printable
 
 Message = Any
 
 _NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
 """What gimbals, cameras and companions say in their heartbeats."""
+_OTHER: Final = frozenset({Sender.ANY})
+_AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
+_CAMERA: Final = _OTHER | {Sender.CAMERA}
 PREARM_BIT: Final = 0x10000000
 EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
+TEXT_LENGTH: Final = 200
+CAMERA_SILENT_S: Final = 10.0
+"""After so long another camera of the vehicle may take the place of the one that was heard."""
+STAMP_SLACK_S: Final = 0.5
 SIMULATOR_IDENTITY: Final = (0x5541, 0x534D)
 """vendor_id and product_id of the bundled simulator: nobody stands beside its aircraft."""
 
@@ -32,6 +48,9 @@ class VehicleView:
     autopilot_component: int = 0
     """Bound with `system_id` by the first heartbeat of an autopilot."""
     camera_component: int = mav.MAV_COMP_ID_CAMERA
+    """The first that sent a camera's heartbeat, for as long as it speaks."""
+    camera_heard_s: float = float("-inf")
+    gate: Gate = field(default_factory=Gate)
     heard_s: float = float("-inf")
     mode: int | None = None
     armed: bool = False
@@ -43,8 +62,6 @@ class VehicleView:
     home_amsl_m: float = 0.0
     """What `height_m` is above, over the sea."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    boot_offset_s: float | None = None
-    """Loop time minus the vehicle's own time since boot."""
     home: LatLon | None = None
     landed_state: int = 0
     prearm_ok: bool = False
@@ -52,27 +69,67 @@ class VehicleView:
     battery_s: float = float("-inf")
     """When the battery's charge was last told, on the loop's clock."""
     battery_percent: int | None = None
+    battery_percent_from: str = ""
+    """The kind of message that told the percentage."""
+    battery_id: int | None = None
+    """Of the battery that the vehicle flies on: the lowest that was heard."""
     energy_consumed_j: float | None = None
     identity: tuple[int, int] | None = None
     """vendor_id and product_id."""
+    uid: str = ""
+    """The hardware's own number, hexadecimal; empty where it has none or did not tell."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
     texts_heard: int = 0
 
     def take(self, message: Message, now_s: float) -> bool:
-        """Note a message; False when it is not from our vehicle."""
+        """Note a message; False when it is not from our vehicle, or not to be believed."""
         name = message.get_type()
         system, component = message.get_srcSystem(), message.get_srcComponent()
-        if name == "HEARTBEAT" and message.autopilot not in _NO_AUTOPILOT:
-            if self.system_id == 0:
-                self.system_id, self.autopilot_component = system, component
-            if (system, component) == (self.system_id, self.autopilot_component):
-                self.heard_s = now_s
-        if system != self.system_id:
+        if name == "HEARTBEAT" and self.system_id == 0:
+            self._bind(message, system, component)
+        if system != self.system_id or system == 0:
             return False
+        if not self.gate.admits(message, self._senders(component), now_s):
+            return False
+        if name == "HEARTBEAT" and component == self.autopilot_component:
+            if message.autopilot != self.autopilot and self.autopilot is not None:
+                self.gate.refuse(name, "another autopilot", now_s)
+                return False
+            self.heard_s = now_s
         handler = _HANDLERS.get(name)
         if handler is not None:
             handler(self, message, now_s, component)
         return True
+
+    def _bind(self, message: Message, system: int, component: int) -> None:
+        """The first heartbeat of an autopilot says which vehicle is at the other end."""
+        if message.autopilot not in _NO_AUTOPILOT and RULES["HEARTBEAT"].fault(message) is None:
+            self.system_id, self.autopilot_component = system, component
+
+    def _senders(self, component: int) -> frozenset[Sender]:
+        """Who a component of our system may speak as."""
+        if component == self.autopilot_component:
+            both = component == self.camera_component
+            return _AUTOPILOT | _CAMERA if both else _AUTOPILOT
+        return _CAMERA if component == self.camera_component else _OTHER
+
+    def expect_near(self, place: LatLon) -> None:
+        """Where the mission is: no position far away from there is believed."""
+        self.gate.area = place
+
+    @property
+    def boot_offset_s(self) -> float | None:
+        """Loop time minus the vehicle's own time since boot."""
+        return self.gate.clock.offset_s
+
+    def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
+        """When, on the loop's clock, a camera took the picture of an announcement.
+
+        Never later than now, nor much before `since_s`, when the pictures were ordered: a
+        camera's clock may be wrong, this is not.
+        """
+        offset_s = (self.boot_offset_s or 0.0) + self.gate.camera_clock.lead_s
+        return min(max(boot_ms / 1000.0 + offset_s, since_s - STAMP_SLACK_S), now_s)
 
     @property
     def kind(self) -> Autopilot:
@@ -115,21 +172,20 @@ class VehicleView:
         if self.battery_percent is not None and self.battery_percent >= 0:
             found.append(capacity_wh * min(self.battery_percent + 1, 100) / 100.0)
         if self.energy_consumed_j is not None:
-            found.append(capacity_wh - self.energy_consumed_j / 3600.0)
+            found.append(max(capacity_wh - self.energy_consumed_j / 3600.0, 0.0))
         return min(found) if found else None
 
-    def recent_texts(self) -> str:
-        """What the vehicle said in the last seconds, for an error message."""
-        if not self.texts:
-            return ""
-        latest_s = self.texts[-1][0]
-        texts = [text for at_s, text in self.texts if latest_s - at_s <= TEXT_HORIZON_S]
-        return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")"
+    def recent_texts(self, now_s: float | None = None) -> str:
+        """What the vehicle said in the seconds before now (the loop's), for an error message."""
+        if now_s is None:
+            now_s = asyncio.get_running_loop().time()
+        texts = [text for at_s, text in self.texts if now_s - at_s <= TEXT_HORIZON_S]
+        return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")" if texts else ""
 
 
 def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     if message.type == mav.MAV_TYPE_CAMERA:
-        view.camera_component = component
+        _camera_heard(view, now_s, component)
     if component != view.autopilot_component or message.autopilot in _NO_AUTOPILOT:
         return
     view.autopilot = message.autopilot
@@ -139,19 +195,27 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     view.failsafe = critical and view.kind.tells_failsafe
 
 
+def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
+    """One camera takes the pictures; a second does not take its place while it speaks."""
+    if component != view.camera_component:
+        if now_s - view.camera_heard_s < CAMERA_SILENT_S:
+            return
+        view.camera_component = component
+        view.gate.camera_clock = CameraClock()
+    view.camera_heard_s = now_s
+
+
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    if message.lat == message.lon == 0:  # an ArduPilot says so before its first fix
-        return
     view.position = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.position_s = now_s
     view.height_m = message.relative_alt / 1000.0
     view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
-    offset_s = now_s - message.time_boot_ms / 1000.0
-    # the message that travelled fastest tells the offset best; a restart shifts it by seconds
-    if view.boot_offset_s is None or abs(offset_s - view.boot_offset_s) > 2.0:
-        view.boot_offset_s = offset_s
-    view.boot_offset_s = min(view.boot_offset_s, offset_s)
+
+
+def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    boot_s = message.time_boot_ms / 1000.0
+    view.gate.camera_clock.take(boot_s, now_s, view.boot_offset_s or 0.0)
 
 
 def _home(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -160,16 +224,29 @@ def _home(view: VehicleView, message: Message, now_s: float, component: int) -> 
 
 def _sys_status(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.prearm_ok = bool(message.onboard_control_sensors_health & PREARM_BIT)
-    view.battery_percent = message.battery_remaining
-    view.battery_s = now_s
+    _percent(view, message, now_s)
 
 
 def _battery(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.battery_percent = message.battery_remaining
-    view.battery_s = now_s
-    view.energy_consumed_j = (
-        message.energy_consumed * 100.0 if message.energy_consumed >= 0 else None
-    )
+    if view.battery_id is not None and message.id > view.battery_id:
+        return  # a second battery: of the camera, of a winch
+    if view.battery_id != message.id:
+        view.battery_id, view.energy_consumed_j = message.id, None
+    _percent(view, message, now_s)
+    view.energy_consumed_j = None
+    if message.energy_consumed >= 0:
+        view.energy_consumed_j = message.energy_consumed * 100.0
+        view.battery_s = now_s
+
+
+def _percent(view: VehicleView, message: Message, now_s: float) -> None:
+    """Two messages tell the percentage; one that does not know it unsays only what it said."""
+    kind = message.get_type()
+    if message.battery_remaining >= 0:
+        view.battery_percent, view.battery_percent_from = message.battery_remaining, kind
+        view.battery_s = now_s
+    elif view.battery_percent_from == kind:
+        view.battery_percent = None
 
 
 def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -182,10 +259,15 @@ def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> N
 
 def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.identity = (message.vendor_id, message.product_id)
+    long_uid = bytes(message.uid2)
+    if any(long_uid):
+        view.uid = long_uid.hex()
+    elif message.uid:
+        view.uid = f"{message.uid:016x}"
 
 
 def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.texts.append((now_s, str(message.text)))
+    view.texts.append((now_s, printable(str(message.text), TEXT_LENGTH).strip()))
     view.texts_heard += 1
 
 
@@ -200,4 +282,5 @@ _HANDLERS: Final = {
     "ESTIMATOR_STATUS": _ekf,  # the flags are the same
     "AUTOPILOT_VERSION": _version,
     "STATUSTEXT": _text,
+    "CAMERA_IMAGE_CAPTURED": _captured,
 }

@@ -2,7 +2,9 @@
 
     photographs -> frames -> look(frame, grid, detector) -> FrameSeen -> step -> map
 
-A folder of photographs is taken as one look over the whole area: the votes of all of them add up.
+A folder of photographs is taken as one look over the whole area: under the view "all" they count as
+taken from one vantage, and the first `votes.frames` that show a cell decide on it
+(`missions.mapping.belief`).
 """
 
 from __future__ import annotations
@@ -15,10 +17,11 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
-from missions.events import Event, FrameSeen, Tracked
+from missions.errors import ImageError
+from missions.events import Event, FrameLost, FrameSeen, Tracked
 from missions.state import Setting, State
 from missions.step import step
-from missions.units import GridPoint
+from missions.units import Cell, GridPoint
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.progress import Progress
 from uavmap.offline.photos import Photo, list_photos
@@ -30,6 +33,9 @@ from vision.look import Frame
 from vision.upright import upside_down
 
 VEHICLE: Final = 1
+
+WHOLE_AREA: Final = Cell(0, 0)
+"""The vantage of all photographs: one look over the whole area, named by the grid's first cell."""
 
 
 def replay(
@@ -50,15 +56,19 @@ def replay(
     state = State.initial(setting)
     outside = 0
     for number, (photo, frame) in enumerate(zip(photos, frames, strict=True), start=1):
-        vantage, votes = classifier.votes(frame, None)
         point = setting.grid.fixed(photo.pose.position)
         outside += not setting.fence.contains(point)
         place = GridPoint(round(point.east_m, 2), round(point.north_m, 2))
         # photographs of one second still are different frames
         t_s = round(photo.taken_s + 1e-3 * number, 3)
+        seen = _judged(classifier, frame, t_s)
+        if isinstance(seen, FrameLost):
+            progress.say(f"{photo.path.name}: {seen.reason}; not judged")
+        elif not seen.votes:
+            progress.say(f"{photo.path.name}: shows no cell whole; not judged")
         events: list[Event] = [
             Tracked(VEHICLE, t_s, place, round(photo.pose.height_m, 2), 0.0),
-            FrameSeen(VEHICLE, t_s, vantage, votes),
+            seen,
         ]
         for event in events:
             journal.append(event)
@@ -67,6 +77,16 @@ def replay(
     if outside:
         progress.say(f"{outside} of {len(photos)} photographs were taken outside of the fence")
     return write_results(folder, setting, list(journal.events()), None, recorded=len(photos))
+
+
+def _judged(classifier: Classifier, frame: Frame, t_s: float) -> FrameSeen | FrameLost:
+    """What a photograph says, or why it says nothing."""
+    whole = classifier.mission.detector.view == "all"
+    try:
+        vantage, votes = classifier.votes(frame, WHOLE_AREA if whole else None)
+    except ImageError as error:
+        return FrameLost(VEHICLE, t_s, str(error))
+    return FrameSeen(VEHICLE, t_s, vantage, votes)
 
 
 def _frame(photo: Photo, setting: Setting) -> Frame:

@@ -77,35 +77,6 @@ def test_names_can_be_handed_in() -> None:
     assert (mission.strategy, mission.detector.name) == ("greedy", "nn")
 
 
-# --- camera ----------------------------------------------------------------------------------
-def test_a_frame_must_show_three_by_three_cells() -> None:
-    line = fault(camera__hfov_deg="60.0")
-    # 2 * 12 * tan(30 deg) = 13.86 m across, three quarters of it along
-    assert "frame shows 13.9 m x 10.4 m" in line
-    assert "3 x 3 cells of 4 m need 12 m" in line
-
-
-@pytest.mark.parametrize("key", ["flight.altitude_m", "hfov_deg", "grid.cell_m"])
-def test_the_remedies_of_a_narrow_camera_suffice(key: str) -> None:
-    line = fault(camera__hfov_deg="60.0")
-    found = re.search(re.escape(key) + r" to ([\d.]+)|of " + key + r" ([\d.]+)", line)
-    assert found
-    value = found[1] or found[2]
-    full_key = {"hfov_deg": "camera__hfov_deg"}.get(key, key.replace(".", "__"))
-    changes = {"camera__hfov_deg": "60.0"} | {full_key: value}
-    parse_mission(text(**changes), "m.toml")
-
-
-def test_an_upright_picture_is_short_across() -> None:
-    line = fault(camera__width_px="480", camera__height_px="640", camera__hfov_deg="50.0")
-    across_m = 2 * 12 * math.tan(math.radians(25))
-    assert f"{across_m:.1f} m x {across_m * 4 / 3:.1f} m" in line
-
-
-def test_the_lowest_layer_counts() -> None:
-    assert "from 8 m" in fault(flight__altitude_m="8.0", vehicles="[{}, {}]")
-
-
 # --- speeds and team -------------------------------------------------------------------------
 def test_the_region_must_be_slower_than_the_vehicles() -> None:
     assert fault(drift__speed_m_s="1.0").startswith("drift.speed_m_s = 1: ")

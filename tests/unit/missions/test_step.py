@@ -187,9 +187,9 @@ def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Serv
 
 
 def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
-    """The fence is two halves with a gap: the box lies in the one, home in the other."""
+    """The fence is two halves with a gap: the box lies in both, home in the one."""
     wall = square(-60, 10, 160, 4)
-    made = mission(square(0, 20, 30, 20), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
+    made = mission(square(0, -4, 30, 44), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
     flight = fleet(made, roi={Cell(2, 7)})
     flight.start()
     flight.run(300.0)
@@ -235,16 +235,43 @@ def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None
 
 # --- exploring -------------------------------------------------------------------------------
 def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
+    """The look ended before every picture was judged: the votes that it lacked still count."""
     service.exploring()
-    for t in range(5):
+    for t in range(2):
         service.post(frame(1, 20.0 + t, ROOT, ROOT))
+    service.post(LookEnded(1, 22.0))
     assert service.state.tree is not None
     assert service.state.tree.is_explored(ROOT)
     north = Cell(ROOT.east, ROOT.north + 1)
     for t in range(3):
-        service.post(frame(1, 30.0 + t, ROOT, ROOT, north))
+        service.post(frame(1, 22.5 + t, ROOT, ROOT, north))
     assert service.state.tree.children(ROOT) == (north,)
     assert not service.state.exploration_finished
+
+
+def test_votes_beyond_a_full_ballot_do_not_grow_the_tree(service: Service) -> None:
+    service.exploring()
+    for t in range(5):
+        service.post(frame(1, 20.0 + t, ROOT, ROOT))
+    north = Cell(ROOT.east, ROOT.north + 1)
+    for t in range(30):
+        service.post(frame(1, 30.0 + t, ROOT, ROOT, north))
+    assert service.state.tree is not None
+    assert service.state.tree.children(ROOT) == ()
+    assert north not in service.state.belief.roi
+
+
+def test_what_was_confirmed_is_not_taken_back_by_a_frame_that_comes_late(service: Service) -> None:
+    service.exploring()
+    north = Cell(ROOT.east, ROOT.north + 1)
+    for t in range(5):
+        service.post(frame(1, 20.0 + t, ROOT, *((ROOT, north) if t >= 2 else (ROOT,))))
+    assert north in service.state.belief.roi
+    for t in range(5):
+        service.post(frame(1, 10.0 + t, ROOT, ROOT))  # taken before, by a picture that was slow
+    assert north in service.state.belief.roi
+    assert service.state.tree is not None
+    assert service.state.tree.children(ROOT) == (north,)
 
 
 def test_a_look_that_ends_early_leaves_the_cell_undecided(service: Service) -> None:

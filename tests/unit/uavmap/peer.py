@@ -21,6 +21,7 @@ class Peer:
         self.frames: list[bytes] = []
         self.answer: Callable[[Message], None] = lambda message: None
         self.session = Session(self._take, self.frames.append)
+        self._component = component
         self._in = mav.MAVLink(None)
         self._out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
 
@@ -29,14 +30,15 @@ class Peer:
             self.heard.append((asyncio.get_running_loop().time(), message))
             self.answer(message)
 
-    def frame(self, message: Message) -> bytes:
+    def frame(self, message: Message, component: int | None = None) -> bytes:
+        self._out.srcComponent = self._component if component is None else component
         data: bytes = message.pack(self._out)
         self._out.seq = (self._out.seq + 1) & 0xFF
         return data
 
-    def say(self, *messages: Message, after_s: float = 0.001) -> None:
+    def say(self, *messages: Message, after_s: float = 0.001, component: int | None = None) -> None:
         """Have the session hear messages a moment later, in one piece."""
-        data = b"".join(self.frame(message) for message in messages)
+        data = b"".join(self.frame(message, component) for message in messages)
         asyncio.get_running_loop().call_later(after_s, self.session.feed, data)
 
     def commands(self) -> list[tuple[float, int, int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from PIL import ExifTags, Image
 
 DJI = (
@@ -27,6 +28,12 @@ def dji(**changes: str | None) -> bytes:
     return DJI.format(attributes=attributes).encode()
 
 
+def _blue_sky() -> Image.Image:
+    """Of one colour but for the sensor's noise."""
+    noise = np.random.default_rng(1).normal((10, 120, 240), 4.0, (36, 64, 3))
+    return Image.fromarray(np.clip(noise, 0, 255).astype(np.uint8))
+
+
 def write_photo(
     path: Path,
     *,
@@ -47,7 +54,5 @@ def write_photo(
         detail[ExifTags.Base.DateTimeOriginal] = taken
     if film_mm is not None:
         detail[ExifTags.Base.FocalLengthIn35mmFilm] = film_mm
-    (image or Image.new("RGB", (64, 36), (10, 120, 240))).save(
-        path, "JPEG", exif=exif, xmp=dji() if xmp is None else xmp
-    )
+    (image or _blue_sky()).save(path, "JPEG", exif=exif, xmp=dji() if xmp is None else xmp)
     return path

@@ -12,7 +12,7 @@ import pyproj
 import pytest
 from PIL import Image
 
-from missions.events import FrameSeen
+from missions.events import FrameLost, FrameSeen
 from missions.ground.grid import Grid
 from missions.mission_file.checks import parse_mission
 from missions.state import Setting
@@ -34,7 +34,7 @@ ROI = (6.0, 27.0, 5.0, 20.0)
 WIDTH, HEIGHT, FILM_MM, UP_M = 640, 360, 20, 40.0
 
 
-def paint(east_m: float, north_m: float, yaw_deg: float) -> Image.Image:
+def paint(east_m: float, north_m: float, yaw_deg: float, seed: int = 4) -> Image.Image:
     """What a camera looking straight down sees: dark in the region, bright around it."""
     metres_per_px = UP_M * (36.0 / FILM_MM) / WIDTH
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
@@ -45,7 +45,7 @@ def paint(east_m: float, north_m: float, yaw_deg: float) -> Image.Image:
     north = north_m - right * math.sin(yaw) + ahead * math.cos(yaw)
     west_m, to_east_m, south_m, to_north_m = ROI
     inside = (east > west_m) & (east < to_east_m) & (north > south_m) & (north < to_north_m)
-    noise = np.random.default_rng(4).normal(0.0, 5.0, inside.shape)
+    noise = np.random.default_rng(seed).normal(0.0, 5.0, inside.shape)
     gray = np.clip(np.where(inside, 80, 200) + noise, 0, 255).astype(np.uint8)
     return Image.fromarray(gray).convert("RGB")
 
@@ -148,10 +148,75 @@ def test_photographs_of_one_second_count_each(tmp_path: Path) -> None:
             images / f"{number}.jpg",
             gps=geotag(16.0, 12.0),
             xmp=dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
-            image=paint(16.0, 12.0, 0.0),
+            image=paint(16.0, 12.0, 0.0, seed=number),
         )
     summary, _ = mapped(images, setting(), tmp_path / "out")
     assert summary["cells_roi"] > 10  # two votes are needed
+
+
+def row(folder: Path, *images: Image.Image) -> Path:
+    """Photographs of one place, a second apart."""
+    folder.mkdir()
+    for number, image in enumerate(images):
+        write_photo(
+            folder / f"{number}.jpg",
+            gps=geotag(16.0, 12.0),
+            taken=f"2024:05:01 10:00:{number:02}",
+            film_mm=FILM_MM,
+            xmp=dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
+            image=image,
+        )
+    return folder
+
+
+class Heard(Silent):
+    """Keeps what is said."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def say(self, line: str) -> None:
+        self.lines.append(line)
+
+
+def test_a_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
+    cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
+    summary, states = mapped(row(tmp_path / "images", cap, cap), setting(), tmp_path / "out")
+    assert (summary["photographs"], summary["photographs_judged"]) == (2, 0)
+    assert summary["completed"] is False
+    assert states == {}
+
+
+def test_a_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
+    tmp_path: Path,
+) -> None:
+    good = paint(16.0, 12.0, 0.0, seed=1)
+    cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
+    images = row(tmp_path / "images", good, good, cap, paint(16.0, 12.0, 0.0, seed=2))
+    heard = Heard()
+    with Journal.create(tmp_path / JOURNAL, {}) as journal:
+        summary = replay(images, setting(), journal, tmp_path, heard)
+        lost = [e for e in journal.events() if isinstance(e, FrameLost)]
+    assert [line.split(":")[0] for line in heard.lines if "not judged" in line] == [
+        "1.jpg",
+        "2.jpg",
+    ]
+    assert [("stalled" in e.reason, "dark" in e.reason) for e in lost] == [
+        (True, False),
+        (False, True),
+    ]
+    assert summary["photographs_judged"] == 2
+    assert not summary["completed"]
+    assert summary["cells_roi"] > 10  # two votes are needed, and two there are
+
+
+def test_the_first_photographs_of_a_place_decide(tmp_path: Path) -> None:
+    """Two of three: what thirty more show by mistake changes nothing."""
+    meadow = [paint(400.0, 12.0, 0.0, seed=n) for n in range(3)]
+    wrong = [paint(16.0, 12.0, 0.0, seed=10 + n) for n in range(6)]
+    summary, _ = mapped(row(tmp_path / "images", *meadow, *wrong), setting(), tmp_path / "out")
+    assert summary["completed"]
+    assert summary["cells_roi"] == 0
 
 
 # --- real photographs ------------------------------------------------------------------------

@@ -36,12 +36,15 @@ def conversation(body: Callable[[Peer], Coroutine[Any, Any, None]], **how: Any) 
 
 
 def script(peer: Peer, *replies: list[Message] | None) -> None:
-    """Answer the n-th command with the n-th reply, later ones with silence."""
+    """Answer the n-th command with the n-th reply, later ones with silence.
+
+    The component that was asked answers.
+    """
     rest = list(replies)
 
     def answer(message: Message) -> None:
         if message.get_type().startswith("COMMAND_") and rest and (reply := rest.pop(0)):
-            peer.say(*reply)
+            peer.say(*reply, component=message.target_component)
 
     peer.answer = answer
 
@@ -157,6 +160,61 @@ def test_acks_for_others_and_of_other_commands_are_not_ours() -> None:
         await peer.session.command(ARM, 1)
 
     assert [c for _, _, c in conversation(body).commands()] == [0, 1]
+
+
+def test_only_the_component_that_was_asked_acknowledges() -> None:
+    """An ArduPilot with a camera of its own accepts a command that went to another camera."""
+
+    async def body(peer: Peer) -> None:
+        def answer(message: Message) -> None:
+            peer.say(ack(message.command, OK), after_s=0.1, component=1)
+            peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
+
+        peer.answer = answer
+        await peer.session.command(ARM, 1)
+        with pytest.raises(LinkError, match="IMAGE_START_CAPTURE was not acknowledged"):
+            await peer.session.command(CAPTURE, 0, component=100)
+
+    conversation(body)
+
+
+def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
+    async def body(peer: Peer) -> None:
+        script(peer, [ack(ARM, OK)], [ack(LAND, OK)])
+        await peer.session.command(ARM, 1)
+        await peer.session.command_at(LAND, 3, (0, 0, 0, 0), 47.0, 8.0, 0.0)
+        peer.session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
+
+    peer = conversation(body, component=42)
+    assert {message.target_component for _, message in peer.heard} == {42}
+
+
+def test_a_number_that_does_not_fit_is_a_link_error_and_the_session_goes_on() -> None:
+    async def body(peer: Peer) -> None:
+        script(peer, [ack(ARM, OK)])
+        for lat in (float("nan"), float("inf"), 1e300, 300.0):
+            with pytest.raises(LinkError):
+                await peer.session.command_at(LAND, 3, (0, 0, 0, 0), lat, 8.0, 0.0)
+        with pytest.raises(LinkError, match="COMMAND_LONG cannot be sent"):
+            peer.session.request(2**300)
+        await peer.session.command(ARM, 1)
+
+    assert len(conversation(body).commands()) == 1
+
+
+def test_feeding_says_whether_the_vehicle_spoke() -> None:
+    async def main() -> None:
+        peer, other = Peer(), Peer(system=7)
+        camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
+        assert not peer.session.feed(b"?" * 50)
+        assert not peer.session.feed(peer.frame(text("before the first heartbeat")))
+        assert not peer.session.feed(peer.frame(camera, 100))
+        assert peer.session.feed(peer.frame(heartbeat()))
+        assert peer.session.feed(peer.frame(camera, 100))
+        assert not peer.session.feed(other.frame(heartbeat()))
+        assert not peer.session.feed(peer.frame(heartbeat(99_999)))
+
+    run(main(), VirtualClock())
 
 
 def test_two_commands_at_once_both_get_their_ack() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import os
 import pty
@@ -30,15 +31,16 @@ def free_port(kind: socket.SocketKind) -> int:
 
 
 class Ear:
-    """Collects what a transport hears."""
+    """Collects what a transport hears; whatever does not begin with a "?" is the vehicle."""
 
     def __init__(self) -> None:
         self.data = b""
         self._more = asyncio.Event()
 
-    def __call__(self, data: bytes) -> None:
+    def __call__(self, data: bytes) -> bool:
         self.data += data
         self._more.set()
+        return not data.startswith(b"?")
 
     async def hears(self, expected: bytes) -> None:
         async with asyncio.timeout(SOON_S):
@@ -84,57 +86,161 @@ def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKind) -> 
     on_loop(body)
 
 
-def test_a_listening_udp_socket_keeps_to_who_spoke_first(
+class Told:
+    """Collects what a transport says."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._more = asyncio.Event()
+
+    def __call__(self, line: str) -> None:
+        self.lines.append(line)
+        self._more.set()
+
+    async def tells(self, part: str) -> None:
+        async with asyncio.timeout(SOON_S):
+            while not any(part in line for line in self.lines):
+                self._more.clear()
+                await self._more.wait()
+
+
+def test_a_listening_udp_socket_keeps_to_whom_it_first_heard_as_a_vehicle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     port = free_port(socket.SOCK_DGRAM)
 
     async def body() -> None:
-        ear, first, second = Ear(), Ear(), Ear()
+        ear, told, first, second = Ear(), Told(), Ear(), Ear()
         url = parse_url(f"udpout://127.0.0.1:{port}")
+        listening = parse_url(f"udpin://127.0.0.1:{port}")
         async with (
-            open_transport(parse_url(f"udpin://127.0.0.1:{port}"), ear) as server,
+            open_transport(listening, ear, told) as server,
             open_transport(url, first) as one,
             open_transport(url, second) as two,
         ):
+            two.send(b"?noise")  # somebody, but no vehicle
+            await ear.hears(b"?noise")
+            assert server.peer_host is None
             one.send(b"one")
             await ear.hears(b"one")
-            two.send(b"stranger")
+            assert server.peer_host == "127.0.0.1"
+            for _ in range(3):
+                two.send(b"stranger")
+            await told.tells("speaks too")
             one.send(b"again")
             await ear.hears(b"again")
             assert b"stranger" not in ear.data
             server.send(b"answer")
             await first.hears(b"answer")
             monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)  # as if the first fell silent
+            two.send(b"?no vehicle of ours")
+            await ear.hears(b"of ours")
+            server.send(b"still")
+            await first.hears(b"still")
             two.send(b"successor")
             await ear.hears(b"successor")
+            await told.tells("the vehicle is heard from")
             server.send(b"more")
             await second.hears(b"more")
-            assert first.data == b"answer"
+            assert first.data == b"answerstill"
+        assert len(told.lines) == 2  # a stranger is named once
 
     on_loop(body)
 
 
-def test_a_tcp_server_keeps_the_latest_client() -> None:
+def test_a_named_udp_peer_is_never_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
+
+    async def body() -> None:
+        ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        ):
+            for end in (peer, stranger):
+                end.bind(("127.0.0.1", 0))
+                end.setblocking(False)
+            url = parse_url(f"udpout://127.0.0.1:{peer.getsockname()[1]}")
+            async with open_transport(url, ear, told) as ours, asyncio.timeout(SOON_S):
+                ours.send(b"hello")
+                _, address = await loop.sock_recvfrom(peer, 64)
+                stranger.sendto(b"I am your vehicle", address)
+                await told.tells("speaks too, and is not heard")
+                peer.sendto(b"and here I am", address)
+                await ear.hears(b"and here I am")
+                ours.send(b"a command")
+                assert await loop.sock_recv(peer, 64) == b"a command"
+                with pytest.raises(BlockingIOError):
+                    stranger.recv(64)
+                assert b"your vehicle" not in ear.data
+                assert ours.peer_host == "127.0.0.1"
+
+    on_loop(body)
+
+
+def test_many_strangers_are_not_all_told_of() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+
+    async def body() -> None:
+        ear, told = Ear(), Told()
+        url = parse_url(f"udpin://127.0.0.1:{port}")
+        async with (
+            open_transport(url, ear, told),
+            open_transport(parse_url(f"udpout://127.0.0.1:{port}"), Ear()) as vehicle,
+        ):
+            vehicle.send(b"vehicle")
+            await ear.hears(b"vehicle")
+            for _ in range(transports.MOST_STRANGERS + 20):
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                    stranger.sendto(b"stranger", ("127.0.0.1", port))
+            vehicle.send(b"last")
+            await ear.hears(b"last")
+            assert 10 <= len(told.lines) <= transports.MOST_STRANGERS
+
+    on_loop(body)
+
+
+def test_a_tcp_server_refuses_a_second_client_while_it_has_one() -> None:
     port = free_port(socket.SOCK_STREAM)
 
     async def body() -> None:
-        ear, first, second = Ear(), Ear(), Ear()
-        url = parse_url(f"tcpout://127.0.0.1:{port}")
-        async with (
-            open_transport(parse_url(f"tcpin://127.0.0.1:{port}"), ear) as server,
-            open_transport(url, first) as one,
-        ):
-            one.send(b"one")
-            await ear.hears(b"one")
-            async with open_transport(url, second) as two:
-                two.send(b"two")
-                await ear.hears(b"two")
+        ear, told, first = Ear(), Told(), Ear()
+        calling = parse_url(f"tcpout://127.0.0.1:{port}")
+        async with open_transport(parse_url(f"tcpin://127.0.0.1:{port}"), ear, told) as server:
+            async with open_transport(calling, first) as one:
+                one.send(b"one")
+                await ear.hears(b"one")
+                for _ in range(3):
+                    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                    writer.write(b"stranger")
+                    try:
+                        async with asyncio.timeout(SOON_S):
+                            assert await reader.read() == b""
+                    except ConnectionError:
+                        pass  # reset: refused as well
+                    writer.close()
                 server.send(b"answer")
-                await second.hears(b"answer")
-                assert first.data == b""
+                await first.hears(b"answer")
+                one.send(b"again")
+                await ear.hears(b"again")
+            assert b"stranger" not in ear.data
+            assert len(told.lines) == 1
+            assert "127.0.0.1 wants to connect too, and is refused" in told.lines[0]
+            await taken(port, ear)  # the first has gone: the next is welcome
+            assert server.peer_host is None or server.peer_host == "127.0.0.1"
 
     on_loop(body)
+
+
+async def taken(port: int, ear: Ear) -> None:
+    """Connect until the server has seen that its client is gone."""
+    async with asyncio.timeout(SOON_S):
+        while b"the next" not in ear.data:
+            with contextlib.suppress(ConnectionError, LinkError):
+                url = parse_url(f"tcpout://127.0.0.1:{port}")
+                async with open_transport(url, Ear()) as client:
+                    client.send(b"the next")
+                    await asyncio.sleep(0.01)
 
 
 def test_sending_where_nobody_listens_is_no_error() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -146,6 +147,22 @@ def test_all_view_judges_every_whole_cell() -> None:
     (ax, ay), (bx, by), (cx, cy) = area
     area_m2 = abs((bx - ax) * (cy - ay) - (cx - ax) * (by - ay)) / 2
     assert sum(v.share for v in found) * 16.0 == pytest.approx(area_m2, rel=0.03)
+
+
+@pytest.mark.parametrize("view", ["all", "cross"])
+@pytest.mark.parametrize("east_m", [100.0, 145.0, 200.0, 1000.0])
+def test_far_from_the_vantage_the_whole_picture_is_judged(
+    view: Literal["all", "cross"], east_m: float
+) -> None:
+    grid = Grid.at(BAVARIA, 4.0)
+    pose, axes = nadir_pose(grid, GridPoint(east_m, 0.0), 50.0, 0.0)
+    frame = Frame(paint([], grid, WIDE, pose, axes), pose, 0.0, WIDE)
+    found = look(frame, grid, PLAIN, share=0.5, view=view, vantage=Cell(0, 0))
+    if view == "cross":  # what it was told to judge is not in the picture
+        assert found == ()
+    else:
+        assert found == look(frame, grid, PLAIN, share=0.5, view=view)
+        assert len(found) > 300
 
 
 def test_cross_and_all_agree() -> None:

@@ -1,0 +1,18 @@
+"""The energy model of a mission: what its battery, its wind and its speeds come to."""
+
+from __future__ import annotations
+
+from missions.energy import EnergyModel
+from missions.mission_file.schema import Mission
+
+
+def energy_model(mission: Mission) -> EnergyModel:
+    """The model of a mission's battery and wind."""
+    return EnergyModel(
+        mission.battery.hover_power_w,
+        mission.battery.capacity_wh,
+        mission.battery.reserve,
+        mission.flight.speed_m_s,
+        mission.wind.speed_m_s,
+        max_airspeed_m_s=mission.flight.max_airspeed_m_s,
+    )

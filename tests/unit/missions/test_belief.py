@@ -1,0 +1,258 @@
+"""Votes by hand: ballots, late frames, what a look still lacks, and what the map shows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.mapping.belief import Belief, FrameId, Tally
+from missions.units import Cell
+
+FAST = settings(max_examples=100, deadline=None, derandomize=True)
+HERE = Cell(0, 0)
+NORTH = Cell(0, 1)
+EMPTY = Belief(frames=5, positive=3)
+
+
+def voted(pattern: str, *, at: Cell = HERE, on: Cell = HERE, first_s: float = 0.0) -> Belief:
+    """A belief of frames a second apart: `+` a yes, `-` a no, `.` a frame without the cell."""
+    return more(EMPTY, pattern, at=at, on=on, first_s=first_s)
+
+
+def more(
+    belief: Belief, pattern: str, *, at: Cell = HERE, on: Cell = HERE, first_s: float = 0.0,
+    vehicle: int = 1,
+) -> Belief:  # fmt: skip
+    for number, mark in enumerate(pattern):
+        seen = {} if mark == "." else {on: mark == "+"}
+        belief = belief.with_frame(at, FrameId(vehicle, first_s + number), seen)
+    return belief
+
+
+# --- who decides -----------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("pattern", "roi"),
+    [
+        ("", False),
+        ("++", False),
+        ("+++", True),  # three are three, whatever comes
+        ("+++--", True),
+        ("--+++", True),
+        ("+-+-+", True),
+        ("---++", False),
+        ("---+++++++++++", False),  # the first five said no
+        ("--+--++++++", False),
+        ("..+.+..+", True),  # frames that do not show the cell do not count
+        ("..---..++", False),
+        ("-.-.-.++++", False),
+    ],
+)
+def test_the_first_five_votes_decide(pattern: str, roi: bool) -> None:
+    assert (HERE in voted(pattern).roi) is roi
+
+
+@pytest.mark.parametrize("pattern", ["+++", "--+++", "---++++", "-+-+-", "+...++---"])
+def test_a_tally_is_of_the_votes_that_count(pattern: str) -> None:
+    counted = pattern.replace(".", "")[:5]
+    assert voted(pattern).tally(HERE, HERE) == Tally(counted.count("+"), len(counted))
+
+
+def test_all_votes_are_in_the_map() -> None:
+    """What a cell shows to a reader is everything that was seen of it."""
+    belief = more(voted("---++"), "++++", first_s=10.0)
+    assert belief.cells() == {HERE: Tally(6, 9)}
+    assert belief.roi == frozenset()
+
+
+def test_who_never_voted_has_no_ballot() -> None:
+    assert EMPTY.tally(HERE, NORTH) == Tally(0, 0)
+    assert EMPTY.cells() == {}
+    assert EMPTY.detections() == []
+    assert EMPTY.frames_taken(HERE) == 0
+
+
+# --- vantages --------------------------------------------------------------------------------
+def test_each_vantage_has_a_ballot_of_its_own() -> None:
+    belief = more(voted("---++"), "+++", at=NORTH, first_s=50.0)
+    assert HERE in belief.roi
+    assert belief.tally(HERE, HERE) == Tally(2, 5)
+    assert belief.tally(HERE, NORTH) == Tally(3, 3)
+
+
+def test_two_of_one_vantage_and_two_of_another_are_not_three() -> None:
+    belief = more(voted("++---"), "++---", at=NORTH, first_s=50.0)
+    assert belief.roi == frozenset()
+    assert belief.cells()[HERE] == Tally(4, 10)
+
+
+def test_a_vantage_is_no_ground() -> None:
+    """Looking at a cell's neighbour from it says nothing of the cell itself."""
+    belief = voted("+++++", on=NORTH)
+    assert belief.roi == {NORTH}
+    assert HERE not in belief.cells()
+
+
+# --- two vehicles ----------------------------------------------------------------------------
+def test_two_vehicles_fill_one_ballot_by_time() -> None:
+    one = more(EMPTY, "+-+", vehicle=1, first_s=0.0)
+    both = more(one, "--+++", vehicle=2, first_s=0.5)
+    # at 0, 0.5, 1, 1.5, 2 s: yes, no, no, no, yes
+    assert both.tally(HERE, HERE) == Tally(2, 5)
+    assert both.roi == frozenset()
+
+
+def test_at_one_instant_the_vehicle_of_the_lower_number_votes_first() -> None:
+    lone = Belief(frames=1, positive=1)
+    for order in ((1, 2), (2, 1)):
+        belief = lone
+        for vehicle in order:
+            belief = belief.with_frame(HERE, FrameId(vehicle, 3.0), {HERE: vehicle == 1})
+        assert belief.roi == {HERE}
+
+
+def test_frames_are_ordered_by_time_before_vehicle() -> None:
+    frames = [FrameId(2, 1.0), FrameId(1, 2.0), FrameId(1, 1.0)]
+    assert sorted(frames, key=lambda frame: frame.exposed) == [
+        FrameId(1, 1.0),
+        FrameId(2, 1.0),
+        FrameId(1, 2.0),
+    ]
+
+
+# --- one frame twice -------------------------------------------------------------------------
+def test_a_frame_that_is_reported_twice_counts_once() -> None:
+    belief = voted("++")
+    assert belief.with_frame(HERE, FrameId(1, 1.0), {HERE: True}) == belief
+    assert belief.roi == frozenset()
+
+
+def test_two_reports_of_a_frame_are_put_together() -> None:
+    frame = FrameId(1, 0.0)
+    belief = EMPTY.with_frame(HERE, frame, {HERE: False}).with_frame(HERE, frame, {NORTH: True})
+    assert belief.looks[HERE][frame] == {HERE: False, NORTH: True}
+    again = belief.with_frame(HERE, frame, {HERE: True})
+    assert again.looks[HERE][frame][HERE] is True
+    assert again.tally(HERE, HERE) == Tally(1, 1)
+    assert again.with_frame(HERE, frame, {HERE: False}) == again
+
+
+# --- late frames -----------------------------------------------------------------------------
+def test_a_late_frame_may_change_who_decided() -> None:
+    """As a pure function of the votes: the order of arrival leaves no trace."""
+    early = voted("--+++", first_s=10.0)
+    assert HERE in early.roi
+    late = more(early, "-", first_s=0.0)
+    assert late.tally(HERE, HERE) == Tally(2, 5)
+    assert late.roi == frozenset()
+    assert late == more(more(EMPTY, "-", first_s=0.0), "--+++", first_s=10.0)
+
+
+def test_what_is_left_of_a_late_frame_takes_nothing_back() -> None:
+    early = voted("--+++", first_s=10.0)
+    frame = FrameId(2, 0.0)
+    assert early.in_time(HERE, frame, {HERE: False, NORTH: True}) == {NORTH: True}
+    assert early.in_time(NORTH, frame, {HERE: False}) == {HERE: False}  # another vantage
+    after = early.with_frame(HERE, frame, early.in_time(HERE, frame, {HERE: False}))
+    assert after.roi == early.roi
+    assert after.frames_taken(HERE) == 6  # that it was taken is remembered
+
+
+def test_a_late_vote_counts_as_long_as_the_ballot_has_room() -> None:
+    early = voted("++--", first_s=10.0)
+    assert early.in_time(HERE, FrameId(1, 0.0), {HERE: True}) == {HERE: True}
+    assert HERE in early.with_frame(HERE, FrameId(1, 0.0), {HERE: True}).roi
+
+
+def test_a_frame_of_the_same_instant_as_the_last_is_in_time() -> None:
+    early = voted("--+++")
+    last = FrameId(1, 4.0)
+    assert early.in_time(HERE, last, {HERE: True}) == {HERE: True}
+    assert early.in_time(HERE, FrameId(1, 3.9), {HERE: True}) == {}
+
+
+# --- looks -----------------------------------------------------------------------------------
+def test_a_look_is_over_when_all_five_cells_have_their_votes() -> None:
+    belief = EMPTY
+    for t in range(5):
+        assert not belief.fully_voted(HERE)
+        belief = belief.with_frame(HERE, FrameId(1, float(t)), dict.fromkeys(HERE.cross(), False))
+    assert belief.fully_voted(HERE)
+    assert not belief.fully_voted(NORTH)
+
+
+def test_a_neighbour_that_was_cut_off_keeps_a_look_going() -> None:
+    three = HERE.cross()[:4]
+    belief = EMPTY
+    for t in range(9):
+        belief = belief.with_frame(HERE, FrameId(1, float(t)), dict.fromkeys(three, True))
+    assert belief.frames_taken(HERE) == 9
+    assert not belief.fully_voted(HERE)
+    assert belief.tally(three[0], HERE) == Tally(5, 5)
+
+
+def test_detections_are_full_ballots_in_a_fixed_order() -> None:
+    belief = more(voted("+++--"), "---++", on=NORTH, first_s=100.0)
+    belief = more(belief, "+++", at=NORTH, first_s=200.0)  # not full: no detection
+    assert belief.detections() == [(HERE, HERE, True), (HERE, NORTH, False)]
+    assert belief.roi == {HERE}
+
+
+# --- the bound -------------------------------------------------------------------------------
+def three_of_five(rate: float) -> float:
+    return sum(math.comb(5, k) * rate**k * (1 - rate) ** (5 - k) for k in (3, 4, 5))
+
+
+def any_three_of(frames: int, rate: float) -> float:
+    return 1 - sum(math.comb(frames, k) * rate**k * (1 - rate) ** (frames - k) for k in range(3))
+
+
+def test_what_the_paper_s_rate_would_have_come_to() -> None:
+    """The figures of the docstring and of the decision record."""
+    rate = 27 / 483
+    assert 100 * three_of_five(rate) == pytest.approx(0.16, abs=0.005)
+    assert 100 * any_three_of(10, rate) == pytest.approx(1.6, abs=0.05)
+    assert 100 * any_three_of(30, rate) == pytest.approx(23, abs=0.5)
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.2, 0.4])
+@pytest.mark.parametrize(("frames", "positive"), [(5, 3), (3, 2), (1, 1), (7, 5)])
+def test_noise_makes_as_much_roi_after_forty_frames_as_after_the_first(
+    rate: float, frames: int, positive: int
+) -> None:
+    """Forty frames over 4000 cells from one vantage, as a replay has them."""
+    rng = np.random.default_rng([frames, positive, int(rate * 100)])
+    cells = [Cell(e, n) for e in range(80) for n in range(50)]
+    belief = Belief(frames, positive)
+    counts = []
+    for t in range(40 if frames == 5 else 12):
+        noise = (rng.random(len(cells)) < rate).tolist()
+        belief = belief.with_frame(HERE, FrameId(1, float(t)), dict(zip(cells, noise, strict=True)))
+        counts.append(len(belief.roi))
+    exact = sum(
+        math.comb(frames, k) * rate**k * (1 - rate) ** (frames - k)
+        for k in range(positive, frames + 1)
+    )
+    sigma = math.sqrt(exact * (1 - exact) / len(cells))
+    assert counts[-1] == counts[frames - 1]
+    assert counts[-1] / len(cells) == pytest.approx(exact, abs=4 * sigma + 1e-9)
+
+
+@FAST
+@given(st.lists(st.booleans(), max_size=30), st.integers(1, 7), st.data())
+def test_votes_after_a_full_ballot_might_as_well_not_have_been_cast(
+    votes: list[bool], frames: int, data: st.DataObject
+) -> None:
+    positive = data.draw(st.integers(1, frames))
+    first, rest = votes[:frames], votes[frames:]
+    belief = Belief(frames, positive)
+    for t, vote in enumerate(first):
+        belief = belief.with_frame(HERE, FrameId(1, float(t)), {HERE: vote})
+    before = belief.roi
+    for t, vote in enumerate(rest, start=frames):
+        belief = belief.with_frame(HERE, FrameId(1, float(t)), {HERE: vote})
+    assert belief.roi == before
+    assert belief.tally(HERE, HERE) == Tally(sum(first), len(first))

@@ -1,0 +1,156 @@
+"""What the journal holds: every event and its text, and texts that are none."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import typing
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions import events
+from missions.events import (
+    Airborne,
+    Event,
+    FrameLost,
+    FrameSeen,
+    Tracked,
+    Vote,
+    from_json,
+    to_json,
+)
+from missions.units import Cell, GridPoint
+
+FAST = settings(max_examples=300, deadline=None, derandomize=True)
+KINDS: tuple[type, ...] = typing.get_args(Event)
+
+finite = st.floats(-1e6, 1e6, allow_nan=False)
+points = st.builds(GridPoint, finite, finite)
+cells = st.builds(Cell, st.integers(-9999, 9999), st.integers(-9999, 9999))
+votes = st.builds(Vote, cells, st.booleans(), st.floats(0, 1))
+texts = st.text(max_size=20).map(lambda s: s.encode("utf-8", "ignore").decode())
+
+
+def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
+    """Something for every field of an event that has no value of its own."""
+    of_type: dict[object, st.SearchStrategy[object]] = {
+        int: st.integers(1, 50),
+        float: finite,
+        bool: st.booleans(),
+        str: texts,
+        GridPoint: points,
+        Cell: cells,
+        tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
+    }
+    hints = typing.get_type_hints(kind)
+
+    def value(hint: object) -> st.SearchStrategy[object]:
+        if typing.get_origin(hint) is typing.Literal:
+            return st.sampled_from(typing.get_args(hint))
+        return of_type[hint]
+
+    return {
+        field.name: value(hints[field.name])
+        for field in dataclasses.fields(kind)
+        if field.default is dataclasses.MISSING
+    }
+
+
+anything = st.one_of([st.builds(kind, **field_values(kind)) for kind in KINDS])
+
+
+@FAST
+@given(anything)
+def test_an_event_is_the_same_after_its_text(event: Event) -> None:
+    again = from_json(to_json(event))
+    assert again == event
+    assert type(again) is type(event)
+    assert to_json(again) == to_json(event)
+
+
+@FAST
+@given(anything)
+def test_the_text_is_one_line_of_plain_json_that_names_its_kind(event: Event) -> None:
+    text = to_json(event)
+    assert "\n" not in text
+    values = json.loads(text)
+    assert values["kind"] == event.kind
+    assert values["t_s"] == event.t_s
+
+
+def test_every_kind_has_a_name_of_its_own() -> None:
+    names = [kind.__dataclass_fields__["kind"].default for kind in KINDS]
+    assert len(set(names)) == len(names)
+
+
+def test_what_comes_from_a_vehicle_says_which_and_when() -> None:
+    for kind in typing.get_args(events.VehicleEvent):
+        assert [field.name for field in dataclasses.fields(kind)][:2] == ["vehicle", "t_s"]
+
+
+def test_events_cannot_be_changed() -> None:
+    for kind in KINDS:
+        assert kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+
+
+def test_the_text_of_a_frame_is_as_journals_have_it() -> None:
+    """Journals of earlier versions hold this text and must stay readable."""
+    text = (
+        '{"vehicle":2,"t_s":31.25,"vantage":[3,-4],'
+        '"votes":[[[3,-4],true,0.875],[[3,-3],false,0.0]],"kind":"frame_seen"}'
+    )
+    event = FrameSeen(
+        2, 31.25, Cell(3, -4), (Vote(Cell(3, -4), True, 0.875), Vote(Cell(3, -3), False, 0.0))
+    )
+    assert from_json(text) == event
+    assert to_json(event) == text
+
+
+def test_cells_and_points_come_back_as_what_they_were() -> None:
+    seen = from_json(to_json(FrameSeen(1, 0.0, Cell(1, 2), (Vote(Cell(1, 2), True, 1.0),))))
+    assert isinstance(seen, FrameSeen)
+    assert isinstance(seen.vantage, Cell)
+    assert isinstance(seen.votes[0], Vote)
+    assert isinstance(seen.votes[0].cell, Cell)
+    tracked = from_json(to_json(Tracked(1, 2.0, GridPoint(1.5, -2.5), 12.0, 30.0)))
+    assert isinstance(tracked, Tracked)
+    assert isinstance(tracked.position, GridPoint)
+
+
+def test_text_from_outside_is_kept_as_it_came() -> None:
+    reason = 'a "quoted" \\ line\nand \u00e9\u4e2d\U0001f681'
+    assert from_json(to_json(FrameLost(1, 0.0, reason))) == FrameLost(1, 0.0, reason)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "null",
+        "[]",
+        "{}",
+        '{"vehicle":1,"t_s":2.5}',
+        '{"vehicle":1,"t_s":2.5,"kind":"teleported"}',
+        '{"vehicle":1,"kind":"airborne"}',
+        '{"vehicle":"one","t_s":2.5,"kind":"airborne"}',
+        '{"vehicle":1,"t_s":null,"kind":"airborne"}',
+        '{"vehicle":1,"t_s":2.5,"kind":"airborne"',
+        '{"vehicle":1,"t_s":2.5,"vantage":[1],"votes":[],"kind":"frame_seen"}',
+    ],
+)
+def test_what_is_no_event_is_an_error_and_not_a_guess(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - pydantic's, whose words are its own
+        from_json(text)
+
+
+def test_an_event_cut_short_anywhere_is_an_error() -> None:
+    text = to_json(FrameSeen(1, 3.0, Cell(0, 0), (Vote(Cell(0, 0), True, 0.5),)))
+    for end in range(len(text)):
+        with pytest.raises(ValueError):  # noqa: PT011
+            from_json(text[:end])
+
+
+def test_the_shortest_event() -> None:
+    assert to_json(Airborne(1, 2.5)) == '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'

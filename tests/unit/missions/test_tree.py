@@ -1,0 +1,210 @@
+"""The exploration tree by hand, and beside a plain one that derives everything anew."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.mapping.tree import Tree, Vertex, VertexState
+from missions.units import Cell
+
+FAST = settings(max_examples=120, deadline=None, derandomize=True)
+ROOT = Cell(0, 0)
+NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
+
+
+# --- by hand ---------------------------------------------------------------------------------
+def test_a_root_alone_is_unexplored_until_somebody_looks() -> None:
+    tree = Tree.rooted(ROOT)
+    assert len(tree) == 1
+    assert tree.state(ROOT) is VertexState.UNEXPLORED
+    assert not tree.has_looked(ROOT)
+    assert tree.parent(ROOT) is None
+    assert tree.depth == 0
+    done = tree.looked(ROOT, [])
+    assert done.state(ROOT) is VertexState.EXPLORED
+    assert tree.state(ROOT) is VertexState.UNEXPLORED  # the old one is as it was
+
+
+def test_the_states_follow_the_branch_upwards() -> None:
+    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH]).looked(NORTH, [Cell(0, 2)])
+    states = [tree.state(Cell(0, n)) for n in range(3)]
+    assert states == [
+        VertexState.UNDER_EXPLORATION, VertexState.UNDER_EXPLORATION, VertexState.UNEXPLORED,
+    ]  # fmt: skip
+    tree = tree.looked(Cell(0, 2), [])
+    assert all(tree.state(Cell(0, n)) is VertexState.EXPLORED for n in range(3))
+
+
+def test_an_open_branch_keeps_the_root_open_and_not_the_other_branch() -> None:
+    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(NORTH, [])
+    assert tree.is_explored(NORTH)
+    assert not tree.is_explored(EAST)
+    assert not tree.is_explored(ROOT)
+    assert tree.state(EAST) is VertexState.UNEXPLORED
+
+
+def test_a_cell_that_turns_positive_late_opens_the_branch_again() -> None:
+    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH]).looked(NORTH, [])
+    assert tree.is_explored(ROOT)
+    tree = tree.looked(NORTH, [Cell(0, 2)])
+    assert tree.state(ROOT) is VertexState.UNDER_EXPLORATION
+    assert tree.state(NORTH) is VertexState.UNDER_EXPLORATION
+    assert tree.state(Cell(0, 2)) is VertexState.UNEXPLORED
+
+
+def test_a_cycle_is_not_closed() -> None:
+    """Lines 9 to 13: round a block the last cell hangs on one side only."""
+    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST])
+    tree = tree.looked(NORTH, [ROOT, Cell(1, 1)])
+    tree = tree.looked(EAST, [ROOT, Cell(1, 1)])
+    assert tree.parent(Cell(1, 1)) == NORTH
+    assert tree.children(EAST) == ()
+    assert len(tree) == 4
+    assert tree.is_explored(EAST)
+
+
+def test_children_come_north_east_south_west_whatever_the_order_they_were_told_in() -> None:
+    for order in itertools.permutations(ROOT.neighbours()):
+        assert Tree.rooted(ROOT).looked(ROOT, order).children(ROOT) == (NORTH, EAST, SOUTH, WEST)
+    late = Tree.rooted(ROOT).looked(ROOT, [WEST]).looked(ROOT, [NORTH])
+    assert late.children(ROOT) == (NORTH, WEST)
+
+
+def test_the_way_up_ends_at_the_root() -> None:
+    tree = Tree.rooted(ROOT)
+    for n in range(5):
+        tree = tree.looked(Cell(0, n), [Cell(0, n + 1)])
+    assert list(tree.path_up(Cell(0, 5))) == [Cell(0, n) for n in range(5, -1, -1)]
+    assert list(tree.path_up(ROOT)) == [ROOT]
+    assert tree.depth == 5
+
+
+def test_the_depth_is_that_of_the_deepest_branch() -> None:
+    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(EAST, [Cell(2, 0)])
+    assert tree.depth == 2
+    assert [tree.vertices[c].depth for c in (ROOT, NORTH, EAST, Cell(2, 0))] == [0, 1, 1, 2]
+
+
+def test_membership_is_of_vertices() -> None:
+    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH])
+    assert NORTH in tree
+    assert EAST not in tree
+    with pytest.raises(KeyError):
+        tree.state(EAST)
+
+
+def test_looking_twice_at_the_same_changes_nothing() -> None:
+    once = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST])
+    assert once.looked(ROOT, [NORTH, EAST]) == once
+    assert once.looked(ROOT, []) == once
+
+
+# --- joining ---------------------------------------------------------------------------------
+def test_of_two_parents_the_one_nearer_to_the_root_is_kept() -> None:
+    around = Tree.rooted(ROOT).looked(ROOT, [EAST]).looked(EAST, [Cell(1, 1)])
+    around = around.looked(Cell(1, 1), [NORTH])  # found from the far side, at depth 3
+    straight = Tree.rooted(ROOT).looked(ROOT, [NORTH])
+    for joined in (around.join(straight), straight.join(around)):
+        assert joined.parent(NORTH) == ROOT
+        assert joined.vertices[NORTH].depth == 1
+        assert joined.children(Cell(1, 1)) == ()
+
+
+def test_of_two_parents_of_one_depth_the_lesser_cell_is_kept() -> None:
+    over_north = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(NORTH, [Cell(1, 1)])
+    over_east = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(EAST, [Cell(1, 1)])
+    for joined in (over_north.join(over_east), over_east.join(over_north)):
+        assert joined.parent(Cell(1, 1)) == min(NORTH, EAST)
+        assert joined.has_looked(NORTH)
+        assert joined.has_looked(EAST)
+
+
+def test_what_one_has_explored_is_explored_once_they_have_met() -> None:
+    one = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(NORTH, [])
+    other = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(EAST, [])
+    assert not one.is_explored(ROOT)
+    assert not other.is_explored(ROOT)
+    assert one.join(other).is_explored(ROOT)
+
+
+# --- beside a plain one ----------------------------------------------------------------------
+class Plain:
+    """Parents and looks alone; every question is answered from the beginning."""
+
+    def __init__(self) -> None:
+        self.parent: dict[Cell, Cell | None] = {ROOT: None}
+        self.seen: set[Cell] = set()
+
+    def look(self, cell: Cell, roi: set[Cell]) -> None:
+        self.seen.add(cell)
+        for near in cell.neighbours():
+            if near in roi and near not in self.parent:
+                self.parent[near] = cell
+
+    def below(self, cell: Cell) -> set[Cell]:
+        found = {cell}
+        while more := {c for c, up in self.parent.items() if up in found} - found:
+            found |= more
+        return found
+
+    def depth(self, cell: Cell) -> int:
+        up = self.parent[cell]
+        return 0 if up is None else 1 + self.depth(up)
+
+
+rois = st.sets(st.builds(Cell, st.integers(-2, 2), st.integers(-2, 2)), max_size=18)
+
+
+@FAST
+@given(rois, st.data())
+def test_the_tree_says_what_a_plain_one_says(roi: set[Cell], data: st.DataObject) -> None:
+    """Late positives too: a cell may be looked from again when more of the ROI is known."""
+    roi = roi | {ROOT}
+    tree, plain = Tree.rooted(ROOT), Plain()
+    for _ in range(data.draw(st.integers(0, 14))):
+        cell = data.draw(st.sampled_from(sorted(tree.vertices)))
+        shown = data.draw(st.sets(st.sampled_from(sorted(roi))))
+        tree = tree.looked(cell, [n for n in cell.neighbours() if n in shown])
+        plain.look(cell, shown)
+    assert set(tree.vertices) == set(plain.parent)
+    assert len(tree) == len(plain.parent)
+    assert tree.depth == max(plain.depth(cell) for cell in plain.parent)
+    for cell, parent in plain.parent.items():
+        assert tree.parent(cell) == parent
+        assert tree.vertices[cell].depth == plain.depth(cell)
+        assert tree.has_looked(cell) == (cell in plain.seen)
+        assert tree.is_explored(cell) == (plain.below(cell) <= plain.seen)
+        assert set(tree.children(cell)) == {c for c, up in plain.parent.items() if up == cell}
+    assert Tree.of(ROOT, tree.vertices) == tree
+
+
+@FAST
+@given(rois, st.data())
+def test_facts_only_grow(roi: set[Cell], data: st.DataObject) -> None:
+    """What the reducer relies on: nothing that was found or looked from is ever taken back."""
+    roi = roi | {ROOT}
+    tree = Tree.rooted(ROOT)
+    for _ in range(data.draw(st.integers(1, 14))):
+        cell = data.draw(st.sampled_from(sorted(tree.vertices)))
+        after = tree.looked(cell, [n for n in cell.neighbours() if n in roi])
+        for known, vertex in tree.vertices.items():
+            assert after.parent(known) == vertex.parent
+            assert after.vertices[known].depth == vertex.depth
+            assert after.has_looked(known) >= vertex.looked
+        tree = after
+
+
+def test_a_tree_from_its_facts_counts_what_is_open() -> None:
+    facts = {
+        ROOT: Vertex(None, 0, looked=True),
+        NORTH: Vertex(ROOT, 1, looked=True),
+        Cell(0, 2): Vertex(NORTH, 2),
+        WEST: Vertex(ROOT, 1, looked=True),
+    }
+    tree = Tree.of(ROOT, facts)
+    assert [tree.is_explored(cell) for cell in facts] == [False, False, False, True]
+    assert tree.children(ROOT) == (NORTH, WEST)

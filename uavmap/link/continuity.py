@@ -1,0 +1,218 @@
+"""What must go on from one message to the next: a clock, and the place of something that flies.
+
+Neither the clock nor the track believes in a leap at once. A leap that stays, consistent in
+itself and with nothing said in between that fits what was known before, is a new truth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+from missions.units import LatLon
+
+REBOOT_CONFIRMED_S: Final = 1.0
+JUMP_CONFIRMED_S: Final = 3.0
+STANDSTILL_S: Final = 2.0
+"""A clock that has told the same time for longer is not running: repeated, old messages."""
+MOST_AHEAD_S: Final = 10.0
+FASTEST_CLOCK: Final = 30.0
+"""How far a clock may be ahead of ours: a simulator may run many times as fast as it was said."""
+
+OLDER: Final = "older than the one before"
+"""What a link that changes the order of frames brings: nothing to be told of."""
+
+FASTEST_M_S: Final = 50.0
+"""No multicopter that flies missions is faster, with the wind behind it."""
+SLACK_M: Final = 25.0
+"""What a position estimate may correct itself by at once."""
+
+_OFFSET_WINDOW_S: Final = 2.0
+_LEAD_WINDOW_S: Final = 30.0
+_SAME_CLOCK_S: Final = 0.3
+_OLDEST_ANNOUNCEMENT_S: Final = 60.0
+_CAMERA_AHEAD_S: Final = 5.0
+_M_PER_DEG: Final = 111_195.0
+
+
+def distance_m(a: LatLon, b: LatLon) -> float:
+    """Roughly how far two positions are apart over ground; good to a percent up to 100 km.
+
+    >>> round(distance_m(LatLon(47.0, 179.9999), LatLon(47.0, -179.9999)), 1)
+    15.2
+    """
+    east_deg = math.remainder(b.lon_deg - a.lon_deg, 360.0)
+    east_m = east_deg * math.cos(math.radians((a.lat_deg + b.lat_deg) / 2.0))
+    return math.hypot(east_m, b.lat_deg - a.lat_deg) * _M_PER_DEG
+
+
+@dataclass(slots=True)
+class RecentLeast:
+    """The least of the values of the last one to two windows of time."""
+
+    window_s: float
+    _begin_s: float = float("-inf")
+    _now: float | None = None
+    _before: float | None = None
+
+    def add(self, value: float, now_s: float) -> None:
+        """Take in a value."""
+        if now_s - self._begin_s > self.window_s:
+            self._begin_s, self._before, self._now = now_s, self._now, None
+        self._now = value if self._now is None else min(self._now, value)
+
+    def clear(self) -> None:
+        """Forget all values."""
+        self._begin_s, self._now, self._before = float("-inf"), None, None
+
+    @property
+    def value(self) -> float | None:
+        """The least, None before the first value."""
+        if self._now is None or self._before is None:
+            return self._now
+        return min(self._now, self._before)
+
+
+@dataclass(slots=True)
+class BootClock:
+    """An autopilot's time since boot beside the time of our loop."""
+
+    boot_s: float | None = None
+    reboots: int = 0
+    _heard_s: float = float("-inf")
+    _moved_s: float = float("-inf")
+    _other: tuple[float, float, float] | None = None
+    """Of a clock that does not go on from this one: first and last heard, and its time."""
+    _offset: RecentLeast = field(default_factory=lambda: RecentLeast(_OFFSET_WINDOW_S))
+
+    @property
+    def offset_s(self) -> float | None:
+        """Loop time minus time since boot: that of the message that travelled fastest lately."""
+        return self._offset.value
+
+    def take(self, boot_s: float, now_s: float) -> str | None:
+        """Take in a time that was told; what is wrong with it."""
+        if self.boot_s is None:
+            self._adopt(boot_s, now_s)
+        elif boot_s == self.boot_s:
+            return None if now_s - self._moved_s <= STANDSTILL_S else "its clock stands still"
+        elif _goes_on(self.boot_s, self._heard_s, boot_s, now_s):
+            self._set(boot_s, now_s)
+        elif not self._confirms(boot_s, now_s):
+            return OLDER if boot_s < self.boot_s else "its clock leapt ahead"
+        return None
+
+    def _confirms(self, boot_s: float, now_s: float) -> bool:
+        """Whether this makes certain that the clock has begun anew."""
+        other = self._other
+        if other is None or not _goes_on(other[2], other[1], boot_s, now_s):
+            self._other = (now_s, now_s, boot_s)
+            return False
+        self._other = (other[0], now_s, boot_s)
+        if now_s - other[0] < REBOOT_CONFIRMED_S:
+            return False
+        self.reboots += 1
+        self._adopt(boot_s, now_s)
+        return True
+
+    def _adopt(self, boot_s: float, now_s: float) -> None:
+        self._offset.clear()
+        self._set(boot_s, now_s)
+
+    def _set(self, boot_s: float, now_s: float) -> None:
+        self.boot_s, self._heard_s, self._moved_s = boot_s, now_s, now_s
+        self._other = None
+        self._offset.add(now_s - boot_s, now_s)
+
+
+def _goes_on(boot_s: float, heard_s: float, next_boot_s: float, now_s: float) -> bool:
+    """Whether a clock that told one time may tell the other now."""
+    most_s = MOST_AHEAD_S + FASTEST_CLOCK * (now_s - heard_s)
+    return 0.0 < next_boot_s - boot_s <= most_s
+
+
+@dataclass(slots=True)
+class CameraClock:
+    """A camera's own time since boot, against the autopilot's.
+
+    Most cameras take the autopilot's time; one that does not is ahead or behind by a constant,
+    which the announcement that travelled fastest tells best.
+    """
+
+    _suspect_s: float | None = None
+    _lead: RecentLeast = field(default_factory=lambda: RecentLeast(_LEAD_WINDOW_S))
+
+    @property
+    def lead_s(self) -> float:
+        """What to add to the autopilot's offset for this camera's."""
+        lead_s = self._lead.value
+        return 0.0 if lead_s is None or abs(lead_s) < _SAME_CLOCK_S else lead_s
+
+    def take(self, boot_s: float, now_s: float, autopilot_offset_s: float) -> None:
+        """Take in the time of an announcement that was just heard."""
+        lead_s = now_s - boot_s - autopilot_offset_s
+        least_s = self._lead.value
+        if least_s is not None:
+            ahead = lead_s - least_s < -_CAMERA_AHEAD_S
+            # announcements that were asked for again are late, but not by a minute
+            if ahead or lead_s - least_s > _OLDEST_ANNOUNCEMENT_S:
+                again = self._suspect_s is not None and abs(lead_s - self._suspect_s) < 2.0
+                self._suspect_s = lead_s
+                if not again:
+                    return
+                self._lead.clear()
+        self._suspect_s = None
+        self._lead.add(lead_s, now_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """Where a vehicle said to be, and when (our loop, its own clock)."""
+
+    position: LatLon
+    amsl_m: float
+    home_amsl_m: float
+    now_s: float
+    boot_s: float
+
+    def fault_after(self, before: Fix) -> str | None:
+        """Why the vehicle cannot be here after having been there."""
+        passed_s = max(self.now_s - before.now_s, self.boot_s - before.boot_s, 0.0)
+        most_m = SLACK_M + FASTEST_M_S * passed_s
+        if distance_m(before.position, self.position) > most_m:
+            return "farther from the last position than it can fly"
+        if abs(self.amsl_m - before.amsl_m) > most_m:
+            return "farther from the last height than it can climb"
+        if abs(self.home_amsl_m - before.home_amsl_m) > SLACK_M:
+            return "the height of its home changed"
+        return None
+
+
+@dataclass(slots=True)
+class Track:
+    """Where a vehicle has been last, and a leap of it that is not yet believed."""
+
+    last: Fix | None = None
+    jumps: int = 0
+    jumped_m: float = 0.0
+    _first: Fix | None = None
+    _latest: Fix | None = None
+
+    def take(self, fix: Fix) -> str | None:
+        """Take in where it says to be; what is wrong with that."""
+        fault = None if self.last is None else fix.fault_after(self.last)
+        if fault is not None and self.last is not None:
+            if self._first is None or self._latest is None or fix.fault_after(self._latest):
+                self._first = fix
+            self._latest = fix
+            if fix.now_s - self._first.now_s < JUMP_CONFIRMED_S:
+                return fault
+            self.jumps += 1
+            self.jumped_m = max(
+                distance_m(self.last.position, fix.position),
+                abs(fix.amsl_m - self.last.amsl_m),
+                abs(fix.home_amsl_m - self.last.home_amsl_m),
+            )
+        self.last, self._first, self._latest = fix, None, None
+        return None
