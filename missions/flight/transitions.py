@@ -243,10 +243,15 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     arrived = replace(vehicle, position=event.position, order=None)
     if vehicle.return_reason is not None:
         return replace(arrived, over_home=True)
-    if vehicle.candidate is not None or vehicle.vertex is not None:
-        return replace(arrived, at_target=True)
+    near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there
+    cell = vehicle.vertex if vehicle.candidate is None else vehicle.candidate
+    if cell is not None:
+        target = setting.grid.to_fixed(setting.grid.centre_of(cell), event.t_s)
+        return replace(arrived, at_target=event.position.distance_to(target) <= near_m)
     if not vehicle.on_lane:
-        return replace(arrived, on_lane=bool(vehicle.lanes))
+        lanes = vehicle.lanes
+        begun = bool(lanes) and event.position.distance_to(lanes[0][0]) <= near_m
+        return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)
     if flown.empty_passes < MOST_EMPTY_PASSES:
         return flown

@@ -50,6 +50,7 @@ from missions.orders import (
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 
+from .air import Vector
 from .aircraft import LIFTED_M, Aircraft
 
 TRACK_S = 1.0
@@ -65,7 +66,9 @@ STOP_M = 0.7
 PASS_M = 2.0
 SLOW_M_S = 0.5
 FRESH = 0.9
-MEASURED_TAU_S = 5.0
+WIND_WINDOW = 8
+LEAST_WINDS = 7
+"""The wind is the mean of so many looks, and none is told of fewer."""
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
@@ -124,7 +127,7 @@ class Driver:
     silent_s: float = 0.0
     known_wh: float = 0.0
     given_up: bool = False
-    wind_m_s: float = 0.0
+    winds: list[Vector] = field(default_factory=list)
     late: list[tuple[float, Event]] = field(default_factory=list)
     seen_from: list[tuple[float, GridPoint]] = field(default_factory=list)
     """When and where, in truth, frames were judged."""
@@ -373,7 +376,8 @@ class Driver:
         self.around.post(
             Connected(
                 self.number, self.around.now_s, rounded(craft.home), self.position, self.height_m,
-                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m, mode=craft.mode,
+                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m,
+                mode=craft.mode if craft.flying else None,
             )
         )  # fmt: skip
         if action is not None and craft.flying and ours:
@@ -436,9 +440,9 @@ class Driver:
     def track(self) -> None:
         """Once a second: where it is, and whether all is well."""
         craft = self.craft
-        share = TRACK_S / MEASURED_TAU_S
-        self.wind_m_s += share * (math.hypot(*craft.wind_m_s) - self.wind_m_s)
-        wind_m_s = round(self.wind_m_s, 1) if self.tells_wind and craft.flying else None
+        measures = craft.flying and craft.height_m > 2.0
+        self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
+        wind_m_s = self._measured_m_s()
         self.around.post(
             Tracked(
                 self.number, self.around.now_s, self.position, self.height_m, self.remaining_wh,
@@ -447,11 +451,18 @@ class Driver:
         )  # fmt: skip
         self._watch_over()
 
+    def _measured_m_s(self) -> float | None:
+        """The mean wind of the last seconds, None while nothing can be said."""
+        if not self.tells_wind or len(self.winds) < LEAST_WINDS:
+            return None
+        east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
+        return round(math.hypot(east, north), 1)
+
     def _watch_over(self) -> bool:
         """Let the guardian look; whether it found the vehicle down."""
         craft, now_s = self.craft, self.around.now_s
         mode: Mode = "other" if self.overridden else craft.mode
-        wind_m_s = self.wind_m_s if self.tells_wind else None
+        wind_m_s = self._measured_m_s()
         seen = Seen(
             now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
             craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,

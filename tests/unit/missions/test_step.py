@@ -399,16 +399,15 @@ def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service) -> None:
     assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
 
 
-def test_a_box_that_cannot_be_flown_ends_with_a_word() -> None:
-    """Every lane of the box lies in the margin of a hole."""
-    hole = square(-9, 17, 38, 28)
-    made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), [hole], vehicles=2)
-    flight = fleet(made, roi=())
-    flight.start()
-    flight.run(60.0)
-    assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FAILED}
-    assert "search box" in flight.state.vehicles[1].note
-    assert not flight.state.completed
+def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
+    """`uavmap check` refuses it; an old journal may still hold one."""
+    service.setting = replace(service.setting, lanes=())
+    service.state = State.initial(service.setting)
+    assert service.connect() == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.FAILED
+    assert "search box" in service.state.vehicles[1].note
+    assert service.state.over
+    assert not service.state.completed
 
 
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
@@ -584,6 +583,36 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     assert way.length < 75.0
 
 
+def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
+    """Two look from neighbouring cells; one returns by itself, and climbs through the layers."""
+    centre = pair.setting.grid.centre_of
+    east = Cell(ROOT.east + 1, ROOT.north)
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.exploring(1)
+    tree = Tree.rooted(ROOT).looked(ROOT, [east])
+    look = Look(east, 30, 18.0)
+    above = replace(
+        pair.state.vehicles[2], phase=Phase.AIRBORNE, landed=False, vertex=east, at_target=True,
+        order=look, position=centre(east), height_m=18.0, lanes=(), remaining_wh=60.0,
+    )  # fmt: skip
+    pair.state = replace(pair.state, tree=tree).with_vehicle(above)
+    pair.post(Overridden(1, pair.now_s + 0.5, "RTL"))
+    pair.track(2, centre(east), 18.0)
+    order = pair.order(2)
+    assert isinstance(order, FlyTo)
+    assert order.cell is None
+    away = LineString([centre(ROOT), HOME]).distance(Point(order.route[-1]))
+    assert away >= 6.0
+    pair.post(Arrived(2, pair.now_s + 3.0, order.route[-1]))
+    assert not pair.state.vehicles[2].at_target
+    assert pair.order(2) == Hold()
+    pair.post(Landed(1, pair.now_s + 40.0, 40.0, position=HOME))
+    again = pair.order(2)
+    assert isinstance(again, FlyTo)
+    assert again.cell == east
+
+
 # --- the journal -----------------------------------------------------------------------------
 def test_every_event_survives_its_text() -> None:
     made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0)
@@ -629,7 +658,7 @@ def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(servic
     assert service.state.vehicles[1].phase is Phase.GUARDED
     assert not service.state.over
     service.post(Landed(1, 60.0, 20.0, HOME))
-    assert service.state.vehicles[1].phase is Phase.FINISHED, "it was called home, and is"
+    assert service.state.vehicles[1].phase is Phase.FAILED
     assert service.state.over
 
 
