@@ -47,6 +47,9 @@ OFF_PATH_HOME_S: Final = 5.0
 """A jump of the position estimate is flown back from by the autopilot itself, in some seconds."""
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
+BLOWN_S: Final = 2.0
+HOPELESS: Final = 1.25
+"""In so many times the wind that it can hold it lands before it is seen to be carried away."""
 """Who is carried away from its goal this fast for so long cannot hold its position."""
 OUTSIDE_S: Final = 2.0
 RECOVERY_S: Final = 6.0
@@ -58,6 +61,10 @@ DOWN_M: Final = 0.8
 DOWN_S: Final = 4.0
 DOWN_M_S: Final = 0.7
 """Below this height, no faster than this, for so long: it lies on the ground."""
+FALL_M_S: Final = 4.0
+"""Nobody descends this fast: it falls."""
+STANDS_S: Final = 20.0
+"""Motors that still turn so long after a touch-down: nobody will stop them but the crew."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
@@ -135,6 +142,9 @@ class Guard:
     was_up: bool = False
     at_height: bool = False
     down: bool = False
+    height_m: float = 0.0
+    fell: bool = False
+    """It came down faster than anybody flies it."""
     along_m: float = 0.0
     """How far along its path it has come."""
     best_m: float = float("inf")
@@ -163,7 +173,6 @@ class Guard:
             along_m=0.0,
             best_m=float("inf"),
             best_s=task.since_s,
-            receding_since_s=None,
             last_gap_m=None,
             off_since_s=None,
             sunk_since_s=None,
@@ -187,8 +196,10 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     Call it about once a second. A verdict of `rtl` or `land` is in force at once: the guard that
     is returned has it as its action.
     """
-    if seen.mode == "other" and seen.armed:
-        return guard.released(), None
+    guard = _falling(guard, seen)
+    if seen.mode == "other" and seen.armed and not (guard.fell and _low(seen)):
+        free = guard.released()
+        return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
     guard = replace(
         guard,
         was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
@@ -226,7 +237,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     """The guard with distances to the goal, the path and the fence taken in."""
     path = _goal(guard, seen)
     task = guard.task
-    if guard.action == "land" or not path or task.doing in ("climb", "land", "ground"):
+    if guard.action == "land" or not path or task.doing in ("land", "ground"):
         path = path if guard.action == "rtl" else ()
     outside_m = float(limits.fence.outer.distance(Point(seen.position)))
     guard = replace(
@@ -238,7 +249,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         return replace(guard, last_gap_m=None, receding_since_s=None, off_since_s=None)
     along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
     gap_m = _left_m(seen.position, path, along_m)
-    receding = False
+    receding = guard.receding_since_s is not None  # a new order does not bring it to rest
     if guard.last_gap_m is not None and guard.last_s is not None and seen.t_s > guard.last_s:
         receding = gap_m - guard.last_gap_m > RECEDING_M_S * (seen.t_s - guard.last_s)
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
@@ -248,7 +259,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     return replace(
         guard,
         along_m=along_m,
-        best_m=min(guard.best_m, gap_m),
+        best_m=gap_m if progressed else guard.best_m,
         best_s=seen.t_s if progressed else guard.best_s,
         last_gap_m=gap_m,
         receding_since_s=_since(guard.receding_since_s, receding, seen.t_s),
@@ -305,22 +316,40 @@ def _off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
 
 
 # --- what follows -----------------------------------------------------------------------------
+def _falling(guard: Guard, seen: Seen) -> Guard:
+    """The guard with the height, and with whether the vehicle falls."""
+    fell = guard.fell
+    if guard.last_s is not None and seen.t_s > guard.last_s:
+        sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
+        fell = sink_m_s > FALL_M_S or (fell and sink_m_s > -UP_M)
+    return replace(guard, height_m=seen.height_m, fell=fell)
+
+
+def _low(seen: Seen) -> bool:
+    """Whether it has no height, and does not move."""
+    return seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
+
+
 def _crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
-    """Down without having been told to land: motors off away from home, or no height."""
-    if guard.down or not guard.was_up:
+    """Down without having been told to land: it fell, motors off away from home, or no height."""
+    if guard.down:
         return guard, None
+    if guard.fell and _low(seen):
+        return replace(guard, down=True), Verdict("crashed", f"it fell, {_off_home(seen)}")
     at_home = seen.position.distance_to(seen.home) <= PAD_M
     landing = guard.action == "land" or guard.task.doing == "land" or seen.mode == "land"
     if not seen.armed:
-        if landing or at_home:
-            return guard.released(), None
+        if not guard.was_up or landing or at_home:
+            return (guard.released() if guard.was_up else guard), None
         reason = f"its motors are off, {_off_home(seen)}"
         return replace(guard, down=True), Verdict("crashed", reason)
     returning = guard.action == "rtl" or seen.mode == "rtl"
-    expected = landing or (returning and at_home) or guard.task.doing in ("ground", "climb")
-    low = not expected and seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
+    # a landing, or a climb that does not begin, may take its time at the ground
+    expected = landing or (returning and at_home) or not guard.was_up
+    expected = expected or guard.task.doing in ("ground", "climb")
+    low = _low(seen) and (guard.was_up or seen.airborne)
     guard = replace(guard, low_since_s=_since(guard.low_since_s, low, seen.t_s))
-    if _lasted(limits, guard.low_since_s, seen.t_s, DOWN_S):
+    if _lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None
 
@@ -336,7 +365,8 @@ def landing_wh(energy: EnergyModel, height_m: float) -> float:
 
 def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     """Land while the energy for it is there."""
-    if seen.remaining_wh is None or guard.action == "land" or guard.task.doing == "land":
+    landing = guard.action == "land" or seen.mode == "land"
+    if seen.remaining_wh is None or landing:
         return None
     need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
     if seen.remaining_wh > need_wh:
@@ -357,15 +387,22 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         )
         return Verdict("land", "it was told to land, and hovers") if hovers else None
     reason = _wrong(limits, guard, seen)
+    if guard.action == "rtl" and seen.mode == "follow":
+        # it did not take the command, or was told something else
+        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
+        return Verdict("land", "it does not return by its autopilot") if due else None
+    blown = _blown_away(limits, guard, seen)
+    if blown is not None:
+        return Verdict("land", blown)
     if reason is None:
         return None
     if guard.action == "rtl":
         # the climb to its return height comes first, and is no fault
         settled = seen.t_s - guard.acted_s >= RECOVERY_S + limits.slack_s
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
-    blown = _blown_away(limits, guard, seen)
-    if blown is not None:
-        return Verdict("land", blown)
+    if guard.outside_m > 0.0 and _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
+        # what leads it astray would lead its autopilot astray, too, and a climb costs the time
+        return Verdict("land", f"{reason}, outside of the geofence")
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:
@@ -380,7 +417,8 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     limit_m_s = limits.energy.max_airspeed_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
-    if not _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
+    hopeless = seen.wind_m_s >= HOPELESS * limit_m_s
+    if not hopeless and not _lasted(limits, guard.receding_since_s, seen.t_s, BLOWN_S):
         return None
     return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
 

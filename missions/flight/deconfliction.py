@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from missions.flight.lane_progress import lane_left
 from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import route_length_m
 from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
@@ -27,6 +28,8 @@ SEPARATION_BUFFER_M = 2.0
 """What two vehicles may stray towards each other while they keep their distance."""
 OFF_LAYER_M = 1.5
 """A vehicle that is farther from its layer claims all heights between."""
+WAY_TIMES = (1.5, 2.5, 4.0)
+"""So many times its distance a vehicle flies at most to make way."""
 UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
 """In the air, nobody can tell these to make way."""
 
@@ -62,12 +65,43 @@ def revise(setting: Setting, state: State) -> State:
             continue
         here = _here(vehicle)
         volume = _volume(setting, state, vehicle, vehicle.order)
+        leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
+        end = replace(volume, path=volume.path[-1:])
         for claim in (c for other in untold for c in _untold_claims(setting, state, other)):
-            # who is in that air already must be free to leave it
-            if volume.meets(claim, distance_m) and not here.meets(claim, distance_m):
-                state = state.with_vehicle(vehicle.interrupted(state.t_s))
+            inside = here.meets(claim, distance_m)
+            if inside and (leaves or not end.meets(claim, distance_m)):
+                continue
+            if volume.meets(claim, distance_m):
+                state = state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
                 break
     return state
+
+
+def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    """Order a vehicle out of air that somebody claims whom nobody can tell to make way.
+
+    None where it is in no such air, or where no place beside it is free.
+    """
+    distance_m = _distance_m(setting)
+    claims = [
+        claim
+        for other in state.vehicles.values()
+        if other.vehicle != vehicle.vehicle and other.phase in UNTOLD and not other.landed
+        for claim in _untold_claims(setting, state, other)
+    ]
+    if not any(_here(vehicle).meets(claim, distance_m) for claim in claims):
+        return None
+    for times in WAY_TIMES:
+        for eighth in range(8):
+            spot = _around(vehicle.position, eighth, times * distance_m)
+            route = setting.fence.route(vehicle.position, spot)
+            order = FlyTo(route or (spot,), None, stop=True, height_m=vehicle.cruise_height_m)
+            at_spot = replace(vehicle, position=spot)
+            free = not any(_here(at_spot).meets(claim, distance_m) for claim in claims)
+            if free and route is not None and is_clear(setting, state, vehicle, order):
+                off_lane = lane_left(vehicle, setting.grid.cell_m)
+                return state.with_vehicle(replace(off_lane, order=order, at_target=False))
+    return None
 
 
 def hold(state: State, vehicle: VehicleState) -> State:

@@ -28,6 +28,7 @@ from missions.events import (
     Tracked,
 )
 from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.return_home import BESIDE_M
 from missions.flight.sightings import frame_seen, look_ended
 from missions.guardian import PAD_M
 from missions.orders import AwaitBattery, Land, ReturnToLaunch, StandDown, TakeOff
@@ -95,7 +96,7 @@ def _resume(setting: Setting, state: State) -> State:
             spare_pad=None,
             at_target=False,
             vertex=v.vertex or root,
-            cleared=True,
+            cleared=v.phase is not Phase.DOWN,  # perhaps nobody has fetched it
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
@@ -144,11 +145,14 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
 
 
 def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
-    """A vehicle that flew when it fell silent, and stands away from its pad now, is down there."""
+    """A vehicle that has flown, and stands away from its pad now, is down there."""
     away_m = connected.position.distance_to(connected.home)
-    if before.landed or not connected.landed or away_m <= PAD_M:
+    has_flown = not (before.landed and before.cleared)
+    # one that people put elsewhere starts with a new home; one beside a blocked pad is close
+    near = away_m <= (BESIDE_M if before.landed else PAD_M)
+    if not connected.landed or not has_flown or near:
         return connected
-    note = f"it came down {away_m:.0f} m from its pad while nobody heard it"
+    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 
@@ -239,10 +243,15 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     arrived = replace(vehicle, position=event.position, order=None)
     if vehicle.return_reason is not None:
         return replace(arrived, over_home=True)
-    if vehicle.candidate is not None or vehicle.vertex is not None:
-        return replace(arrived, at_target=True)
+    near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there
+    cell = vehicle.vertex if vehicle.candidate is None else vehicle.candidate
+    if cell is not None:
+        target = setting.grid.to_fixed(setting.grid.centre_of(cell), event.t_s)
+        return replace(arrived, at_target=event.position.distance_to(target) <= near_m)
     if not vehicle.on_lane:
-        return replace(arrived, on_lane=bool(vehicle.lanes))
+        lanes = vehicle.lanes
+        begun = bool(lanes) and event.position.distance_to(lanes[0][0]) <= near_m
+        return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)
     if flown.empty_passes < MOST_EMPTY_PASSES:
         return flown

@@ -59,6 +59,8 @@ class Aircraft:
     returning: str = ""
     crashed: bool = False
     crash_height_m: float = 0.0
+    unseen: bool = False
+    """It crashed while no process watched it."""
     motors_failed: bool = False
     stays_armed: bool = False
     """After a crash its motors go on turning: no crash detection."""
@@ -90,8 +92,9 @@ class Aircraft:
 
     @property
     def ground_speed_m_s(self) -> float:
-        """How fast it says it is."""
-        return math.hypot(*self.velocity_m_s)
+        """How fast it says it is: who falsifies positions falsifies velocities, too."""
+        (east, north), drift = self.velocity_m_s, self.drift_m_s
+        return math.hypot(east + drift[0], north + drift[1]) if self.flying else 0.0
 
     # --- what it can be told ---------------------------------------------------------------
     def take_off(self, height_m: float) -> None:
@@ -197,6 +200,7 @@ class Aircraft:
         if self.compass_rad:
             sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
             east, north = east * cos + north * sin, north * cos - east * sin
+        east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
         through = math.hypot(east - wind[0], north - wind[1])
         if through > AIRSPEED_M_S:
             share = AIRSPEED_M_S / through
@@ -207,7 +211,9 @@ class Aircraft:
         share = 1.0 if change <= ACCEL_M_S2 * dt_s else ACCEL_M_S2 * dt_s / change
         ve, vn = ve + (east - ve) * share, vn + (north - vn) * share
         self.velocity_m_s = (ve, vn)
-        self.position = GridPoint(self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s)
+        self.position = GridPoint(
+            self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s
+        )
 
     def _climb(self, dt_s: float, ground_m: float) -> None:
         landing = self.mode == "land" or (self.mode == "rtl" and self.returning == "land")

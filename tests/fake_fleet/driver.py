@@ -50,6 +50,7 @@ from missions.orders import (
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 
+from .air import Vector
 from .aircraft import LIFTED_M, Aircraft
 
 TRACK_S = 1.0
@@ -65,7 +66,9 @@ STOP_M = 0.7
 PASS_M = 2.0
 SLOW_M_S = 0.5
 FRESH = 0.9
-MEASURED_TAU_S = 5.0
+WIND_WINDOW = 8
+LEAST_WINDS = 7
+"""The wind is the mean of so many looks, and none is told of fewer."""
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
@@ -124,7 +127,7 @@ class Driver:
     silent_s: float = 0.0
     known_wh: float = 0.0
     given_up: bool = False
-    wind_m_s: float = 0.0
+    winds: list[Vector] = field(default_factory=list)
     late: list[tuple[float, Event]] = field(default_factory=list)
     seen_from: list[tuple[float, GridPoint]] = field(default_factory=list)
     """When and where, in truth, frames were judged."""
@@ -166,15 +169,15 @@ class Driver:
     # --- orders ----------------------------------------------------------------------------
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
-        if isinstance(order, StandDown) and self.craft.flying:
-            self.order = order  # whatever it flies now it flies on
+        if isinstance(order, StandDown):
+            self.order = order  # whatever it flies now it flies on, and the guardian stays with it
             return
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
         self.way = self._points(order)
         t_s = self.around.now_s
         if isinstance(order, ReturnToLaunch):
             self.guard = self.guard.acting("rtl", t_s)
-        elif isinstance(order, AwaitBattery | StandDown):
+        elif isinstance(order, AwaitBattery):
             self.guard = self.guard.released()
         else:
             self.guard = self.guard.told(self._task(order, t_s))
@@ -247,6 +250,8 @@ class Driver:
             self._fail("it was refused")
         elif isinstance(order, COMMANDS) and self.link != "good" and self.clock_s >= NO_ACK_S:
             self._fail("it was not acknowledged 5 times")
+        elif isinstance(order, TakeOff) and self.clock_s >= 60.0 + 3.0 * order.height_m:
+            self._fail("it did not climb")
         elif self.clock_s >= self.fail_in_s:
             self.fail_in_s = math.inf
             self._fail("it failed half-way")
@@ -264,7 +269,9 @@ class Driver:
             if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
                 self.order = None
                 self.around.post(
-                    Airborne(self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m)
+                    Airborne(
+                        self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m
+                    )
                 )
         elif isinstance(order, FlyTo):
             self._fly(order)
@@ -272,6 +279,8 @@ class Driver:
             self._sweep(order)
         elif isinstance(order, Look):
             self._look(order)
+        elif isinstance(order, Land) and not craft.armed and not self.was_airborne:
+            self._on_ground()  # a take-off that was called off in time
 
     def _reached(self, point: GridPoint, *, stop: bool) -> bool:
         off_m = self.craft.believed.distance_to(point)
@@ -367,7 +376,8 @@ class Driver:
         self.around.post(
             Connected(
                 self.number, self.around.now_s, rounded(craft.home), self.position, self.height_m,
-                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m, mode=craft.mode,
+                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m,
+                mode=craft.mode if craft.flying else None,
             )
         )  # fmt: skip
         if action is not None and craft.flying and ours:
@@ -396,7 +406,7 @@ class Driver:
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
             self.around.post(LiftedOff(self.number, now_s))
-        elif self.was_airborne and not craft.armed:
+        elif not craft.armed and (self.was_airborne or self.guard.action is not None):
             self._on_ground()
 
     def _mode_name(self) -> str:
@@ -430,9 +440,9 @@ class Driver:
     def track(self) -> None:
         """Once a second: where it is, and whether all is well."""
         craft = self.craft
-        share = TRACK_S / MEASURED_TAU_S
-        self.wind_m_s += share * (math.hypot(*craft.wind_m_s) - self.wind_m_s)
-        wind_m_s = round(self.wind_m_s, 1) if self.tells_wind and craft.flying else None
+        measures = craft.flying and craft.height_m > 2.0
+        self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
+        wind_m_s = self._measured_m_s()
         self.around.post(
             Tracked(
                 self.number, self.around.now_s, self.position, self.height_m, self.remaining_wh,
@@ -441,11 +451,18 @@ class Driver:
         )  # fmt: skip
         self._watch_over()
 
+    def _measured_m_s(self) -> float | None:
+        """The mean wind of the last seconds, None while nothing can be said."""
+        if not self.tells_wind or len(self.winds) < LEAST_WINDS:
+            return None
+        east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
+        return round(math.hypot(east, north), 1)
+
     def _watch_over(self) -> bool:
         """Let the guardian look; whether it found the vehicle down."""
         craft, now_s = self.craft, self.around.now_s
         mode: Mode = "other" if self.overridden else craft.mode
-        wind_m_s = self.wind_m_s if self.tells_wind else None
+        wind_m_s = self._measured_m_s()
         seen = Seen(
             now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
             craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,

@@ -159,9 +159,7 @@ class Fleet:
         for driver in self.drivers.values():
             driver.connect()
 
-    def run(
-        self, limit_s: float = 6000.0, *, until: Callable[[Fleet], bool] | None = None
-    ) -> None:
+    def run(self, limit_s: float = 6000.0, *, until: Callable[[Fleet], bool] | None = None) -> None:
         """Go on until the mission is over, or until a condition holds.
 
         Raises AssertionError when it does not come to an end.
@@ -189,7 +187,9 @@ class Fleet:
         for number, pilot in self.pilots.items():
             pilot.fly(self.vehicles[number], TICK_S)
         for number, craft in self.vehicles.items():
+            crashed = craft.crashed
             craft.step(TICK_S, self.air, self._ground_m(craft))
+            craft.unseen = craft.unseen or (self.dead and craft.crashed and not crashed)
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
@@ -211,9 +211,7 @@ class Fleet:
                     driver.track()
             elif not driver.connected:
                 driver.carry_out(TICK_S)
-        ours = any(
-            d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values()
-        )
+        ours = any(d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values())
         if not self.state.over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
 

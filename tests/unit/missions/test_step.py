@@ -12,6 +12,7 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     Connected,
+    Crashed,
     Event,
     FrameSeen,
     Landed,
@@ -375,6 +376,40 @@ def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: S
     assert service.order() == AwaitBattery()
 
 
+def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
+    service: Service,
+) -> None:
+    service.exploring()
+    service.post(LinkLost(1, 20.0))
+    field = GridPoint(20.0, 20.0)
+    back = Connected(1, 90.0, HOME, field, 0.0, False, True, 30.0)
+    assert service.post(back) == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert service.state.over
+
+
+def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service) -> None:
+    service.exploring()
+    field = GridPoint(20.0, 20.0)
+    service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
+    service.post(Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    service.post(Resumed(200.0))
+    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
+    assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
+
+
+def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
+    """`uavmap check` refuses it; an old journal may still hold one."""
+    service.setting = replace(service.setting, lanes=())
+    service.state = State.initial(service.setting)
+    assert service.connect() == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.FAILED
+    assert "search box" in service.state.vehicles[1].note
+    assert service.state.over
+    assert not service.state.completed
+
+
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
@@ -546,6 +581,36 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     way = LineString([(60.0, 0.0), *order.route])
     assert way.distance(Point(pad)) >= 6.0
     assert way.length < 75.0
+
+
+def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
+    """Two look from neighbouring cells; one returns by itself, and climbs through the layers."""
+    centre = pair.setting.grid.centre_of
+    east = Cell(ROOT.east + 1, ROOT.north)
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.exploring(1)
+    tree = Tree.rooted(ROOT).looked(ROOT, [east])
+    look = Look(east, 30, 18.0)
+    above = replace(
+        pair.state.vehicles[2], phase=Phase.AIRBORNE, landed=False, vertex=east, at_target=True,
+        order=look, position=centre(east), height_m=18.0, lanes=(), remaining_wh=60.0,
+    )  # fmt: skip
+    pair.state = replace(pair.state, tree=tree).with_vehicle(above)
+    pair.post(Overridden(1, pair.now_s + 0.5, "RTL"))
+    pair.track(2, centre(east), 18.0)
+    order = pair.order(2)
+    assert isinstance(order, FlyTo)
+    assert order.cell is None
+    away = LineString([centre(ROOT), HOME]).distance(Point(order.route[-1]))
+    assert away >= 6.0
+    pair.post(Arrived(2, pair.now_s + 3.0, order.route[-1]))
+    assert not pair.state.vehicles[2].at_target
+    assert pair.order(2) == Hold()
+    pair.post(Landed(1, pair.now_s + 40.0, 40.0, position=HOME))
+    again = pair.order(2)
+    assert isinstance(again, FlyTo)
+    assert again.cell == east
 
 
 # --- the journal -----------------------------------------------------------------------------
