@@ -2,11 +2,11 @@
 [--full 30] [--seed 1]` prints a table.
 
 A small mission is flown in the simulator and killed, at a moment between its start and its end (one
-that is over before its moment is flown anew); in `twice` its resumption is killed as well; in `full` no file may grow beyond a
-random size, in the flight and in a first resumption. Then it is resumed with all it needs. The
-exit status is 1 when an event that was on the disk is missing, a folder cannot be gone on with, the
-map or the journal comes out otherwise than those of an uninterrupted flight, or anybody is shown a
-traceback.
+that is over before its moment is flown anew); in `twice` its resumption is killed as well; in
+`full` no file may grow beyond a random size, in the flight and in a first resumption. Then it is
+resumed with all it needs. The exit status is 1 when an event that was on the disk is missing, a
+folder cannot be gone on with, the map or the journal comes out otherwise than those of an
+uninterrupted flight, or anybody is shown a traceback.
 
 Children are forked, so that a flight takes a second and not the time of all imports.
 """
