@@ -6,6 +6,7 @@ import ast
 import importlib
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -143,6 +144,26 @@ def test_the_command_lines_of_a_page_are_understood(
 
 def test_the_readme_has_command_lines() -> None:
     assert len(list(command_lines(ROOT / "README.md"))) > 10
+
+
+# --- the floors of the rooms ----------------------------------------------------------------------
+def floors(room: str) -> list[set[str]]:
+    """The floors of a room as import-linter holds them, from top to bottom."""
+    text = (ROOT / "pyproject.toml").read_text("utf-8")
+    for contract in tomllib.loads(text)["tool"]["importlinter"]["contracts"]:
+        layers = contract.get("layers", [""])
+        if layers[0].startswith(f"{room}."):
+            return [set(layer.split(" | ")) for layer in layers]
+    raise AssertionError(f"{room} has no floors")
+
+
+@pytest.mark.parametrize("room", ["missions", "uavmap", "sitl"])
+def test_the_architecture_has_the_floors_that_are_held(room: str) -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    table = re.search(rf"^\| `{room}`[^|]* \| \|\n\|---.*\n((?:\|.*\n)+)", text, re.MULTILINE)
+    assert table is not None
+    rows = [set(re.findall(r"`([\w.]+)`", row.split("|")[1])) for row in table[1].splitlines()]
+    assert rows == floors(room)
 
 
 # --- the glossary and the page on safety --------------------------------------------------------
