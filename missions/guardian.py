@@ -64,7 +64,7 @@ DOWN_M_S: Final = 0.7
 FALL_M_S: Final = 4.0
 """Nobody descends this fast: it falls."""
 STANDS_S: Final = 20.0
-"""Motors that still turn so long after a touch-down: nobody will stop them but the crew."""
+"""Motors that still turn so long after a touch-down will be stopped by nobody but the crew."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
@@ -159,7 +159,7 @@ class Guard:
     sunk_since_s: float | None = None
 
     def told(self, task: Task) -> Guard:
-        """This guard after a new order; what it has taken over it keeps."""
+        """This guard after a new order; a vehicle that it has taken over it keeps."""
         if self.action is not None:
             return self
         again = task.doing == "climb"  # from the ground: what was before is over

@@ -1,6 +1,6 @@
 """The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
 
-It beats our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
+It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
 so, has the autopilot return or land by itself until that is seen to happen. It needs a session and
 nothing else: no journal, no explorer, no camera. So it goes on when the service has ended, until
 the aircraft is on the ground or a pilot has it.
@@ -30,7 +30,7 @@ RETRY_S: Final = 2.0
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 LEAVE_S: Final = 15.0
-"""Who leaves at once still waits so long until the autopilot is seen to return."""
+"""An operator who leaves at once still waits so long to see that the autopilot returns."""
 
 _WORDS: Final = {"rtl": "returns by its autopilot", "land": "lands where it is"}
 
@@ -91,7 +91,7 @@ class Guardian:
 
     # --- its own life -----------------------------------------------------------------------
     async def run(self) -> None:
-        """Beat, watch and act until cancelled."""
+        """Send heartbeats, watch and act until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             self._tasks = tasks
             try:

@@ -59,7 +59,7 @@ class Service:
         self._failure: Exception | None = None
 
     def post(self, event: Event) -> None:
-        """Something happened: it is taken in as soon as what came before it is."""
+        """Report an event: it is taken in after all that were reported before it."""
         self._reports.put_nowait(event)
 
     async def taken_in(self) -> None:
