@@ -54,12 +54,12 @@ class _Block:
     drag: tuple[float, float]
     velocity: tuple[float, float]
 
-    @property
-    def expected(self) -> tuple[float, float]:
-        """The drag of the quadcopter at this velocity in still air."""
-        speed_m_s = math.hypot(*self.velocity)
+    def expected(self, wind: tuple[float, float]) -> tuple[float, float]:
+        """The drag of the quadcopter at this velocity, in a wind towards north and east."""
+        north, east = self.velocity[0] - wind[0], self.velocity[1] - wind[1]
+        speed_m_s = math.hypot(north, east)
         share = drag_m_s2(speed_m_s) / speed_m_s if speed_m_s > 1e-6 else 0.0
-        return share * self.velocity[0], share * self.velocity[1]
+        return share * north, share * east
 
 
 class WindEstimate:
@@ -120,7 +120,9 @@ class WindEstimate:
             change = [a - b for a, b in zip(block.velocity, before.velocity, strict=True)]
             if math.hypot(*change) >= LEARNED_FROM_M_S:
                 drag = [a - b for a, b in zip(block.drag, before.drag, strict=True)]
-                expected = [a - b for a, b in zip(block.expected, before.expected, strict=True)]
+                wind = self._wind or (0.0, 0.0)
+                now, then = block.expected(wind), before.expected(wind)
+                expected = [a - b for a, b in zip(now, then, strict=True)]
                 self._learned += sum(x * y for x, y in zip(drag, expected, strict=True))
                 self._weight += sum(x * x for x in expected)
         self._blocks.append(block)
@@ -128,6 +130,12 @@ class WindEstimate:
     @property
     def speed_m_s(self) -> float | None:
         """The mean wind, to a decimetre a second; None while nothing can be said."""
+        wind = self._wind
+        return None if wind is None else round(math.hypot(*wind), 1)
+
+    @property
+    def _wind(self) -> tuple[float, float] | None:
+        """The mean wind towards north and east, None while nothing can be said."""
         if len(self._blocks) < BLOCKS:
             return None
         north, east, v_north, v_east = (
@@ -136,4 +144,4 @@ class WindEstimate:
         )
         drag = math.hypot(north, east)
         share = airspeed_m_s(drag / self.factor) / drag if drag > 1e-6 else 0.0
-        return round(math.hypot(v_north - share * north, v_east - share * east), 1)
+        return v_north - share * north, v_east - share * east
