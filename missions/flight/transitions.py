@@ -364,7 +364,7 @@ def _(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleStat
 
 @_changed.register
 def _(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    airborne = event.height_m > LIFTED_M
+    airborne = event.height_m > LIFTED_M or not vehicle.landed
     return replace(
         vehicle,
         phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,

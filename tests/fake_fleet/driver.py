@@ -406,8 +406,13 @@ class Driver:
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
             self.around.post(LiftedOff(self.number, now_s))
-        elif not craft.armed and (self.was_airborne or self.guard.action is not None):
+        elif not craft.armed and self._flew:
             self._on_ground()
+
+    @property
+    def _flew(self) -> bool:
+        """Whether a landing is still to be told: it flew, or its guardian had taken it."""
+        return self.was_airborne or (self.guard.action is not None and not self.guard.down)
 
     def _mode_name(self) -> str:
         if self.craft.failsafe:

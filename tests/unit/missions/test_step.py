@@ -419,6 +419,14 @@ def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) ->
     assert isinstance(service.order(), FlyTo)
 
 
+def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
+    assert service.state.vehicles[1].phase is Phase.AIRBORNE
+    assert not service.state.over
+
+
 def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
     service.connect()
     service.track(1, HOME, 4.0)
