@@ -75,6 +75,8 @@ REACH_M_S: Final = 15.0
 """A vehicle is looked for on its path no farther ahead than it can have flown."""
 PAD_M: Final = 5.0
 """A landing nearer to its pad than this is a landing at home."""
+QUICK_M: Final = 3.0
+"""Down to this height a vehicle that is carried away descends quickly."""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
 
@@ -131,6 +133,11 @@ class Verdict:
 
     rung: Literal["report", "rtl", "land", "crashed"]
     reason: str
+    hurry: bool = False
+    """It is carried away: descend as fast as it flies to `QUICK_M`, and land only from there.
+
+    A landing takes twenty seconds for the last ten metres, in which a storm carries it 200 m.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,10 +409,10 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return Verdict("land", "it does not return by its autopilot") if due else None
     if _lasted(limits, guard.swept_since_s, seen.t_s, SWEPT_S):
         # nothing that it flies helps, and a climb would cost the time to land near
-        return Verdict("land", "it is carried off faster than it flies")
+        return Verdict("land", "it is carried off faster than it flies", hurry=True)
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
-        return Verdict("land", blown)
+        return Verdict("land", blown, hurry=True)
     if reason is None:
         return None
     if guard.action == "rtl":
@@ -414,7 +421,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
     if guard.outside_m > 0.0 and _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
         # what leads it astray would lead its autopilot astray, too, and a climb costs the time
-        return Verdict("land", f"{reason}, outside of the geofence")
+        return Verdict("land", f"{reason}, outside of the geofence", hurry=True)
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:

@@ -311,7 +311,9 @@ def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
         case Phase.GROUNDED:
             return "" if isinstance(vehicle.order, TakeOff) else "and counts as on the ground"
         case Phase.GUARDED:
-            hovers = craft.mode == "follow" and driver.obeys and not driver.refuses and not theirs
+            sinks = craft.target_height_m < craft.height_m
+            hovers = craft.mode == "follow" and not sinks and driver.obeys and not driver.refuses
+            hovers = hovers and not theirs
             return "guarded, but it hovers" if hovers else ""
         case Phase.YIELDED:
             return "" if theirs or craft.mode != "follow" else "yielded, but nobody has it"

@@ -148,7 +148,7 @@ def test_one_lost_for_good_is_done_without(seed: int) -> None:
     )  # fmt: skip
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
-    flight.run(until=lambda f: f.t_s >= 12.0 + 7 * seed and f.vehicles[1].flying)
+    flight.run(until=lambda f: f.t_s >= 12.0 + 3 * seed and f.vehicles[1].flying)
     flight.take_over(1)
     flight.tick()
     flight.put_down(1)
