@@ -148,10 +148,11 @@ def test_one_lost_for_good_is_done_without(seed: int) -> None:
     )  # fmt: skip
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
-    flight.run(until=lambda f: f.t_s >= 12.0 + 3 * seed and f.vehicles[1].flying)
-    flight.take_over(1)
+    flight.run(until=lambda f: f.t_s >= 12.0 + 3 * seed)
+    number = next(n for n, craft in flight.vehicles.items() if craft.flying)
+    flight.take_over(number)
     flight.tick()
-    flight.put_down(1)
+    flight.put_down(number)
     flight.run()
     assert flight.faults == []
     map_is_whole(flight, scenario)
