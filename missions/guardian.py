@@ -337,7 +337,8 @@ def _falling(guard: Guard, seen: Seen) -> Guard:
     fell = guard.fell
     if guard.last_s is not None and seen.t_s > guard.last_s:
         sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
-        fell = sink_m_s > FALL_M_S or (fell and sink_m_s > -UP_M)
+        limit_m_s = FALL_M_S / 2 if guard.task.doing == "climb" else FALL_M_S
+        fell = sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M)
     return replace(guard, height_m=seen.height_m, fell=fell)
 
 

@@ -154,7 +154,8 @@ class Referee:
             notes.breach_told = True
             text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and still ours"
             self.note(t_s, "breach", text)
-        if out_m > FAR_M and not notes.far_told and fleet.drivers[craft.number].obeys:
+        heard = t_s - notes.deaf_s > FORGIVEN_S
+        if out_m > FAR_M and not notes.far_told and heard:
             notes.far_told = True
             self.note(t_s, "far", f"vehicle {craft.number} is {out_m:.0f} m outside the fence")
 
