@@ -47,8 +47,12 @@ OFF_PATH_HOME_S: Final = 5.0
 """A jump of the position estimate is flown back from by the autopilot itself, in some seconds."""
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
+SWEPT_M_S: Final = 6.0
+SWEPT_SHARE: Final = 1.2
+SWEPT_S: Final = 3.0
+"""Who recedes faster than it flies, for so long, is carried off by the air."""
 BLOWN_S: Final = 2.0
-HOPELESS: Final = 1.25
+HOPELESS: Final = 1.5
 """In so many times the wind that it can hold it lands before it is seen to be carried away."""
 """Who is carried away from its goal this fast for so long cannot hold its position."""
 OUTSIDE_S: Final = 2.0
@@ -71,6 +75,8 @@ REACH_M_S: Final = 15.0
 """A vehicle is looked for on its path no farther ahead than it can have flown."""
 PAD_M: Final = 5.0
 """A landing nearer to its pad than this is a landing at home."""
+QUICK_M: Final = 3.0
+"""Down to this height a vehicle that is carried away descends quickly."""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
 
@@ -127,6 +133,11 @@ class Verdict:
 
     rung: Literal["report", "rtl", "land", "crashed"]
     reason: str
+    hurry: bool = False
+    """It is carried away: descend as fast as it flies to `QUICK_M`, and land only from there.
+
+    A landing takes twenty seconds for the last ten metres, in which a storm carries it 200 m.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +161,7 @@ class Guard:
     best_m: float = float("inf")
     best_s: float = 0.0
     receding_since_s: float | None = None
+    swept_since_s: float | None = None
     last_gap_m: float | None = None
     last_s: float | None = None
     off_since_s: float | None = None
@@ -250,8 +262,11 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
     gap_m = _left_m(seen.position, path, along_m)
     receding = guard.receding_since_s is not None  # a new order does not bring it to rest
+    swept = guard.swept_since_s is not None
     if guard.last_gap_m is not None and guard.last_s is not None and seen.t_s > guard.last_s:
-        receding = gap_m - guard.last_gap_m > RECEDING_M_S * (seen.t_s - guard.last_s)
+        away_m_s = (gap_m - guard.last_gap_m) / (seen.t_s - guard.last_s)
+        receding = away_m_s > RECEDING_M_S
+        swept = away_m_s > max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
     allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
     off = guard.action is None and _off_path_m(seen.position, path) > allowed_m
@@ -263,6 +278,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         best_s=seen.t_s if progressed else guard.best_s,
         last_gap_m=gap_m,
         receding_since_s=_since(guard.receding_since_s, receding, seen.t_s),
+        swept_since_s=_since(guard.swept_since_s, swept, seen.t_s),
         off_since_s=_since(guard.off_since_s, off, seen.t_s),
         sunk_since_s=_since(
             guard.sunk_since_s, guard.action is None and guard.at_height and sunk, seen.t_s
@@ -321,7 +337,8 @@ def _falling(guard: Guard, seen: Seen) -> Guard:
     fell = guard.fell
     if guard.last_s is not None and seen.t_s > guard.last_s:
         sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
-        fell = sink_m_s > FALL_M_S or (fell and sink_m_s > -UP_M)
+        limit_m_s = FALL_M_S / 2 if guard.task.doing == "climb" else FALL_M_S
+        fell = sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M)
     return replace(guard, height_m=seen.height_m, fell=fell)
 
 
@@ -391,9 +408,12 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         # it did not take the command, or was told something else
         due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None
+    if _lasted(limits, guard.swept_since_s, seen.t_s, SWEPT_S):
+        # nothing that it flies helps, and a climb would cost the time to land near
+        return Verdict("land", "it is carried off faster than it flies", hurry=True)
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
-        return Verdict("land", blown)
+        return Verdict("land", blown, hurry=True)
     if reason is None:
         return None
     if guard.action == "rtl":
@@ -402,7 +422,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
     if guard.outside_m > 0.0 and _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
         # what leads it astray would lead its autopilot astray, too, and a climb costs the time
-        return Verdict("land", f"{reason}, outside of the geofence")
+        return Verdict("land", f"{reason}, outside of the geofence", hurry=True)
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:

@@ -29,6 +29,10 @@ BRAKING_S = 8.0
 """After so long an interrupted vehicle counts as at rest, even if the wind blows it about."""
 
 
+PASSING_S = 3.0
+"""So long a vehicle that has flown past the end of a leg may still be on the move."""
+
+
 class Phase(StrEnum):
     """What a vehicle can do for the mission just now."""
 
@@ -105,6 +109,8 @@ class VehicleState:
     """Consecutive sorties that the battery ended without progress."""
     braking_until_s: float | None = None
     """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
+    passed_s: float | None = None
+    """When it flew past the end of a leg without a stop."""
     note: str = ""
 
     @property
@@ -129,7 +135,8 @@ class VehicleState:
 
     def interrupted(self, t_s: float) -> VehicleState:
         """This vehicle with its order taken back; from a leg it has to come to rest first."""
-        if isinstance(self.order, FlyTo | Sweep):
+        moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
+        if moves or isinstance(self.order, FlyTo | Sweep):
             return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
         return replace(self, order=None)
 

@@ -31,7 +31,7 @@ from missions.flight.lane_progress import lane_flown, lane_left
 from missions.flight.return_home import BESIDE_M
 from missions.flight.sightings import frame_seen, look_ended
 from missions.guardian import PAD_M
-from missions.orders import AwaitBattery, Land, ReturnToLaunch, StandDown, TakeOff
+from missions.orders import AwaitBattery, FlyTo, Land, ReturnToLaunch, StandDown, TakeOff
 from missions.state import BRAKING_S, Phase, ReturnReason, Setting, State, VehicleState
 
 _DRAW_SMOOTHING_S = 15.0
@@ -240,7 +240,9 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
 def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
         return replace(vehicle, position=event.position)
-    arrived = replace(vehicle, position=event.position, order=None)
+    stopped = isinstance(vehicle.order, FlyTo) and vehicle.order.stop
+    passed_s = None if stopped else event.t_s
+    arrived = replace(vehicle, position=event.position, order=None, passed_s=passed_s)
     if vehicle.return_reason is not None:
         return replace(arrived, over_home=True)
     near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there
@@ -364,7 +366,7 @@ def _(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleStat
 
 @_changed.register
 def _(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    airborne = event.height_m > LIFTED_M
+    airborne = event.height_m > LIFTED_M or not vehicle.landed
     return replace(
         vehicle,
         phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,

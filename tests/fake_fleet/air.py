@@ -11,7 +11,7 @@ ROUGHNESS_M = 0.03
 REFERENCE_M = 12.0
 """Winds are told for this height."""
 STRONGEST_M_S = 25.0
-"""At the reference height, gusts included."""
+"""At any height, gusts included."""
 RAMP_S = 3.0
 """A storm comes up within this time."""
 GUST_TAU_S = 4.0
@@ -72,5 +72,5 @@ class Air:
         strength = math.hypot(east, north)
         if strength == 0.0:
             return 0.0, 0.0
-        weaker = profile(height_m) * min(1.0, STRONGEST_M_S / strength)
+        weaker = min(profile(height_m), STRONGEST_M_S / strength)
         return weaker * east, weaker * north

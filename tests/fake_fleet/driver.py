@@ -34,7 +34,7 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.guardian import Guard, Limits, Mode, Seen, Task, watch
+from missions.guardian import QUICK_M, Guard, Limits, Mode, Seen, Task, watch
 from missions.orders import (
     AwaitBattery,
     FlyTo,
@@ -122,6 +122,8 @@ class Driver:
     way: list[GridPoint] = field(default_factory=list)
     guard: Guard = field(default_factory=Guard)
     connected: bool = False
+    hurry: bool = False
+    """The guardian has it descend before it lands."""
     overridden: bool = False
     was_airborne: bool = False
     silent_s: float = 0.0
@@ -406,8 +408,13 @@ class Driver:
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
             self.around.post(LiftedOff(self.number, now_s))
-        elif not craft.armed and (self.was_airborne or self.guard.action is not None):
+        elif not craft.armed and self._flew:
             self._on_ground()
+
+    @property
+    def _flew(self) -> bool:
+        """Whether a landing is still to be told: it flew, or its guardian had taken it."""
+        return self.was_airborne or (self.guard.action is not None and not self.guard.down)
 
     def _mode_name(self) -> str:
         if self.craft.failsafe:
@@ -480,6 +487,7 @@ class Driver:
             self.around.post(Crashed(self.number, now_s, self.position, verdict.reason))
             return True
         else:
+            self.hurry = verdict.hurry
             self._insist()
             self.around.post(Guarded(self.number, now_s, verdict.rung, verdict.reason))
         return False
@@ -490,7 +498,10 @@ class Driver:
         named = {"rtl": "ReturnToLaunch", "land": "Land"}
         if action is None or self.overridden or not self.obeys or not craft.flying:
             return
-        if named[action] not in self.refuses:
+        if action == "land" and self.hurry and craft.height_m > QUICK_M:
+            craft.switch("follow")
+            craft.aim(craft.believed, QUICK_M - 1.0)
+        elif named[action] not in self.refuses:
             craft.switch(action)
 
     def _await_battery(self) -> None:

@@ -14,7 +14,7 @@ import random
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from missions.events import Event, Landed, Recalled, Resumed
+from missions.events import Event, Recalled, Resumed
 from missions.guardian import Guard, Limits
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission
@@ -263,12 +263,8 @@ class Fleet:
         self.drivers[number].listen(0.0)
 
     def put_down(self, number: int) -> None:
-        """The pilot has put it on the ground."""
-        self.pilots.pop(number, None)
-        craft, driver = self.vehicles[number], self.drivers[number]
-        craft.flying, craft.armed, craft.height_m = False, False, 0.0
-        driver.was_airborne = False
-        self.post(Landed(number, self.around.now_s, driver.remaining_wh, position=driver.position))
+        """The pilot lands it where it is, and leaves it there."""
+        self.pilots[number].ending = "land"
 
     def give_back(self, number: int) -> None:
         """The pilot gives it back."""

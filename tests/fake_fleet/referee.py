@@ -12,7 +12,6 @@ import shapely
 from shapely.geometry import Point
 
 from missions.arena.roi import component
-from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.events import FrameSeen, from_json, to_json
 from missions.flight.return_home import BESIDE_M
 from missions.ground.lanes import point_on
@@ -60,6 +59,8 @@ class Notes:
     silent_s: float = -math.inf
     """When it fell silent last."""
     guarded_s: float = -math.inf
+    deaf_s: float = -math.inf
+    """When no command reached it last."""
     outside_s: float | None = None
     far_told: bool = False
     breach_told: bool = False
@@ -102,7 +103,7 @@ class Referee:
         t_s, vehicle = fleet.t_s, fleet.state.vehicles[craft.number]
         wind_m_s = math.hypot(*craft.wind_m_s) if craft.flying else 0.0
         lies = math.hypot(*craft.offset_m) > LIES_M or abs(craft.compass_rad) > COMPASS_RAD
-        if lies or wind_m_s > AIRSPEED_LIMIT_M_S:
+        if lies or wind_m_s > fleet.setting.energy.max_airspeed_m_s:
             notes.blind_s = t_s
         if craft.drift_m_s != (0.0, 0.0):
             notes.spoofed_s = t_s
@@ -114,6 +115,8 @@ class Referee:
             notes.known_s = t_s
         if driver.link == "silent" and driver.silent_s <= 0.5:
             notes.silent_s = t_s
+        if not driver.obeys or fleet.dead:
+            notes.deaf_s = t_s
         if vehicle.phase is not Phase.GUARDED:
             notes.guarded_s = t_s
         if craft.flying and not notes.was_flying:
@@ -151,7 +154,8 @@ class Referee:
             notes.breach_told = True
             text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and still ours"
             self.note(t_s, "breach", text)
-        if out_m > FAR_M and not notes.far_told and fleet.drivers[craft.number].obeys:
+        heard = t_s - notes.deaf_s > FORGIVEN_S
+        if out_m > FAR_M and not notes.far_told and heard:
             notes.far_told = True
             self.note(t_s, "far", f"vehicle {craft.number} is {out_m:.0f} m outside the fence")
 
@@ -173,10 +177,13 @@ class Referee:
             self.note(fleet.t_s, "reserve", text)
 
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
-        """Whether nobody could have brought it down in time: it did not hear, or was not ours."""
-        driver = fleet.drivers[craft.number]
+        """Whether nobody could have brought it down in time: it did not hear until late, or was not ours."""
         theirs = craft.mode == "other" or craft.failsafe
-        return not driver.obeys or theirs or fleet.emptied.get(craft.number, 0) > 0.3
+        return (
+            fleet.t_s - notes.deaf_s < FORGIVEN_S
+            or theirs
+            or fleet.emptied.get(craft.number, 0) > 0.3
+        )
 
     def _check_responsible(
         self, fleet: Fleet, craft: Aircraft, driver: Driver, notes: Notes
@@ -305,7 +312,9 @@ def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
         case Phase.GROUNDED:
             return "" if isinstance(vehicle.order, TakeOff) else "and counts as on the ground"
         case Phase.GUARDED:
-            hovers = craft.mode == "follow" and driver.obeys and not driver.refuses and not theirs
+            sinks = craft.target_height_m < craft.height_m
+            hovers = craft.mode == "follow" and not sinks and driver.obeys and not driver.refuses
+            hovers = hovers and not theirs
             return "guarded, but it hovers" if hovers else ""
         case Phase.YIELDED:
             return "" if theirs or craft.mode != "follow" else "yielded, but nobody has it"

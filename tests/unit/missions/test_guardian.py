@@ -119,7 +119,7 @@ def test_the_wind_of_which_the_autopilot_knows_lands_it() -> None:
 
 
 def test_a_hopeless_wind_lands_it_before_it_is_carried_away() -> None:
-    assert Watched(hold(), replace(IN_AIR, wind_m_s=15.5)).verdicts[0][1].rung == "land"
+    assert Watched(hold(), replace(IN_AIR, wind_m_s=18.5)).verdicts[0][1].rung == "land"
 
 
 def test_a_strong_wind_that_it_holds_is_no_reason() -> None:
@@ -264,3 +264,20 @@ def test_nothing_is_done_to_what_a_pilot_flies() -> None:
     watched = Watched(leg(), replace(IN_AIR, mode="other", position=outside, remaining_wh=0.5))
     assert watched.pass_time(60, east_m=3.0) == []
     assert watched.guard.action is None
+
+
+def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour() -> None:
+    """No wind is known: only the air can do that."""
+    watched = Watched(hold())
+    assert watched.pass_time(3, east_m=8.0) == []
+    watched.guard = watched.guard.told(leg())
+    assert watched.pass_time(2, east_m=-8.0) == ["land"]
+    assert "carried off" in watched.verdicts[0][1].reason
+
+
+def test_a_single_jump_of_the_position_is_no_reason_to_land() -> None:
+    watched = Watched(hold())
+    watched.pass_time(2)
+    watched.pass_time(1, east_m=40.0)
+    assert watched.pass_time(5) == []
+    assert watched.pass_time(6, east_m=-40.0 / 6) == []

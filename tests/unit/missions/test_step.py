@@ -317,6 +317,26 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
     assert service.state.exploration_finished or service.state.vehicles[1].vertex == near
 
 
+def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before(service: Service) -> None:
+    """Its way back leads over a cell that was inside when the leg would begin."""
+    made = mission(
+        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
+        drift_m_s=0.4, toward_deg=0.0, speed_m_s=5.0,
+    )  # fmt: skip
+    service = Service(made)
+    root, far = Cell(0, 3), Cell(0, 24)
+    service.exploring(at=root)
+    tree = Tree.rooted(root).looked(root, [far]).looked(far, [Cell(1, 24)])
+    vehicle = replace(service.state.vehicles[1], vertex=far, at_target=False, order=None)
+    service.state = replace(service.state, tree=tree).with_vehicle(vehicle)
+    here = service.setting.grid.centre_of(root)
+    centre = service.setting.grid.to_fixed(service.setting.grid.centre_of(far), 0.0)
+    assert service.setting.fence.allows(centre)
+    service.track(1, here)
+    order = service.order()
+    assert not (isinstance(order, FlyTo) and order.cell == far)
+
+
 def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
     made = mission(square(-10, 16, 40, 20), square(-60, -60, 160, 100), capacity_wh=60.0)
     flight = fleet(made, roi={Cell(0, n) for n in range(5, 14)})
@@ -419,6 +439,14 @@ def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) ->
     assert isinstance(service.order(), FlyTo)
 
 
+def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
+    assert service.state.vehicles[1].phase is Phase.AIRBORNE
+    assert not service.state.over
+
+
 def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
     service.connect()
     service.track(1, HOME, 4.0)
@@ -495,6 +523,25 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
     assert pair.state.vehicles[1].return_reason is ReturnReason.BATTERY
     assert isinstance(orders[2], FlyTo)
     assert orders[2].cell == last
+
+
+def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Service) -> None:
+    """It swings out as far as the margin is wide; what it holds to is planned from rest."""
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    leg = service.order()
+    assert isinstance(leg, FlyTo)
+    assert not leg.stop
+    low_wh = service.setting.energy.reserve_wh + 1.0
+    service.post(Arrived(1, 12.0, leg.route[-1]))
+    assert isinstance(service.order(), Sweep)
+    waits = replace(service.state.vehicles[1], order=Hold())
+    service.state = service.state.with_vehicle(waits)
+    service.post(Tracked(1, 12.5, leg.route[-1], 12.0, low_wh))
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
+    assert service.order() == Hold()
+    service.post(Tracked(1, 13.5, leg.route[-1], 12.0, low_wh))
+    assert isinstance(service.order(), FlyTo)
 
 
 def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> None:
