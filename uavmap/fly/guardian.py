@@ -9,6 +9,7 @@ the aircraft is on the ground or a pilot has it.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Final
 
@@ -55,13 +56,18 @@ class Guardian:
         self._reporter = reporter
         self._monitor = monitor
         self._limits = limits
-        self._tell = tell
+        self._operator = tell
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
         self._last_wh = 0.0
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str], None] = lambda reason: None
+
+    def _tell(self, text: str) -> None:
+        """A line for the operator; a terminal that is gone must not keep an aircraft in the air."""
+        with contextlib.suppress(Exception):
+            self._operator(text)
 
     # --- what the driver tells it -----------------------------------------------------------
     @property

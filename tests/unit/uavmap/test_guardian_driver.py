@@ -45,6 +45,20 @@ def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: s
     assert not flight.seen(Overridden)
 
 
+def test_a_terminal_that_is_gone_keeps_nobody_in_the_air() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+
+        def gone(text: str) -> None:
+            raise BrokenPipeError(text)
+
+        flight.driver.guardian._operator = gone
+        await flight.driver.guardian.bring_home("the terminal was closed")
+        assert flight.vehicle.truth.landed
+
+    fly(body)
+
+
 def test_on_the_ground_nothing_is_sent() -> None:
     async def body(flight: Flight) -> None:
         sent = len(flight.sent)
