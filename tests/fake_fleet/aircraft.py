@@ -197,9 +197,6 @@ class Aircraft:
             if gap_m > 1e-9:
                 speed = min(self.speed_m_s, math.sqrt(1.4 * ACCEL_M_S2 * gap_m), gap_m / dt_s)
                 east, north = east * speed / gap_m, north * speed / gap_m
-        if self.compass_rad:
-            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
-            east, north = east * cos + north * sin, north * cos - east * sin
         east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
         through = math.hypot(east - wind[0], north - wind[1])
         if through > AIRSPEED_M_S:
@@ -209,7 +206,11 @@ class Aircraft:
         ve, vn = self.velocity_m_s
         change = math.hypot(east - ve, north - vn)
         share = 1.0 if change <= ACCEL_M_S2 * dt_s else ACCEL_M_S2 * dt_s / change
-        ve, vn = ve + (east - ve) * share, vn + (north - vn) * share
+        east, north = (east - ve) * share, (north - vn) * share
+        if self.compass_rad:  # it leans the wrong way; its velocity is measured all the same
+            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
+            east, north = east * cos + north * sin, north * cos - east * sin
+        ve, vn = ve + east, vn + north
         self.velocity_m_s = (ve, vn)
         self.position = GridPoint(
             self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s
