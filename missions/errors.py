@@ -9,6 +9,7 @@
     ├── RoiError                a file or option that does not describe a ROI
     ├── StudyError          a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
+    ├── EventError              an event with a number that no journal can hold; a ValueError, too
     ├── OutputError             a file that cannot be written, or of a kind that is not written
     ├── AircraftError           an aircraft is down away from home, or was left to its autopilot
     └── LinkError               a connection URL, or a vehicle that does not answer
@@ -54,6 +55,10 @@ class StudyError(UavmapError):
 
 class JournalError(UavmapError):
     """A journal that cannot be opened, read or continued."""
+
+
+class EventError(UavmapError, ValueError):
+    """An event that cannot be written down: a NaN, an infinity, a text that is no Unicode."""
 
 
 class OutputError(UavmapError):

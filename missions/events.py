@@ -7,11 +7,14 @@ the order in the journal's JSON.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter
+from pydantic_core import PydanticSerializationError
 
+from missions.errors import EventError
 from missions.units import Cell, GridPoint
 
 
@@ -254,14 +257,37 @@ _ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator=
 
 
 def to_json(event: Event) -> str:
-    """The text of an event in the journal.
+    """The text of an event in the journal. Raises `EventError` for what no journal can hold.
 
     >>> to_json(Airborne(1, 2.5))
     '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'
     """
-    return _ADAPTER.dump_json(event, exclude_none=True).decode()
+    try:
+        data = _ADAPTER.dump_json(event, exclude_none=True)
+        text = data.decode()
+    except (PydanticSerializationError, UnicodeError) as error:
+        raise EventError(f"{event.kind}: no text of an event: {error}") from None
+    _refuse_what_json_cannot_hold(event, data)
+    return text
 
 
 def from_json(text: str) -> Event:
-    """The inverse of `to_json`. Raises ValueError (pydantic's) for anything else."""
-    return _ADAPTER.validate_json(text)
+    """The inverse of `to_json`. Raises ValueError for anything else."""
+    event = _ADAPTER.validate_json(text, strict=True)
+    _refuse_what_json_cannot_hold(event, _ADAPTER.dump_json(event))
+    return event
+
+
+def _refuse_what_json_cannot_hold(event: Event, data: bytes) -> None:
+    """Pydantic writes a NaN and an infinity as null; the walk is only for texts with that word."""
+    if b"null" not in data:
+        return
+    for field in fields(event):
+        if not _finite(value := getattr(event, field.name)):
+            raise EventError(f"{event.kind}: {field.name} = {value!r} is no finite number")
+
+
+def _finite(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return all(map(_finite, value)) if isinstance(value, tuple) else True

@@ -52,7 +52,7 @@ SWEPT_SHARE: Final = 1.2
 SWEPT_S: Final = 3.0
 """Who recedes faster than it flies, for so long, is carried off by the air."""
 BLOWN_S: Final = 2.0
-HOPELESS: Final = 1.25
+HOPELESS: Final = 1.5
 """In so many times the wind that it can hold it lands before it is seen to be carried away."""
 """Who is carried away from its goal this fast for so long cannot hold its position."""
 OUTSIDE_S: Final = 2.0

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Final
 
 from missions.errors import MissionFileError
 from missions.explorers import EXPLORERS
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.schema import Mission
+from uavmap.text_files import read_text
 from vision.detectors import detector_names
+
+LARGEST_BYTES: Final = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +40,11 @@ def shipped_missions() -> list[str]:
 def load_source(name: str) -> MissionSource:
     """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`."""
     path = Path(name)
-    if not path.suffix and not path.exists() and name in shipped_missions():
+    if not path.suffix and name in shipped_missions() and not path.exists():
         text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
         return MissionSource(name, text)
     try:
-        return MissionSource(name, path.read_text("utf-8-sig"))
+        return MissionSource(name, read_text(path, LARGEST_BYTES))
     except OSError as error:
         raise MissionFileError(
             f"{name}: cannot be read ({error.strerror}); give the path of a mission file, or one "

@@ -9,6 +9,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+_LONGEST_SHOWN = 60
+
 
 def explain(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """A line for each fault of a file that should be such a `model`: the key, the value and what
@@ -60,6 +62,8 @@ def _describe(fault: ErrorDetails, model: type[BaseModel]) -> str:
     if fault["type"] == "value_error":  # of a whole table: its message names key and value
         return f"{key}: {_lower(fault['msg'])}"
     value = fault["input"]
+    if isinstance(value, str) and len(value) > _LONGEST_SHOWN:
+        value = value[:_LONGEST_SHOWN] + "..."
     shown = repr(value) if isinstance(value, int | float | str | bool) else type(value).__name__
     hint = ""
     if "box" in key or "polygon" in key or "holes" in key or "position" in key or "home" in key:

@@ -16,7 +16,15 @@ import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from missions.errors import MissionFileError
 from missions.mission_file.messages import explain
@@ -46,6 +54,28 @@ def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
     (LatLon(lat_deg=48.0, lon_deg=11.0),)
     """
     return tuple(LatLon(lat, lon) for lat, lon in ring)
+
+
+LONGEST_NAME = 100
+_RESERVED = frozenset('<>:"/\\|?*')
+
+
+def _file_name(name: str) -> str:
+    """A name that can be the name of a folder, on every system that people copy results to."""
+    fault = ""
+    if not name or not name.strip("."):
+        fault = "must not be empty or only dots"
+    elif len(name) > LONGEST_NAME:
+        fault = f"at most {LONGEST_NAME} letters; this has {len(name):,}"
+    elif found := sorted(set(name) & _RESERVED):
+        fault = f"results go into a folder of this name: leave out {' '.join(found)}"
+    elif not name.isprintable():
+        fault = "results go into a folder of this name: leave out control characters"
+    elif name != name.strip() or name.endswith("."):
+        fault = "must not begin or end with a space, or end with a dot"
+    if fault:
+        raise PydanticCustomError("file_name", "{fault}", {"fault": fault})
+    return name
 
 
 class _Section(BaseModel):
@@ -279,7 +309,7 @@ class Mission(_Section):
     Examples of keys and defaults are in the shipped missions (`missions/shipped`).
     """
 
-    name: str = "mission"
+    name: Annotated[str, AfterValidator(_file_name)] = "mission"
     strategy: str = "rdfs"
     start: Start
     search: Search

@@ -5,14 +5,32 @@ The moments are drawn by seed, in events of the journal, and are met by watching
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import shutil
 import signal
+import sqlite3
+import subprocess
+import sys
 
 import numpy as np
 
-from tests.e2e.rig import bodies, ended, mission, roi_cells, started, stop_after, uavmap
+from tests.e2e.rig import (
+    ROOT,
+    bodies,
+    ended,
+    environment,
+    mission,
+    roi_cells,
+    started,
+    stop_after,
+    uavmap,
+)
+from tests.unit.uavmap.journals import write_version_1
 from uavmap.cli import main
+from uavmap.record.flight_plan import FlightPlan
+from uavmap.record.journal import Journal
 
 
 def moments(seed: int, count: int, last: int) -> list[int]:
@@ -59,6 +77,9 @@ def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
     after = bodies(folder)
     assert after[: len(before)] == before
     assert json.loads(after[len(before)])["kind"] == "resumed"
+    with Journal.open(folder / "journal.db") as journal:
+        assert FlightPlan.read(journal).rehomed
+        assert journal.meta["plan"]["rehomed"] is False  # the plan itself never changes
     # the world is the same, another gust blows: cells at the rim may come out otherwise
     assert len(roi_cells(folder) ^ roi_cells(speck.folder)) <= 2
 
@@ -96,3 +117,57 @@ def test_a_second_flight_into_the_same_folder_is_refused(speck, capsys):
     assert main(["fly", mission("speck"), "--sim", "--out", str(speck.folder)]) == 2
     assert "resume" in capsys.readouterr().err
     assert bodies(speck.folder) == before
+
+
+def test_random_kills_once_and_twice_and_a_disk_that_fills():
+    """A few of those that `python -m tests.benchmarks.kills` runs; UAVMAP_KILLS sets how many."""
+    count = int(os.environ.get("UAVMAP_KILLS", "2"))
+    numbers = ["--kills", count, "--twice", (count + 1) // 2, "--full", (count + 1) // 2]
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.benchmarks.kills", *map(str, numbers)],
+        cwd=ROOT,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("faults 0") == 3
+
+
+def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_been(speck, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(speck.folder, folder)
+    path = folder / "journal.db"
+    data = bytearray(path.read_bytes())
+    middle = data.rindex(b'"kind":"tracked"', 0, len(data) // 2)
+    data[middle + 9] ^= 1
+    path.write_bytes(data)
+    refused = uavmap("resume", folder)
+    assert refused.code == 2
+    (line,) = refused.err.splitlines()
+    assert f"`uavmap resume {folder} --recover`" in line
+    assert path.read_bytes() == data
+    done = uavmap("resume", folder, "--recover", "--json")
+    assert done.code == 0
+    assert "events kept, at least" in done.err
+    assert bodies(folder) == bodies(speck.folder)
+    assert (folder / "journal.damaged-1.db").read_bytes() == data
+    assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
+    again = uavmap("resume", folder, "--recover", "--json")
+    assert again.code == 0
+    assert "nothing to recover" in again.err
+
+
+def test_a_flight_that_the_first_version_of_the_journal_began_goes_on(speck, tmp_path):
+    with Journal.open(speck.folder / "journal.db") as journal:
+        events, plan = list(journal.events()), journal.meta["plan"]
+    path = write_version_1(tmp_path / "out" / "journal.db", events[: len(events) // 2])
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE meta SET value = ?", (json.dumps(plan),))
+        database.commit()
+    done = uavmap("resume", path.parent, "--json")
+    assert done.code == 0
+    assert bodies(path.parent) == bodies(speck.folder)
+    with Journal.open(path) as journal:
+        assert journal.version == 1

@@ -8,6 +8,7 @@ left to its autopilot; 130 interrupted.
 from __future__ import annotations
 
 import argparse
+import errno
 import sys
 from collections.abc import Sequence
 
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
-        code: int = options.run(options)
+        code = _run(options)
     except* AircraftError as group:
         _say(group)
         code = AIRCRAFT_DOWN
@@ -54,3 +55,14 @@ def _say(group: BaseExceptionGroup[UavmapError]) -> None:
     for error in leaves(group):
         for line in str(error).splitlines():  # a mission file may have several faults
             print(f"uavmap: {line}", file=sys.stderr)
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        code: int = options.run(options)
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        name = str(error.filename or "an argument")
+        raise UavmapError(f"{name[:60]}...: too long for the name of a file") from None
+    return code

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import JournalError, OutputError, UavmapError
@@ -137,10 +138,22 @@ def results_folder(out: str | None, name: str) -> Path:
             )
         return folder
     for number in range(1, 10_000):
-        folder = Path(RESULTS) / f"{name}-{number}"
+        folder = Path(RESULTS) / f"{folder_name(name)}-{number}"
         if not folder.exists():
             return folder
     raise JournalError(f"{RESULTS} is full; give --out")
+
+
+def folder_name(name: str) -> str:
+    """The name of a mission as the name of a folder: never one that leads elsewhere.
+
+    The mission file refuses such names; here it does not depend on that.
+
+    >>> folder_name("../../up"), folder_name("field 7"), folder_name("")
+    ('______up', 'field 7', 'mission')
+    """
+    kept = "".join(c if c.isalnum() or c in " -_" else "_" for c in name)
+    return kept.encode()[:200].decode(errors="ignore") or "mission"
 
 
 def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
@@ -180,7 +193,9 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
 
 
 def _table(summary: Mapping[str, Any]) -> None:
-    table = Table(title=f"{summary['mission']} ({summary['strategy']})", title_justify="left")
+    table = Table(
+        title=escape(f"{summary['mission']} ({summary['strategy']})"), title_justify="left"
+    )
     table.add_column("figure")
     table.add_column("value", justify="right")
     for key, label in _SHOWN.items():

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from uavmap.cli.common import report
 from uavmap.fly.flight import resume
 from uavmap.fly.progress import Terminal
+from uavmap.record.flight_plan import JOURNAL
+from uavmap.record.recovery import recover
 
 _EXAMPLES = """\
 examples:
   uavmap resume results/runway-1
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
+  uavmap resume results/field-3 --recover
 
 A simulated flight is repeated up to its last event, each event checked against the journal, and
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
@@ -43,12 +48,43 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="simulation: put the aircraft at home with full batteries instead of where they were",
     )
+    parser.add_argument(
+        "--recover",
+        action="store_true",
+        help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
-    folder = Path(options.folder)
-    summary = resume(folder, Terminal(), urls=tuple(options.connect), from_home=options.from_home)
+    folder, progress = Path(options.folder), Terminal()
+    if options.recover:
+        _recover(folder, progress.say)
+    at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
+    summary = resume(
+        folder,
+        progress,
+        urls=tuple(options.connect),
+        from_home=options.from_home,
+        ask=_ask if at_terminal else None,
+    )
     return report(summary, folder, as_json=options.json)
+
+
+def _recover(folder: Path, say: Callable[[str], None]) -> None:
+    done = recover(folder / JOURNAL)
+    if done is None:
+        say(f"{folder / JOURNAL}: nothing to recover")
+        return
+    lost = f"at least {done.lost} lost" if done.lost else "what came after them is lost"
+    say(
+        f"{folder / JOURNAL}: {done.kept} events kept, {lost}; the damaged journal is "
+        f"{done.aside.name}"
+    )
+
+
+def _ask(question: str) -> bool:
+    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")

@@ -10,14 +10,13 @@ import asyncio
 import contextlib
 import itertools
 import signal
-import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from missions.errors import JournalError, LinkError
+from missions.errors import JournalError, LinkError, OutputError
 from missions.events import Event, Resumed
 from missions.state import Phase, Setting, State
 from missions.step import fold
@@ -35,8 +34,9 @@ from uavmap.link.identity import same_aircraft
 from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
-from uavmap.record.flight_plan import JOURNAL, TLOG, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
 from uavmap.record.journal import Journal
+from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
 from uavmap.results.score import true_roi
 from uavmap.results.write_results import write_results
@@ -68,7 +68,7 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
         try:
             return flight.run()
         except* LinkError:
-            if not journal.bodies():  # nobody answered: nothing has begun
+            if not len(journal):  # nobody answered: nothing has begun
                 journal.discard()
                 (folder / TLOG).unlink(missing_ok=True)
                 with contextlib.suppress(OSError):
@@ -77,14 +77,20 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
 
 
 def resume(
-    folder: Path, progress: Progress, *, urls: tuple[str, ...] = (), from_home: bool = False
+    folder: Path,
+    progress: Progress,
+    *,
+    urls: tuple[str, ...] = (),
+    from_home: bool = False,
+    ask: Callable[[str], bool] | None = None,
 ) -> dict[str, Any]:
     """Go on with the mission of a folder; returns the summary.
 
     A simulated world died with its process: it is made again by flying the recorded flight once
     more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
     stand at home with full batteries instead, as after a failsafe brought them back, and only
-    the journal tells what is known; that is also how real aircraft are taken up.
+    the journal tells what is known; that is also how real aircraft are taken up. `ask` puts a
+    question to the operator, where there is one.
     """
     with Journal.open(folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
@@ -93,7 +99,7 @@ def resume(
         setting = plan.setting(progress.say)
         state = fold(setting, journal.events())
         progress.say(
-            f"{folder}: {len(journal.bodies())} events, mission time {state.t_s:.0f} s, "
+            f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
             f"{len(state.belief.roi)} ROI cells"
         )
         if state.over and state.completed:
@@ -107,11 +113,13 @@ def resume(
             )
         if plan.simulated and not again and not plan.rehomed:
             plan = replace(plan, rehomed=True)
-            journal.put_meta("plan", asdict(plan))
+            journal.put_meta(REHOMED, True)
         if again:
             journal.start_verification()
             state = State.initial(setting)
-        return _Flight(plan, setting, folder, journal, state, progress, again=again).run()
+        flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
+        flight.ask = ask
+        return flight.run()
 
 
 class _Flight:
@@ -135,17 +143,16 @@ class _Flight:
         self._state = state
         self._progress = progress
         self._again = again
-        self._resumed = bool(journal.bodies()) and not again
-        self._start_s = 0.0
+        self._resumed = len(journal) > 0 and not again
+        self._start_s = state.t_s
+        self._marks = None if plan.simulated else Marks(journal, self._clocks)
+        self._vehicle_clock: Callable[[], float | None] = lambda: None
+        self.ask: Callable[[str], bool] | None = None
+        """Puts a question to the operator, where there is one."""
         self._truth: Truth | None = None
 
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
-        if self._resumed:
-            self._start_s = self._state.t_s
-            if not self._plan.simulated:
-                elapsed_s = time.time() - self._plan.epoch_utc_s
-                self._start_s = max(self._start_s, elapsed_s * (self._plan.speedup or 1.0))
         clock: Clock
         if self._plan.simulated:
             clock = VirtualClock(self._plan.speedup)
@@ -159,6 +166,27 @@ class _Flight:
         """Mission time."""
         return self._start_s + asyncio.get_running_loop().time()
 
+    def _clocks(self) -> Clocks:
+        return read_clocks(self._vehicle_clock())
+
+    async def _settle_time(self) -> None:
+        """Mission time of a flight that goes on: by what the clocks say, the vehicle's among them.
+
+        The loop goes on while the operator thinks.
+        """
+        start_s = await asyncio.to_thread(
+            taken_up_at,
+            last_mark(self._journal.meta),
+            self._state.t_s,
+            self._clocks(),
+            epoch_utc_s=self._plan.epoch_utc_s,
+            speedup=self._plan.speedup or 1.0,
+            drift_m_s=self._setting.mission.drift.speed_m_s,
+            say=self._progress.say,
+            ask=self.ask,
+        )
+        self._start_s = start_s - asyncio.get_running_loop().time()
+
     def _log(self) -> TlogWriter:
         append = self._resumed and (self._folder / TLOG).exists()
         rate = 1.0 if self._plan.simulated else 1.0 / (self._plan.speedup or 1.0)
@@ -166,6 +194,7 @@ class _Flight:
             self._folder / TLOG,
             lambda: self._plan.epoch_utc_s + self._now_s() * rate,
             append=append,
+            say=self._progress.say,
         )
 
     # --- simulated -------------------------------------------------------------------------
@@ -256,6 +285,8 @@ class _Flight:
         vehicles = self._vehicles(names, sessions, fetches, crew)
 
         def observe(event: Event, state: State) -> None:
+            if self._marks is not None:
+                self._marks.note(self._now_s())
             self._progress.update(event, state, again=self._journal.expected)
             if crew.absent and _all_wait(state, crew.waiting):
                 self._progress.say(
@@ -263,9 +294,9 @@ class _Flight:
                 )
                 service.stop()
 
-        service = Service(self._setting, self._journal, vehicles, self._state, observe)
-        if self._resumed:
-            service.post(Resumed(round(self._now_s(), 3)))
+        service = Service(
+            self._setting, self._journal, vehicles, self._state, observe, self._progress.say
+        )
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
         try:
@@ -287,6 +318,11 @@ class _Flight:
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
         _each_its_own(vehicles)
+        self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
+        if self._resumed:
+            if not self._plan.simulated:
+                await self._settle_time()
+            service.post(Resumed(round(self._now_s(), 3)))
         return await service.fly()
 
     @contextlib.contextmanager
@@ -378,4 +414,10 @@ def _results(
         roi = true_roi(setting.mission, setting.grid)
     seed = plan.seed if plan.simulated else None
     events = list(journal.events())
-    return write_results(folder, setting, events, seed, journal.meta.get("truth"), roi)
+    try:
+        return write_results(folder, setting, events, seed, journal.meta.get("truth"), roi)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: the results cannot be written ({error.strerror}); the journal is whole: "
+            f"make room, and `uavmap resume {folder}` writes them"
+        ) from None

@@ -143,6 +143,13 @@ class VehicleView:
         return self.prearm_ok and absolute
 
     @property
+    def since_boot_s(self) -> float | None:
+        """The autopilot's own time since it was started, None while it has not said."""
+        if self.boot_offset_s is None:
+            return None
+        return asyncio.get_running_loop().time() - self.boot_offset_s
+
+    @property
     def on_ground(self) -> bool:
         """Landed and disarmed."""
         return self.landed_state == mav.MAV_LANDED_STATE_ON_GROUND and not self.armed

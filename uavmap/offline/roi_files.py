@@ -23,8 +23,10 @@ from missions.errors import GeodesyError, RoiError
 from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
 from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
+from uavmap.text_files import read_text
 
 _FARTHEST: Final = 2**31
+_LARGEST_BYTES: Final = 200_000_000
 _SHOWN: Final = 40
 _WIDEST_DEG: Final = 6.0
 
@@ -42,7 +44,7 @@ def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) ->
         RoiError: naming the file, the place in it, the value, and what was expected.
     """
     try:
-        text = Path(name).read_text("utf-8-sig")
+        text = read_text(Path(name), _LARGEST_BYTES)
     except (OSError, ValueError) as error:
         if name.partition(":")[0] in KINDS:
             return [_by_name(name)]

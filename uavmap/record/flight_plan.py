@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from pydantic import TypeAdapter
 
 from missions.errors import JournalError, MissionFileError
 from missions.mission_file.checks import check
@@ -13,12 +18,24 @@ from missions.state import Setting
 from uavmap import __version__
 from uavmap.mission_source import MissionSource
 from uavmap.notices import tell_if_uncompiled
-from uavmap.record.journal import Journal
 
 JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
+REHOMED: Final = "rehomed"
+"""In the journal's meta: whether the simulated aircraft were put at home after the start."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
+
+
+class HasMeta(Protocol):
+    """What is needed of a journal to read its plan."""
+
+    path: Path
+
+    @property
+    def meta(self) -> Mapping[str, Any]:
+        """What the mission was started with."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +93,21 @@ class FlightPlan:
         return setting
 
     @classmethod
-    def read(cls, journal: Journal) -> FlightPlan:
+    def read(cls, journal: HasMeta) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
+        return cls.of_meta({k: json.dumps(v) for k, v in journal.meta.items()}, journal.path)
+
+    @classmethod
+    def of_meta(cls, meta: Mapping[str, str], path: Path) -> FlightPlan:
+        """The plan from the texts that a journal at `path` holds. Raises `JournalError`."""
         try:
-            meta = journal.meta["plan"]
-            return cls(**{**meta, "urls": tuple(meta["urls"])})
-        except (KeyError, TypeError):
-            raise JournalError(f"{journal.path} holds no flight plan; it cannot go on") from None
+            plan = _ADAPTER.validate_json(meta["plan"], strict=True)
+        except (KeyError, ValueError):
+            raise JournalError(f"{path} holds no flight plan; it cannot go on") from None
+        if not math.isfinite(plan.epoch_utc_s) or not 0 < (plan.speedup or 1.0) < math.inf:
+            raise JournalError(f"{path} holds no flight plan; it cannot go on")
+        # the plan itself never changes: the checksums of the events begin with it
+        return replace(plan, rehomed=plan.rehomed or meta.get(REHOMED) == "true")
+
+
+_ADAPTER: Final[TypeAdapter[FlightPlan]] = TypeAdapter(FlightPlan)

@@ -119,7 +119,7 @@ def test_the_wind_of_which_the_autopilot_knows_lands_it() -> None:
 
 
 def test_a_hopeless_wind_lands_it_before_it_is_carried_away() -> None:
-    assert Watched(hold(), replace(IN_AIR, wind_m_s=15.5)).verdicts[0][1].rung == "land"
+    assert Watched(hold(), replace(IN_AIR, wind_m_s=18.5)).verdicts[0][1].rung == "land"
 
 
 def test_a_strong_wind_that_it_holds_is_no_reason() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import signal
@@ -16,47 +15,23 @@ from pathlib import Path
 import pytest
 
 from missions.errors import JournalError
-from missions.events import Airborne, Event, FrameSeen, Recalled, Tracked, Vote, to_json
-from missions.units import Cell, GridPoint
+from missions.events import Airborne, Recalled
+from tests.unit.uavmap.journals import META, contents, read, some_events, write
 from uavmap.record.journal import APPLICATION_ID, Journal
 
-META = {"plan": {"seed": 7, "mission_text": "name = 'x'\n# é", "urls": []}}
 ROOT = Path(__file__).resolve().parents[3]
-
-
-def some_events(count: int) -> list[Event]:
-    events: list[Event] = []
-    for n in range(count):
-        place = GridPoint(0.01 * n, -3.25)
-        events.append(Tracked(1, n + 0.125, place, 12.0, 59.9))
-        vote = Vote(Cell(n, -n), n % 2 == 0, 0.333)
-        events.append(FrameSeen(1, n + 0.25, Cell(n, -n), (vote,)))
-    return events
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A journal of 80 events, closed."""
-    path = tmp_path_factory.mktemp("journal") / "journal.db"
-    with Journal.create(path, META) as journal:
-        for event in some_events(40):
-            journal.append(event)
-    return path
+    return write(tmp_path_factory.mktemp("journal") / "journal.db", some_events(40))
 
 
 @pytest.fixture
 def path(tmp_path: Path, written: Path) -> Path:
     """A copy of it."""
     return Path(shutil.copy(written, tmp_path / "journal.db"))
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """The hash of every file; SQLite's shared memory and an empty log hold no data."""
-    return {
-        p.name: hashlib.sha256(p.read_bytes()).hexdigest()
-        for p in folder.iterdir()
-        if not p.name.endswith("-shm") and not (p.name.endswith("-wal") and not p.stat().st_size)
-    }
 
 
 def assert_refused_untouched(path: Path, words: str) -> None:
@@ -74,10 +49,15 @@ def test_what_was_appended_is_read_in_order(path: Path) -> None:
         assert list(journal.events()) == some_events(40)
         assert journal.meta == META
         journal.append(Recalled(99.0))
-        journal.put_meta("plan", {"seed": 8})
+        journal.put_meta("truth", {"crashes": 0})
     with Journal.open(path) as journal:
         assert list(journal.events()) == [*some_events(40), Recalled(99.0)]
-        assert journal.meta == {"plan": {"seed": 8}}
+        assert journal.meta == {**META, "truth": {"crashes": 0}}
+
+
+def test_the_flight_plan_does_not_change(path: Path) -> None:
+    with Journal.open(path) as journal, pytest.raises(ValueError, match="does not change"):
+        journal.put_meta("plan", {"seed": 8})
 
 
 def test_the_disk_is_asked_for_all_it_can_promise(tmp_path: Path) -> None:
@@ -164,19 +144,12 @@ def test_missing_tables(tmp_path: Path) -> None:
     database = sqlite3.connect(path)
     database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     database.execute("PRAGMA user_version = 1")
-    database.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT)")
     database.close()
     assert_refused_untouched(path, "lacks its tables")
-
-
-def test_a_row_that_is_no_event(path: Path) -> None:
     database = sqlite3.connect(path)
-    row = (5.0, 1, "eaten", '{"kind":"eaten"}')
-    database.execute("INSERT INTO events (t_s, vehicle, kind, body) VALUES (?, ?, ?, ?)", row)
-    database.commit()
+    database.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT)")
     database.close()
-    with Journal.open(path) as journal, pytest.raises(JournalError, match="event 81 cannot be"):
-        list(journal.events())
+    assert_refused_untouched(path, "other tables")
 
 
 def test_events_cannot_be_unsaid(path: Path) -> None:
@@ -204,16 +177,13 @@ def unclean(path: Path, change: Callable[[sqlite3.Connection], object]) -> Path:
 
 
 def test_what_is_only_in_the_log_is_read(path: Path) -> None:
-    body = to_json(Airborne(1, 77.0))
-    row = (77.0, 1, "airborne", body)
-    killed = unclean(
-        path,
-        lambda database: database.execute(
-            "INSERT INTO events (t_s, vehicle, kind, body) VALUES (?, ?, ?, ?)", row
-        ),
-    )
-    with Journal.open(killed) as journal:
-        assert list(journal.events())[-1] == Airborne(1, 77.0)
+    with Journal.open(path) as journal:
+        journal.append(Airborne(1, 77.0))
+        killed = path.parent / "killed"
+        killed.mkdir()
+        for name in ("journal.db", "journal.db-wal"):
+            shutil.copy(path.with_name(name), killed / name)
+    assert read(killed / "journal.db")[0][80:] == [Airborne(1, 77.0)]
 
 
 def test_a_refused_journal_keeps_its_log_too(path: Path) -> None:
@@ -263,8 +233,9 @@ PROGRAM = """
     from pathlib import Path
     from missions.events import Airborne
     from uavmap.record.journal import Journal
+    from tests.unit.uavmap.journals import META
     path = Path(sys.argv[1])
-    journal = Journal.open(path) if path.exists() else Journal.create(path, {"plan": {}})
+    journal = Journal.open(path) if path.exists() else Journal.create(path, META)
     first = len(journal.bodies())
     for number in range(first, 100000):
         journal.append(Airborne(1, float(number)))

@@ -34,7 +34,8 @@ CAMERA = MISSION.camera
 
 def picture(width: int = CAMERA.width_px, height: int = CAMERA.height_px) -> bytes:
     out = io.BytesIO()
-    pixels = np.full((height, width, 3), 190, np.uint8)
+    noise = np.random.default_rng(1).integers(-6, 7, (height, width, 1))
+    pixels = np.repeat(190 + noise, 3, axis=2).astype(np.uint8)
     Image.fromarray(pixels).save(out, "JPEG")
     return out.getvalue()
 

@@ -18,6 +18,7 @@ from missions.mission_file.checks import parse_mission
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 from tests.small_missions import CELL_M, START, ring, square
+from tests.unit.uavmap.journals import META
 from tests.unit.uavmap.photographs import dji, write_photo
 from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
@@ -87,7 +88,7 @@ def setting() -> Setting:
 
 def mapped(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict[Cell, str]]:
     """The summary, and the states of the cells in the map."""
-    with Journal.create(out / JOURNAL, {}) as journal:
+    with Journal.create(out / JOURNAL, META) as journal:
         summary = replay(images, made, journal, out, Silent())
     features = json.loads((out / "map.geojson").read_text())["features"]
     states = {

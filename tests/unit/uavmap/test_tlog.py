@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -84,3 +85,62 @@ def test_what_was_recorded_before_a_kill_is_there_and_whole(tmp_path: Path) -> N
     with TlogWriter(path, lambda: EPOCH_S, append=True) as log:
         log.record(Peer().frame(heartbeat()))
     assert [kind for _, kind, *_ in read(path)] == ["STATUSTEXT"] * 700 + ["HEARTBEAT"]
+
+
+class FullDisk:
+    """A file system with so much room."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, room: int) -> None:
+        self.room = room
+        self._pwrite = os.pwrite
+        monkeypatch.setattr(os, "pwrite", self.pwrite)
+
+    def pwrite(self, file: int, data: bytes, place: int) -> int:
+        if self.room == 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        part = min(self.room, len(data))
+        self.room -= part
+        return self._pwrite(file, data[:part], place)
+
+
+@pytest.mark.parametrize("torn", [0, 1, 9, 20])
+def test_a_full_disk_is_said_once_and_stops_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, torn: int
+) -> None:
+    path, peer, said = tmp_path / "flight.tlog", Peer(), []
+    frames = [peer.frame(heartbeat()) for _ in range(40)]
+    record = len(frames[0]) + 8
+    disk = FullDisk(monkeypatch, 10 * record + torn)
+    now_s = EPOCH_S
+    with TlogWriter(path, lambda: now_s, say=said.append) as log:
+        for n, frame in enumerate(frames):
+            if n == 30:
+                disk.room = 10**6
+            log.record(frame)
+            now_s += 1.0
+        assert len(said) == 1
+        assert log.lost == 20
+        assert "cannot be written (No space left on device); the flight goes on" in said[0]
+    assert said[1:] == [f"{path} lacks 20 frames"]
+    numbers = [number for *_, number in read(path)]
+    assert numbers == [*range(10), *range(30, 40)]
+
+
+def test_a_log_that_cannot_be_opened_or_is_closed_stops_nothing(tmp_path: Path) -> None:
+    said: list[str] = []
+    now_s = EPOCH_S
+    path = tmp_path / "flight.tlog"
+    path.mkdir()
+    frame = Peer().frame(heartbeat())
+    with TlogWriter(path, lambda: now_s, say=said.append) as log:
+        log.record(frame)
+        path.rmdir()
+        now_s += 10.0
+        log.record(frame)
+    log.record(frame)
+    assert log.lost == 2
+    assert said == [
+        f"{path} cannot be written (Is a directory); the flight goes on",
+        f"{path} lacks 1 frames",
+    ]
+    assert len(read(path)) == 1

@@ -1,0 +1,259 @@
+"""What time it is in a mission that is taken up again.
+
+While a flight lasts, mission time is the event loop's. When the process is gone, it has to come
+from elsewhere: from the computer's time since its start (if it has not been started anew), from
+the vehicle's time since boot (if that has not), and only else from the wall clock, which people
+and time servers set, and which a computer without a battery for its clock does not have at all.
+So marks of all of them are kept in the journal, now and then. With a drifting region a wrong
+mission time puts every cell elsewhere.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from missions.errors import JournalError
+from uavmap.record.journal import Journal
+
+CLOCK: Final = "clock"
+"""The mark, in the journal's meta."""
+MARK_EVERY_S: Final = 20.0
+DOUBTFUL_S: Final = 180.0
+"""A wall clock that differs by more is not simply believed."""
+_BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
+
+
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """What the clocks say at an instant."""
+
+    wall_utc_s: float
+    boot_id: str | None
+    """Another after each start of this computer; None where it does not tell."""
+    since_boot_s: float
+    """Time since this computer was started, with the time that it slept."""
+    vehicle_since_boot_s: float | None = None
+    """Of the first vehicle; None while it has not spoken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What the clocks said at an instant of the mission."""
+
+    mission_s: float
+    clocks: Clocks
+
+
+class Basis(StrEnum):
+    """Where the mission time comes from."""
+
+    COMPUTER = "time since the start of this computer"
+    VEHICLE = "time since the start of the vehicle"
+    WALL_CLOCK = "wall clock"
+    LAST_EVENT = "last event"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionTime:
+    """When the mission goes on."""
+
+    start_s: float
+    basis: Basis
+    note: str = ""
+    """What the operator has to know of it; empty when nothing is remarkable."""
+    question: str = ""
+    """What the operator can decide: yes means `if_yes_s`."""
+    if_yes_s: float = 0.0
+
+
+def mission_time(
+    last_event_s: float,
+    mark: Mark | None,
+    now: Clocks,
+    *,
+    epoch_utc_s: float,
+    speedup: float = 1.0,
+    drift_m_s: float = 0.0,
+) -> MissionTime:
+    """Decide on the mission time with which a mission goes on. It never runs backwards.
+
+    Args:
+        last_event_s: mission time of the last event in the journal.
+        mark: the last that was kept; None in a journal of version 1, or of a very short flight.
+        now: what the clocks say now.
+        epoch_utc_s: wall clock at mission time zero.
+        speedup: mission seconds in a second of this computer.
+        drift_m_s: speed of a drifting region.
+    """
+    if mark is None:
+        wall_s = (now.wall_utc_s - epoch_utc_s) * speedup
+    else:
+        wall_s = mark.mission_s + (now.wall_utc_s - mark.clocks.wall_utc_s) * speedup
+    known_s, basis = _known(mark, now, speedup)
+    if known_s is not None:
+        return _by_known(max(last_event_s, known_s), basis, last_event_s, wall_s, speedup)
+    gap_s = (wall_s - last_event_s) / speedup
+    if abs(gap_s) <= DOUBTFUL_S:
+        return MissionTime(max(last_event_s, wall_s), Basis.WALL_CLOCK)
+    return _by_last_event(last_event_s, wall_s, gap_s, drift_m_s * speedup)
+
+
+def _known(mark: Mark | None, now: Clocks, speedup: float) -> tuple[float | None, Basis]:
+    """Mission time by a clock that nobody sets, if there is one."""
+    if mark is None:
+        return None, Basis.LAST_EVENT
+    before = mark.clocks
+    passed_s = now.since_boot_s - before.since_boot_s
+    if now.boot_id is not None and now.boot_id == before.boot_id and passed_s >= 0.0:
+        return mark.mission_s + passed_s * speedup, Basis.COMPUTER
+    if now.vehicle_since_boot_s is not None and before.vehicle_since_boot_s is not None:
+        # the vehicle's seconds are the mission's, at any speed-up
+        passed_s = now.vehicle_since_boot_s - before.vehicle_since_boot_s
+        if passed_s >= 0.0:  # else it was started anew
+            return mark.mission_s + passed_s, Basis.VEHICLE
+    return None, Basis.LAST_EVENT
+
+
+def _by_known(
+    start_s: float, basis: Basis, last_event_s: float, wall_s: float, speedup: float
+) -> MissionTime:
+    off_s = (wall_s - start_s) / speedup
+    if abs(off_s) <= DOUBTFUL_S:
+        jump_s = (start_s - last_event_s) / speedup
+        told = f"{duration(jump_s)} have passed since the last event"
+        return MissionTime(start_s, basis, told if jump_s > DOUBTFUL_S else "")
+    way = "forward" if off_s > 0 else "back"
+    note = (
+        f"the wall clock was set {way} by {duration(off_s)} since the flight; mission time goes "
+        f"on by the {basis}"
+    )
+    if basis is Basis.COMPUTER or off_s < 0:
+        return MissionTime(start_s, basis, note)
+    # a vehicle that was started anew long ago may tell more than before all the same
+    question = f"Have {duration((wall_s - last_event_s) / speedup)} passed since the last event?"
+    return MissionTime(start_s, basis, note, question, wall_s)
+
+
+def _by_last_event(
+    last_event_s: float, wall_s: float, gap_s: float, drift_m_s: float
+) -> MissionTime:
+    if gap_s < 0.0:
+        note = (
+            f"the wall clock is {duration(gap_s)} before the last event, so it is wrong; mission "
+            "time goes on from the last event"
+        )
+        if drift_m_s > 0.0:
+            note += (
+                f"; the region drifts, so every cell is displaced by {drift_m_s:g} m for each "
+                "second that has passed since"
+            )
+        return MissionTime(last_event_s, Basis.LAST_EVENT, note)
+    note = (
+        f"by the wall clock {duration(gap_s)} have passed since the last event, and nothing "
+        "confirms it; mission time goes on from the last event"
+    )
+    if drift_m_s > 0.0:
+        note += (
+            f"; if the clock is right, the region has drifted on and every cell is displaced by "
+            f"{drift_m_s * gap_s:,.0f} m"
+        )
+    question = f"Have {duration(gap_s)} passed since the last event, as the wall clock says?"
+    return MissionTime(last_event_s, Basis.LAST_EVENT, note, question, wall_s)
+
+
+def duration(seconds: float) -> str:
+    """A length of time in the two units that matter.
+
+    >>> duration(3 * 86400.0 + 7200.0), duration(-250.0), duration(7.0)
+    ('3 d 2 h', '4 min 10 s', '7 s')
+    """
+    left = round(abs(seconds))
+    parts: list[str] = []
+    for unit, size in (("d", 86400), ("h", 3600), ("min", 60), ("s", 1)):
+        count, left = divmod(left, size)
+        if count or (unit == "s" and not parts):
+            parts.append(f"{count:,} {unit}")
+    return " ".join(parts[:2])
+
+
+# --- on this computer ------------------------------------------------------------------------
+def read_clocks(vehicle_since_boot_s: float | None = None) -> Clocks:
+    """The clocks of this computer."""
+    try:
+        boot_id = _BOOT_ID.read_text("ascii").strip() or None
+    except (OSError, UnicodeDecodeError):  # not Linux: then only the wall clock is left
+        boot_id = None
+    clock = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+    return Clocks(time.time(), boot_id, time.clock_gettime(clock), vehicle_since_boot_s)
+
+
+class Marks:
+    """Keeps a mark in the journal now and then; a mark that cannot be written stops nothing."""
+
+    def __init__(self, journal: Journal, clocks: Callable[[], Clocks] = read_clocks) -> None:
+        self._journal = journal
+        self._clocks = clocks
+        self._due_s = float("-inf")
+        self.lost = 0
+
+    def note(self, mission_s: float) -> None:
+        """It is so late in the mission; call it as often as you like."""
+        now_s = time.monotonic()
+        if now_s < self._due_s:
+            return
+        self._due_s = now_s + MARK_EVERY_S
+        mark = Mark(round(mission_s, 3), self._clocks())
+        try:
+            self._journal.put_meta(CLOCK, asdict(mark))
+        except JournalError:
+            self.lost += 1
+
+
+_ADAPTER: Final[TypeAdapter[Mark]] = TypeAdapter(Mark)
+
+
+def last_mark(meta: Mapping[str, object]) -> Mark | None:
+    """The mark in a journal's meta."""
+    try:
+        return _ADAPTER.validate_python(meta.get(CLOCK))
+    except ValidationError:
+        return None
+
+
+def taken_up_at(
+    mark: Mark | None,
+    last_event_s: float,
+    now: Clocks,
+    *,
+    epoch_utc_s: float,
+    speedup: float,
+    drift_m_s: float,
+    say: Callable[[str], None],
+    ask: Callable[[str], bool] | None,
+) -> float:
+    """Mission time of a flight with real clocks that goes on now.
+
+    What is remarkable about it is said; what is doubtful is asked where there is a terminal to ask
+    at, and the safe assumption is taken where there is none.
+    """
+    found = mission_time(
+        last_event_s,
+        mark,
+        now,
+        epoch_utc_s=epoch_utc_s,
+        speedup=speedup,
+        drift_m_s=drift_m_s,
+    )
+    if found.question and ask is not None and ask(found.question):
+        say(f"mission time goes on at {found.if_yes_s:.0f} s, by the wall clock")
+        return found.if_yes_s
+    if found.note:
+        say(found.note)
+    return found.start_s

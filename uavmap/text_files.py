@@ -1,0 +1,28 @@
+"""Text from files that people name: ordinary files of a size that makes sense."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+
+def read_text(path: Path, most_bytes: int) -> str:
+    """The text of a file in UTF-8, with or without a mark at its beginning.
+
+    A device is not even opened: `/dev/zero` has no end, and a pipe may have none.
+
+    Raises `OSError`, with a `strerror` for people, for what cannot be read, is no ordinary file or
+    is too large; `UnicodeDecodeError` for what is no text.
+    """
+    found = path.stat()
+    if stat.S_ISDIR(found.st_mode):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "not an ordinary file")
+    with path.open("rb") as file:
+        data = file.read(most_bytes + 1)  # files in /proc have no size
+    if len(data) > most_bytes:
+        raise OSError(errno.EFBIG, f"larger than {most_bytes // 1_000_000} MB")
+    return data.decode("utf-8-sig")
