@@ -191,7 +191,9 @@ class Fleet:
         for number, craft in self.vehicles.items():
             crashed = craft.crashed
             craft.step(TICK_S, self.air, self._ground_m(craft))
-            craft.unseen = craft.unseen or (self.dead and craft.crashed and not crashed)
+            craft.unseen = craft.unseen or (
+                (self.dead or not self.drivers[number].hears) and craft.crashed and not crashed
+            )
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
