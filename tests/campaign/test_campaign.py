@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 
+import pytest
+
+from tests.campaign import simulated
 from tests.campaign.outcome import COLUMNS, FORBIDDEN, Outcome, table
 from tests.campaign.reducer import KINDS, fly, plan_of
 from tests.fake_fleet.troubles import PHASES
@@ -39,3 +42,11 @@ def test_the_table_counts_each_flight_in_its_row_and_in_all() -> None:
         cells = dict(zip(COLUMNS, row.split()[1:], strict=True))
         assert (cells["n"], cells["ok"], cells["inc"], cells["far"]) == ("2", "1", "1", "1")
     assert set(FORBIDDEN.values()) <= set(COLUMNS)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4, 6, 9, 11])
+def test_nothing_forbidden_happens_against_the_simulator(seed: int) -> None:
+    """Single faults and pairs of `sitl.faults`, through the driver and the wire."""
+    outcome = simulated.fly(seed)
+    assert outcome.found == ()
+    assert outcome.counts & {"ok", "inc"}
