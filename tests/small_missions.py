@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def square(east_m: float, north_m: float, width_m: float, depth_m: float) -> Poi
     ]
 
 
-def mission(
+def mission_text(
     box: Points,
     fence: Points,
     holes: Collection[Points] = (),
@@ -66,8 +67,8 @@ def mission(
     margin_m: float = 2.0,
     wind_m_s: float = 0.0,
     mounting: str = "fixed",
-) -> Mission:
-    """A checked mission from ground metres along the grid around the start."""
+) -> str:
+    """The TOML of a mission from ground metres along the grid around the start."""
     grid = Grid.at(START, CELL_M)
     sections = []
     for i in range(vehicles):
@@ -75,7 +76,7 @@ def mission(
         if homes:
             place = grid.position(GridPoint(*list(homes)[i]))
             sections.append(f"home = [{place.lat_deg:.9f}, {place.lon_deg:.9f}]")
-    text = f"""
+    return f"""
         strategy = "{strategy}"
         [start]
         position = [{START.lat_deg}, {START.lon_deg}]
@@ -107,7 +108,11 @@ def mission(
         layer_m = {layer_m}
         {chr(10).join(sections)}
     """
-    return parse_mission(text, "test")
+
+
+def mission(box: Points, fence: Points, holes: Collection[Points] = (), **how: Any) -> Mission:
+    """A checked mission; `how` are the options of `mission_text`."""
+    return parse_mission(mission_text(box, fence, holes, **how), "test")
 
 
 def random_scenario(seed: int, *, drift: bool = False) -> Scenario:

@@ -197,19 +197,18 @@ class Aircraft:
             if gap_m > 1e-9:
                 speed = min(self.speed_m_s, math.sqrt(1.4 * ACCEL_M_S2 * gap_m), gap_m / dt_s)
                 east, north = east * speed / gap_m, north * speed / gap_m
-        if self.compass_rad:
-            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
-            east, north = east * cos + north * sin, north * cos - east * sin
         east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
-        through = math.hypot(east - wind[0], north - wind[1])
-        if through > AIRSPEED_M_S:
-            share = AIRSPEED_M_S / through
-            east = wind[0] + (east - wind[0]) * share
-            north = wind[1] + (north - wind[1]) * share
+        east, north = _through_air(east, north, wind)
         ve, vn = self.velocity_m_s
         change = math.hypot(east - ve, north - vn)
         share = 1.0 if change <= ACCEL_M_S2 * dt_s else ACCEL_M_S2 * dt_s / change
-        ve, vn = ve + (east - ve) * share, vn + (north - vn) * share
+        east, north = (east - ve) * share, (north - vn) * share
+        if self.compass_rad:  # it leans the wrong way; its velocity is measured all the same
+            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
+            east, north = east * cos + north * sin, north * cos - east * sin
+            ve, vn = _through_air(ve + east, vn + north, wind)
+        else:  # a wind that comes up takes hold by and by
+            ve, vn = ve + east, vn + north
         self.velocity_m_s = (ve, vn)
         self.position = GridPoint(
             self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s
@@ -222,3 +221,12 @@ class Aircraft:
         self.height_m += max(-down_m, min(CLIMB_M_S * dt_s, goal_m - self.height_m))
         if self.height_m <= ground_m and goal_m <= ground_m:
             self._touch(ground_m)
+
+
+def _through_air(east_m_s: float, north_m_s: float, wind: Vector) -> Vector:
+    """A velocity over ground, as far as the airframe can fly it through the wind."""
+    through = math.hypot(east_m_s - wind[0], north_m_s - wind[1])
+    if through <= AIRSPEED_M_S:
+        return east_m_s, north_m_s
+    share = AIRSPEED_M_S / through
+    return wind[0] + (east_m_s - wind[0]) * share, wind[1] + (north_m_s - wind[1]) * share

@@ -112,6 +112,9 @@ class Driver:
     poor_batteries: list[float] = field(default_factory=list)
     """Shares of the capacity that the next swaps bring."""
     swap_s: float = 10.0
+    swaps: int = 0
+    """In the present wait."""
+    waited_s: float = 0.0
     hides_wh: float = 0.0
     """So much less than the truth its battery monitor says."""
     tells_wind: bool = False
@@ -175,6 +178,7 @@ class Driver:
             self.order = order  # whatever it flies now it flies on, and the guardian stays with it
             return
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
+        self.swaps, self.waited_s = 0, 0.0
         self.way = self._points(order)
         t_s = self.around.now_s
         if isinstance(order, ReturnToLaunch):
@@ -505,11 +509,13 @@ class Driver:
             craft.switch(action)
 
     def _await_battery(self) -> None:
-        if self.clock_s < self.swap_s or self.craft.flying:
+        self.waited_s = self.clock_s
+        if self.clock_s < self.swap_s * (1 + self.swaps) or self.craft.flying:
             return
+        self.swaps += 1
         capacity_wh = self.around.setting.mission.battery.capacity_wh
         share = self.poor_batteries.pop(0) if self.poor_batteries else 1.0
-        self.craft.wh, self.clock_s = share * capacity_wh, 0.0
-        if share >= FRESH and self.hears:
-            self.order = None
+        self.craft.wh = share * capacity_wh
+        if self.remaining_wh >= FRESH * capacity_wh and self.hears:
+            self.order, self.waited_s = None, 0.0
             self.around.post(BatterySwapped(self.number, self.around.now_s, self.remaining_wh))

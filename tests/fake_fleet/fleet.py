@@ -34,6 +34,8 @@ TICK_S = 0.25
 HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
 SETTLED_S = 10.0
 """The service ends so long after its last vehicle: what was started late shows by then."""
+OPERATOR_S = 600.0
+"""After so long without a battery the operator calls everybody home."""
 NEAR_HOME_M = 6.0
 """So far around a home the ground is as high as there."""
 
@@ -189,7 +191,9 @@ class Fleet:
         for number, craft in self.vehicles.items():
             crashed = craft.crashed
             craft.step(TICK_S, self.air, self._ground_m(craft))
-            craft.unseen = craft.unseen or (self.dead and craft.crashed and not crashed)
+            craft.unseen = craft.unseen or (
+                (self.dead or not self.drivers[number].hears) and craft.crashed and not crashed
+            )
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
@@ -211,6 +215,9 @@ class Fleet:
                     driver.track()
             elif not driver.connected:
                 driver.carry_out(TICK_S)
+        waited_s = max(driver.waited_s for driver in self.drivers.values())
+        if waited_s > OPERATOR_S and not self.state.recalled:
+            self.recall()
         ours = any(d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values())
         if not self.state.over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)

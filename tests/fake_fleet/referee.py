@@ -177,7 +177,7 @@ class Referee:
             self.note(fleet.t_s, "reserve", text)
 
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
-        """Whether nobody could have brought it down in time: it did not hear until late, or was not ours."""
+        """Whether nobody could have brought it down: it was deaf until late, or not ours."""
         theirs = craft.mode == "other" or craft.failsafe
         return (
             fleet.t_s - notes.deaf_s < FORGIVEN_S
