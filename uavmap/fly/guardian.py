@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
-from missions.guardian import PAD_M, Action, Guard, Limits, Seen, Task, watch
+from missions.guardian import PAD_M, QUICK_M, Action, Guard, Limits, Seen, Task, watch
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import Reporter
@@ -28,6 +28,8 @@ WATCH_S: Final = 1.0
 STALE_S: Final = 3.0
 """Telemetry that is older says nothing of now."""
 RETRY_S: Final = 2.0
+DESCENT_M_S: Final = 1.0
+"""A multicopter that is told to sink does so at least this fast, in GUIDED or Hold."""
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 LEAVE_S: Final = 15.0
@@ -81,8 +83,11 @@ class Guardian:
             self._let_go()
         self._guard = self._guard.told(task)
 
-    def take_over(self, action: Action, reason: str) -> None:
-        """Have the autopilot return or land by itself, and see to it."""
+    def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
+        """Have the autopilot return or land by itself, and see to it.
+
+        `hurry`: it descends as fast as it flies before it lands.
+        """
         self._guard = self._guard.acting(action, self._reporter.now_s())
         self.stand_aside()
         kind = self._view.kind
@@ -93,7 +98,7 @@ class Guardian:
         if self._pursuit is not None:
             self._pursuit.cancel()
         if self._tasks is not None:
-            self._pursuit = self._tasks.create_task(self._pursue(action))
+            self._pursuit = self._tasks.create_task(self._pursue(action, hurry=hurry))
 
     # --- its own life -----------------------------------------------------------------------
     async def run(self) -> None:
@@ -136,7 +141,8 @@ class Guardian:
         elif verdict.rung == "crashed":
             self._crashed(seen, verdict.reason)
         else:
-            self.take_over("land" if verdict.rung == "land" else "rtl", verdict.reason)
+            action: Action = "land" if verdict.rung == "land" else "rtl"
+            self.take_over(action, verdict.reason, hurry=verdict.hurry)
 
     def _seen(self) -> Seen | None:
         """What telemetry says, None where it says nothing of now."""
@@ -168,7 +174,7 @@ class Guardian:
         )
         self.stand_aside()
         reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
-        if seen.armed:
+        if seen.armed and not self._monitor.overridden:
             self._monitor.commanded = (self._view.kind.rtl, self._view.kind.land)
             if self._tasks is not None:
                 self._pursuit = self._tasks.create_task(self._pursue("land"))
@@ -180,9 +186,37 @@ class Guardian:
             self._pursuit.cancel()
             self._pursuit = None
 
-    async def _pursue(self, action: Action) -> None:
+    async def _descend(self) -> None:
+        """Quickly down to where a landing takes but a few seconds, as far as it can be told to."""
+        kind, view, session = self._view.kind, self._view, self._session
+        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+        loop = asyncio.get_running_loop()
+        due_s = loop.time() + view.height_m / DESCENT_M_S + RETRY_S
+        while view.armed and view.height_m > QUICK_M and loop.time() < due_s:
+            try:
+                if view.mode != kind.follows:
+                    await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
+                here = self._reporter.grid.position(self._reporter.position())
+                frame, wire_m = kind.altitude_on_wire(QUICK_M - 1.0, view.home_amsl_m)
+                await session.command_at(
+                    mav.MAV_CMD_DO_REPOSITION,
+                    frame,
+                    (-1.0, 0.0, 0.0, float("nan")),
+                    here.lat_deg,
+                    here.lon_deg,
+                    wire_m,
+                )
+            except CommandRefusedError:
+                return
+            except LinkError:
+                continue
+            await session.until(lambda: view.height_m <= QUICK_M, RETRY_S)
+
+    async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
+        if hurry:
+            await self._descend()
         wanted = kind.rtl if action == "rtl" else kind.land
         command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
         while self._view.mode != wanted and self._view.armed:
