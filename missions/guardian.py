@@ -76,7 +76,7 @@ REACH_M_S: Final = 15.0
 """A vehicle is looked for on its path no farther ahead than it can have flown."""
 PAD_M: Final = 5.0
 """A landing nearer to its pad than this is a landing at home."""
-QUICK_M: Final = 3.0
+QUICK_M: Final = 2.0
 """Down to this height a vehicle that is carried away descends quickly."""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
