@@ -47,17 +47,18 @@ OFF_PATH_HOME_S: Final = 5.0
 """A jump of the position estimate is flown back from by the autopilot itself, in some seconds."""
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
+"""A vehicle that moves away from its goal this fast for so long is carried away."""
 SWEPT_M_S: Final = 6.0
 SWEPT_SHARE: Final = 1.2
 SWEPT_S: Final = 3.0
-"""Who recedes faster than it flies, for so long, is carried off by the air."""
+"""One that is carried away faster than this, and than it flies, can do nothing against it."""
 BLOWN_S: Final = 2.0
+"""In a wind that the airframe cannot hold, being carried away for so long is enough."""
 HOPELESS: Final = 1.5
 """In so many times the wind that it can hold it lands before it is seen to be carried away."""
-"""Who is carried away from its goal this fast for so long cannot hold its position."""
 OUTSIDE_S: Final = 2.0
 RECOVERY_S: Final = 6.0
-"""After a rung of the ladder it must get better within this time."""
+"""A rung of the ladder has to help within this time."""
 HEIGHT_LOST_M: Final = 4.0
 HEIGHT_LOST_SHARE: Final = 0.35
 HEIGHT_LOST_S: Final = 3.0
@@ -68,7 +69,7 @@ DOWN_M_S: Final = 0.7
 FALL_M_S: Final = 4.0
 """Nobody descends this fast: it falls."""
 STANDS_S: Final = 20.0
-"""Motors that still turn so long after a touch-down: nobody will stop them but the crew."""
+"""Motors that still turn so long after a touch-down will be stopped by nobody but the crew."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
@@ -171,7 +172,7 @@ class Guard:
     sunk_since_s: float | None = None
 
     def told(self, task: Task) -> Guard:
-        """This guard after a new order; what it has taken over it keeps."""
+        """This guard after a new order; a vehicle that it has taken over it keeps."""
         if self.action is not None:
             return self
         again = task.doing == "climb"  # from the ground: what was before is over

@@ -4,8 +4,8 @@ Every vehicle flies in its layer; whoever climbs or descends claims the column o
 (`missions.flight.volumes`). An order that would meet a claim waits, and its vehicle holds. Heights
 here are above the home of the vehicle that spoke first, so homes need not be level.
 
-Whom nobody can tell to make way claims all the air that it may be in: a silent vehicle flies on
-with its last order, and may return by itself; a pilot or a failsafe may go anywhere near. When
+A vehicle that cannot be told to make way claims all the air that it may be in: a silent one flies
+on with its last order, and may return by itself; a pilot or a failsafe may go anywhere near. When
 such a claim changes, orders under way are checked again (`revise`).
 """
 
@@ -23,15 +23,16 @@ from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
 RTL_HEIGHT_M = 30.0
-"""PX4's return height; ArduCopter's is 15 m."""
+"""Up to this height above home a vehicle is expected that returns by its autopilot: the height
+of PX4; that of ArduCopter is 15 m."""
 SEPARATION_BUFFER_M = 2.0
 """What two vehicles may stray towards each other while they keep their distance."""
 OFF_LAYER_M = 1.5
 """A vehicle that is farther from its layer claims all heights between."""
 WAY_TIMES = (1.5, 2.5, 4.0)
-"""So many times its distance a vehicle flies at most to make way."""
+"""How far a vehicle flies to make way, in the distances that claims keep; the nearest first."""
 UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
-"""In the air, nobody can tell these to make way."""
+"""Phases of vehicles that, in the air, cannot be told to make way."""
 
 
 def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> State:
@@ -54,7 +55,7 @@ def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order
 
 
 def revise(setting: Setting, state: State) -> State:
-    """Stop whoever flies towards air that somebody claims whom nobody can tell to make way."""
+    """Stop vehicles that fly towards air claimed by one that cannot be told to make way."""
     untold = [v for v in state.vehicles.values() if v.phase in UNTOLD and not v.landed]
     if not untold:
         return state
@@ -78,7 +79,7 @@ def revise(setting: Setting, state: State) -> State:
 
 
 def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
-    """Order a vehicle out of air that somebody claims whom nobody can tell to make way.
+    """Order a vehicle out of air that is claimed by one that cannot be told to make way.
 
     None where it is in no such air, or where no place beside it is free.
     """
@@ -139,7 +140,8 @@ def _detours(
 ) -> list[FlyTo]:
     """Ways home round the columns of others, the shortest first.
 
-    A landing takes half a minute, which who comes home for a battery cannot always wait.
+    A landing takes half a minute: a vehicle that comes home for a battery cannot always wait so
+    long.
     """
     fence, away_m = setting.fence, 2 * _distance_m(setting)
     ways = []
@@ -232,7 +234,7 @@ def _claims(
 
 
 def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[Volume]:
-    """The air that a vehicle may be in, whom nobody can tell to make way.
+    """The air in which a vehicle may be that cannot be told to make way.
 
     A silent one flies on with its last order, and its failsafe may bring it home from any point of
     that, at its return height. One that returns flies straight home. A pilot's goes anywhere near.

@@ -21,11 +21,11 @@ from missions.state import Phase, Setting, State, VehicleState
 from missions.units import GridPoint
 
 MOST_FRUITLESS_SORTIES = 3
-"""So many in a row, and the next place counts as out of reach."""
+"""After so many in a row the next place counts as out of reach."""
 FRESH = 0.9
 """From this part of its capacity on a battery counts as fresh."""
 LEAST_HEIGHT_M = 3.0
-"""No layer may lie nearer above the pad of its vehicle."""
+"""The least height of a layer above the pad of its vehicle."""
 
 
 def assign(setting: Setting, state: State) -> State:

@@ -40,12 +40,12 @@ LIFTED_M = 1.0
 REST_M_S = 0.5
 """A vehicle that is slower has come to rest."""
 LEVEL_M = 1.0
-"""Homes that differ less in height are level: so far satellite navigation wavers."""
+"""Homes that differ less in height count as level: satellite navigation is no better."""
 MOST_FRAMES_LOST = 5
-"""So many pictures lost in a row, and the vehicle comes home."""
+"""After so many lost pictures in a row the vehicle comes home."""
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 MOST_EMPTY_PASSES = 2
-"""So many lanes flown in a row without a frame judged, and the vehicle comes home."""
+"""After so many lanes in a row without a judged frame the vehicle comes home."""
 
 
 def apply(setting: Setting, state: State, event: Event) -> State:

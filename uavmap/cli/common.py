@@ -188,7 +188,9 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
     if summary["completed"]:
         return 0
     if "aircraft_down" in summary:
-        print(f"uavmap: to go on: uavmap resume {folder}", file=sys.stderr)
+        # a simulated world ends with its flight: the aircraft begin again at home
+        how = "" if summary.get("seed") is None else " --from-home"
+        print(f"uavmap: to go on: uavmap resume {folder}{how}", file=sys.stderr)
     return AIRCRAFT_DOWN if summary.get("aircraft_down") else INCOMPLETE
 
 

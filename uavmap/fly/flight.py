@@ -305,8 +305,9 @@ class _Flight:
                     guardians, self._fly(vehicles, service), leave=not self._plan.simulated
                 )
         except BaseException:
-            if self._journal.bodies():
-                self._progress.say(f"to go on: uavmap resume {self._folder}")
+            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
+                if len(self._journal):
+                    self._progress.say(f"to go on: uavmap resume {self._folder}")
             raise
         finally:
             self._progress.end()
@@ -341,7 +342,7 @@ class _Flight:
         def interrupted() -> None:
             nonlocal presses
             presses += 1
-            if presses == 1 and not service.ended:
+            if presses == 1 and service.flying:
                 self._progress.say(
                     "coming home and landing; press Ctrl-C again to leave that to the autopilots"
                 )

@@ -1,6 +1,6 @@
 """The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
 
-It beats our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
+It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
 so, has the autopilot return or land by itself until that is seen to happen. It needs a session and
 nothing else: no journal, no explorer, no camera. So it goes on when the service has ended, until
 the aircraft is on the ground or a pilot has it.
@@ -9,6 +9,7 @@ the aircraft is on the ground or a pilot has it.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Final
 
@@ -30,9 +31,9 @@ RETRY_S: Final = 2.0
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 LEAVE_S: Final = 15.0
-"""Who leaves at once still waits so long until the autopilot is seen to return."""
+"""An operator who leaves at once still waits so long to see that the autopilot returns."""
 
-_WORDS: Final = {"rtl": "returns by its autopilot", "land": "lands where it is"}
+_WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
 
 
 class Guardian:
@@ -55,13 +56,18 @@ class Guardian:
         self._reporter = reporter
         self._monitor = monitor
         self._limits = limits
-        self._tell = tell
+        self._operator = tell
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
         self._last_wh = 0.0
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str], None] = lambda reason: None
+
+    def _tell(self, text: str) -> None:
+        """A line for the operator; a terminal that is gone must not keep an aircraft in the air."""
+        with contextlib.suppress(Exception):
+            self._operator(text)
 
     # --- what the driver tells it -----------------------------------------------------------
     @property
@@ -82,7 +88,7 @@ class Guardian:
         kind = self._view.kind
         self._monitor.commanded = (kind.rtl, kind.land)
         number = self._reporter.number
-        self._tell(f"vehicle {number}: {reason}; it {_WORDS[action]}")
+        self._tell(f"vehicle {number}: {reason}; it is told to {_WORDS[action]}")
         self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
         if self._pursuit is not None:
             self._pursuit.cancel()
@@ -91,7 +97,7 @@ class Guardian:
 
     # --- its own life -----------------------------------------------------------------------
     async def run(self) -> None:
-        """Beat, watch and act until cancelled."""
+        """Send heartbeats, watch and act until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             self._tasks = tasks
             try:
@@ -161,7 +167,6 @@ class Guardian:
             f"{reason}"
         )
         self.stand_aside()
-        self._monitor.was_airborne = False
         reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
         if seen.armed:
             self._monitor.commanded = (self._view.kind.rtl, self._view.kind.land)
@@ -195,25 +200,23 @@ class Guardian:
     @property
     def responsible(self) -> bool:
         """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
-        return self._monitor.was_airborne and not self._monitor.overridden
+        in_air = self._monitor.was_airborne and not self._guard.down
+        return in_air and not self._monitor.overridden
 
     async def bring_home(self, reason: str) -> None:
         """Return a vehicle that is in the air, and wait until it is down or a pilot has it.
 
         Gives up on a silent one when its battery cannot have lasted any longer.
         """
-        if not self.responsible:
-            return
-        if not self.acting:
-            self.take_over("rtl", reason)
-        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
-        heard_s = max(self._view.heard_s, 0.0)
-        while self.responsible:
-            heard_s = max(self._view.heard_s, heard_s)
-            left_s = heard_s + endurance_s - self._reporter.loop_s()
-            if left_s <= 0.0:
-                return
+        while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
+            if not self.acting:
+                self.take_over("rtl", reason)
             await self._session.until(lambda: not self.responsible, min(left_s, max(WATCH_S, 1e-3)))
+
+    def _endurance_left_s(self) -> float:
+        """How long a vehicle that is silent since then can still be in the air."""
+        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
+        return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
 
     async def leave(self, reason: str) -> None:
         """Have a vehicle that is in the air return, and wait only until it is seen to do so."""

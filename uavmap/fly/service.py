@@ -60,11 +60,11 @@ class Service:
         """How many reports no journal can hold."""
         self._reports: asyncio.Queue[Event] = asyncio.Queue()
         self._over = asyncio.Event()
-        self._recalled = False
+        self._recalled = self._flying = False
         self._failure: Exception | None = None
 
     def post(self, event: Event) -> None:
-        """Something happened: it is taken in as soon as what came before it is."""
+        """Report an event: it is taken in after all that were reported before it."""
         self._reports.put_nowait(event)
 
     async def taken_in(self) -> None:
@@ -108,6 +108,11 @@ class Service:
             self._tell(f"a report was refused: {reason}")
 
     @property
+    def flying(self) -> bool:
+        """Whether reports are taken in: the vehicles have answered, and it is not over."""
+        return self._flying and not self.ended
+
+    @property
     def ended(self) -> bool:
         """Whether nothing is taken in any more."""
         return self._over.is_set()
@@ -124,6 +129,7 @@ class Service:
 
     async def fly(self) -> State:
         """Fly until nobody has anything more to do. Returns the final state."""
+        self._flying = True
         async with asyncio.TaskGroup() as tasks:
             running = [
                 tasks.create_task(v.run(self.post, self.taken_in)) for v in self._vehicles.values()

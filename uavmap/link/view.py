@@ -23,7 +23,7 @@ from uavmap.printable import printable
 Message = Any
 
 _NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
-"""What gimbals, cameras and companions say in their heartbeats."""
+"""What gimbals, cameras and companion computers say in their heartbeats."""
 _OTHER: Final = frozenset({Sender.ANY})
 _AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
 _CAMERA: Final = _OTHER | {Sender.CAMERA}

@@ -38,9 +38,25 @@ def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: s
         assert flight.driver.guardian.fate() == ""
 
     flight = fly(body, made)
-    assert flight.told == ["vehicle 1: the mission failed (disk full); it returns by its autopilot"]
+    assert flight.told == [
+        "vehicle 1: the mission failed (disk full); it is told to return by its autopilot"
+    ]
     assert [e.action for e in flight.seen(Guarded)] == ["rtl"]
     assert not flight.seen(Overridden)
+
+
+def test_a_terminal_that_is_gone_keeps_nobody_in_the_air() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+
+        def gone(text: str) -> None:
+            raise BrokenPipeError(text)
+
+        flight.driver.guardian._operator = gone
+        await flight.driver.guardian.bring_home("the terminal was closed")
+        assert flight.vehicle.truth.landed
+
+    fly(body)
 
 
 def test_on_the_ground_nothing_is_sent() -> None:
@@ -116,6 +132,28 @@ def test_a_crash_is_known_and_said() -> None:
 
     flight = fly(body)
     assert any("is down near" in text for text in flight.told)
+
+
+def test_a_crashed_aircraft_that_believes_to_fly_stays_down() -> None:
+    """Armed, in the air by its own word, and without height: the service is not fooled."""
+
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+        flight.vehicle.fail.motor(share=0.0)
+        autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+        armed = mav.MAV_MODE_FLAG_SAFETY_ARMED | mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        for _ in range(20):
+            beat = mav.MAVLink_heartbeat_message(
+                mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, Mode.GUIDED, 4, 3
+            )
+            flight.session.feed(beat.pack(autopilot))
+            await asyncio.sleep(1.0)
+        assert flight.vehicle.truth.crashed
+        assert len(flight.seen(LiftedOff)) == len(flight.seen(Crashed)) == 1
+        assert not flight.driver.guardian.responsible
+
+    fly(body)
 
 
 def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence() -> None:
