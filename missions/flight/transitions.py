@@ -64,12 +64,15 @@ def apply(setting: Setting, state: State, event: Event) -> State:
         state = replace(state, reference_amsl_m=event.home_amsl_m)
     changed = _changed(event, vehicle, setting)
     if isinstance(event, Connected | Airborne):
-        changed = _levelled(changed, event, state.reference_amsl_m)
+        changed = _levelled(changed, event, state.reference_amsl_m, setting)
     return state.with_vehicle(changed)
 
 
 def _levelled(
-    vehicle: VehicleState, event: Connected | Airborne, reference_amsl_m: float | None
+    vehicle: VehicleState,
+    event: Connected | Airborne,
+    reference_amsl_m: float | None,
+    setting: Setting,
 ) -> VehicleState:
     """The vehicle with the height of its home above the first home that was told.
 
@@ -79,7 +82,11 @@ def _levelled(
     if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
         return vehicle
     level_m = event.home_amsl_m - reference_amsl_m
-    return replace(vehicle, home_level_m=0.0 if abs(level_m) < LEVEL_M else round(level_m, 2))
+    team = setting.mission.team
+    # two that are both taken to be level must still keep their distance
+    level_enough_m = min(LEVEL_M, 0.5 * (team.layer_m - team.separation_m))
+    level = abs(level_m) < level_enough_m
+    return replace(vehicle, home_level_m=0.0 if level else round(level_m, 2))
 
 
 def _resume(setting: Setting, state: State) -> State:
