@@ -63,6 +63,9 @@ class Guardian:
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
         self._last_wh = 0.0
+        self._reason = ""
+        self._flew = False
+        """Whether it was in the air since it was taken over."""
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str], None] = lambda reason: None
 
@@ -89,6 +92,8 @@ class Guardian:
         `hurry`: it descends as fast as it flies before it lands.
         """
         self._guard = self._guard.acting(action, self._reporter.now_s())
+        self._reason = reason
+        self._flew = self._monitor.was_airborne
         self.stand_aside()
         kind = self._view.kind
         self._monitor.commanded = (kind.rtl, kind.land)
@@ -99,6 +104,12 @@ class Guardian:
             self._pursuit.cancel()
         if self._tasks is not None:
             self._pursuit = self._tasks.create_task(self._pursue(action, hurry=hurry))
+
+    def heard_again(self) -> None:
+        """The link is back: what it had the vehicle do before, it sees to again, and says so."""
+        action = self._guard.action
+        if action is not None and self._view.armed:
+            self.take_over(action, self._reason)
 
     # --- its own life -----------------------------------------------------------------------
     async def run(self) -> None:
@@ -129,11 +140,14 @@ class Guardian:
             return
         if seen.remaining_wh is not None:
             self._last_wh = seen.remaining_wh
+        self._flew = self._flew or self._monitor.was_airborne
         if self._monitor.overridden and self.acting:
             self._let_go()
         self._guard, verdict = watch(self._limits, self._guard, seen)
         if not seen.armed and not seen.airborne and self.acting:
             self._let_go()
+            if not self._flew:  # it never left the ground, so no landing was seen
+                self._monitor.landed()
         if verdict is None:
             return
         if verdict.rung == "report":

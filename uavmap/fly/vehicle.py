@@ -214,7 +214,8 @@ class MavlinkVehicle:
         grid = self._setting.grid
         match order:
             case TakeOff(height_m):
-                return Task("climb", since_s, height_m=height_m, name=name)
+                here = self._reporter.position()
+                return Task("climb", since_s, (here,), height_m=height_m, name=name)
             case Land():
                 return Task("land", since_s, name=name)
             case FlyTo():
@@ -269,6 +270,7 @@ class MavlinkVehicle:
                     await self.connect()
                     self._camera.uncertain()
                     monitor.report_connected()
+                    self.guardian.heard_again()
             elif (
                 not monitor.connected
                 and not given_up

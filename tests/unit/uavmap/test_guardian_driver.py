@@ -9,7 +9,16 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point
 
-from missions.events import Airborne, Crashed, Guarded, Landed, LiftedOff, OrderFailed, Overridden
+from missions.events import (
+    Airborne,
+    Crashed,
+    Guarded,
+    Landed,
+    LiftedOff,
+    LinkLost,
+    OrderFailed,
+    Overridden,
+)
 from missions.orders import FlyTo, Hold, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
@@ -116,6 +125,46 @@ def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing() -> None:
         flight.driver.give(Hold())
         await asyncio.sleep(3.0)
         assert flight.commands_after(sent) == []
+        await flight.sees(Landed)
+
+    fly(body)
+
+
+def test_a_take_over_on_the_ground_ends_with_one_landing() -> None:
+    async def body(flight: Flight) -> None:
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF)
+        flight.driver.give(TakeOff(UP_M))
+        await flight.until(lambda: flight.session.view.armed)
+        flight.driver.guardian.take_over("land", "a test")
+        await flight.sees(Landed, within_s=30.0)
+        await asyncio.sleep(10.0)
+        assert len(flight.seen(Landed)) == 1
+        assert not flight.driver.guardian.acting
+
+    fly(body)
+
+
+def test_a_landing_by_the_guardian_is_told_once() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.driver.guardian.take_over("land", "a test")
+        await flight.sees(Landed)
+        await asyncio.sleep(10.0)
+        assert len(flight.seen(Landed)) == 1
+
+    fly(body)
+
+
+def test_after_a_silence_the_guardian_sees_to_it_again() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
+        flight.to_driver = flight.to_vehicle = lambda message: False
+        flight.driver.guardian.take_over("rtl", "a test")
+        await flight.sees(LinkLost, within_s=20.0)
+        await asyncio.sleep(5.0)
+        flight.to_driver = flight.to_vehicle = lambda message: True
+        await flight.sees(Guarded, 2, within_s=30.0)
         await flight.sees(Landed)
 
     fly(body)
