@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import argparse
 import errno
+import os
 import sys
 from collections.abc import Sequence
 
 from missions.errors import AircraftError, UavmapError, leaves
 from uavmap import __version__
 from uavmap.cli import animate, check, fly, replay, resume, simulate, sitl, strategies, study
-from uavmap.cli.common import AIRCRAFT_DOWN, INTERRUPTED
+from uavmap.cli.common import AIRCRAFT_DOWN, INTERRUPTED, complain
 
 USER_ERROR = 2
 
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
-        code = _run(options)
+        code = _told(_run(options))
     except* AircraftError as group:
         _say(group)
         code = AIRCRAFT_DOWN
@@ -46,15 +47,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _say(group)
         code = USER_ERROR
     except* KeyboardInterrupt:
-        print("uavmap: interrupted", file=sys.stderr)
+        complain("interrupted")
         code = INTERRUPTED
+    return code
+
+
+def _told(code: int) -> int:
+    """The exit code, with all that was printed on its way; who reads it may be gone."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        # else Python complains once more when it ends, and changes the exit code
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
 
 
 def _say(group: BaseExceptionGroup[UavmapError]) -> None:
     for error in leaves(group):
         for line in str(error).splitlines():  # a mission file may have several faults
-            print(f"uavmap: {line}", file=sys.stderr)
+            complain(line)
 
 
 def _run(options: argparse.Namespace) -> int:

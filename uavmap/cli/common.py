@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import sys
@@ -10,12 +11,12 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import JournalError, OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
+from uavmap.fly.progress import PipeConsole
 from uavmap.record.flight_plan import JOURNAL
 
 INCOMPLETE: Final = 3
@@ -174,24 +175,35 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"--out {folder} cannot be made: {error.strerror}") from None
 
 
-def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
-    """Print the result; returns the exit code."""
-    if as_json:
-        json.dump({**summary, "out": str(folder)}, sys.stdout, indent=2)
-        sys.stdout.write("\n")
-    else:
-        _table(summary)
-        print(summary.get("finding", ""))
-        print(f"results in {folder}")
-    for line in summary.get("aircraft_down", ()):
+def complain(line: str) -> None:
+    """A line of ours on standard error, if anybody reads it still."""
+    with contextlib.suppress(OSError):
         print(f"uavmap: {line}", file=sys.stderr)
+
+
+def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
+    """Print the result; returns the exit code, which does not depend on being read."""
+    with contextlib.suppress(OSError):
+        _show(summary, folder, as_json=as_json)
+    for line in summary.get("aircraft_down", ()):
+        complain(line)
     if summary["completed"]:
         return 0
     if "aircraft_down" in summary:
         # a simulated world ends with its flight: the aircraft begin again at home
         how = "" if summary.get("seed") is None else " --from-home"
-        print(f"uavmap: to go on: uavmap resume {folder}{how}", file=sys.stderr)
+        complain(f"to go on: uavmap resume {folder}{how}")
     return AIRCRAFT_DOWN if summary.get("aircraft_down") else INCOMPLETE
+
+
+def _show(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> None:
+    if as_json:
+        json.dump({**summary, "out": str(folder)}, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+        return
+    _table(summary)
+    print(summary.get("finding", ""))
+    print(f"results in {folder}")
 
 
 def _table(summary: Mapping[str, Any]) -> None:
@@ -205,6 +217,6 @@ def _table(summary: Mapping[str, Any]) -> None:
         if value is not None:
             shown = {True: "yes", False: "no"}.get(value) if isinstance(value, bool) else None
             table.add_row(label, shown or f"{value:,}".replace(",", " "))
-    Console().print(table)
+    PipeConsole().print(table)
     for number, note in summary.get("notes", {}).items():
         print(f"vehicle {number}: {note}")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import JournalError, LinkError, OutputError
 from missions.events import Event, Resumed
+from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
@@ -141,6 +142,8 @@ class _Flight:
         self._folder = folder
         self._journal = journal
         self._state = state
+        self._left = state.vehicles
+        """As the journal tells them, when it is gone on with."""
         self._progress = progress
         self._again = again
         self._resumed = len(journal) > 0 and not again
@@ -314,8 +317,13 @@ class _Flight:
 
     async def _fly(self, vehicles: dict[int, MavlinkVehicle], service: Service) -> State:
         for number, vehicle in vehicles.items():
+            left = self._left[number]
+            flew = not left.landed or isinstance(left.order, TakeOff)
+            if self._resumed and flew and left.phase is not Phase.YIELDED:
+                vehicle.was_flying()
+        for number, vehicle in vehicles.items():
             await vehicle.connect()
-            before = self._state.vehicles[number]
+            before = self._left[number]
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
         _each_its_own(vehicles)

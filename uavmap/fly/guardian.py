@@ -62,10 +62,12 @@ class Guardian:
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
-        self._last_wh = 0.0
+        self._last_wh = limits.energy.capacity_wh
         self._reason = ""
         self._flew = False
         """Whether it was in the air since it was taken over."""
+        self.entrusted = False
+        """Whether it was in the air by our order when an earlier process ended."""
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str], None] = lambda reason: None
 
@@ -166,7 +168,7 @@ class Guardian:
         if reporter.loop_s() - view.position_s > STALE_S:
             return None
         return Seen(
-            t_s=reporter.now_s(),
+            t_s=reporter.now_s() - self._age_s(),
             position=reporter.position(),
             height_m=view.height_m,
             ground_speed_m_s=view.ground_speed_m_s,
@@ -177,6 +179,14 @@ class Guardian:
             remaining_wh=reporter.remaining_wh(),
             wind_m_s=self._monitor.wind.speed_m_s,
         )
+
+    def _age_s(self) -> float:
+        """How old the position is by the vehicle's own clock: a link may delay frames unevenly."""
+        view, clock = self._view, self._view.gate.clock
+        if clock.boot_s is None or clock.offset_s is None:
+            return 0.0
+        told_s = min(clock.boot_s + clock.offset_s, view.position_s)
+        return max(self._reporter.loop_s() - told_s, 0.0)
 
     def _crashed(self, seen: Seen, reason: str) -> None:
         """It is down: say where, and have a vehicle whose motors still run land and disarm."""
@@ -248,6 +258,8 @@ class Guardian:
     @property
     def responsible(self) -> bool:
         """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
+        if self.entrusted and not self._monitor.met:
+            return self._monitor.in_air_as_before
         in_air = self._monitor.was_airborne and not self._guard.down
         return in_air and not self._monitor.overridden
 
@@ -280,8 +292,8 @@ class Guardian:
     def fate(self) -> str:
         """What is known of the vehicle at the very end, in words; empty if it is at home."""
         view, reporter = self._view, self._reporter
-        if view.position is None:
-            return ""
+        if view.position is None or view.home is None:
+            return ""  # it never came so far that it could have been told anything
         place = reporter.grid.position(reporter.position())
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
         if self.responsible:

@@ -80,12 +80,16 @@ class Manoeuvres:
         self._grid = reporter.grid
         self._crew = crew
         self._paced_in: int | None = None
-        self.under_way: Callable[[Order], None] = lambda order: None
-        """Called when a sweep begins to move: its camera comes first, which may take a while."""
+        self.under_way: Callable[[Order, GridPoint], None] = lambda order, target: None
+        """Called when a sweep begins to move (its camera comes first, which may take a while), and
+        when the first target of an order was acknowledged: until then an older one is flown to."""
+        self._order: Order | None = None
+        self._aimed = False
         self.taken_in: Callable[[], Awaitable[None]] = _nothing_to_wait_for
 
     async def carry_out(self, order: Order) -> None:
         """Carry out an order to its end. Raises `LinkError`, alone or in a group."""
+        self._order, self._aimed = order, False
         match order:
             case TakeOff():
                 await self._take_off(order)
@@ -222,6 +226,9 @@ class Manoeuvres:
             position.lon_deg,
             wire_m,
         )
+        if not self._aimed and self._order is not None:
+            self._aimed = True
+            self.under_way(self._order, point)
         changes = self._monitor.mode_changes
         if self._paced_in != changes:
             await self._session.command(
@@ -230,9 +237,10 @@ class Manoeuvres:
             self._paced_in = changes
 
     async def _hold(self) -> None:
+        """Stay here, until seen to: the acknowledgement may be a late one, of the leg before."""
         if self._view.armed:
             here, height_m = self._reporter.position(), self._view.height_m
-            await self._insist(lambda: self._aim(here, height_m))
+            await self._reach(lambda: here, height_m, stop=True)
 
     # --- looking ------------------------------------------------------------------------------
     async def _sweep(self, order: Sweep) -> None:
@@ -242,7 +250,7 @@ class Manoeuvres:
             asyncio.TaskGroup() as tasks,
         ):
             watching = tasks.create_task(self._watch_frames(frames, None))
-            self.under_way(order)
+            self.under_way(order, order.end)
             await self._reach(lambda: order.end, order.height_m, stop=False)
             await frames.finish()
             watching.cancel()

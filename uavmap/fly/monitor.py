@@ -17,6 +17,7 @@ from uavmap.link.session import Message
 from uavmap.link.view import VehicleView
 
 TRACK_S: Final = 1.0
+OFF_GROUND_M: Final = 2.0
 
 _OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
@@ -36,6 +37,8 @@ class Monitor:
     def __init__(self, reporter: Reporter, view: VehicleView) -> None:
         self.commanded: tuple[int, ...] = ()
         self.connected = False
+        self.met = False
+        """Whether it was ever connected."""
         self.was_airborne = False
         self.overridden = False
         self.mode_changes = 0
@@ -76,6 +79,19 @@ class Monitor:
     def airborne(self) -> bool:
         """Armed, and not on the ground by the autopilot's own word."""
         return self._view.armed and self._view.landed_state in _OFF_GROUND
+
+    @property
+    def in_air_as_before(self) -> bool:
+        """In the air, in a mode that an earlier process of ours may have left it in.
+
+        For a vehicle that is not connected yet: it may not have told everything.
+        """
+        view, kind = self._view, self._view.kind
+        unsaid = (
+            view.landed_state == mav.MAV_LANDED_STATE_UNDEFINED and view.height_m > OFF_GROUND_M
+        )
+        in_air = view.armed and (unsaid or view.landed_state in _OFF_GROUND)
+        return in_air and not view.failsafe and view.mode in (*kind.ours, kind.rtl, kind.land)
 
     def _watch_mode(self) -> None:
         """The pilot has the last word: a mode that we did not ask for ends our say.
@@ -163,7 +179,7 @@ class Monitor:
         """Say where the vehicle is, after its link was opened."""
         view, reporter = self._view, self._reporter
         airborne = view.armed and view.landed_state != mav.MAV_LANDED_STATE_ON_GROUND
-        self.connected = True
+        self.connected = self.met = True
         self.mode_changes += 1
         self._mode, self._armed, self._failsafe = view.mode, view.armed, view.failsafe
         self.was_airborne = airborne

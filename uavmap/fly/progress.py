@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from typing import Final, Protocol, TextIO
 
 from rich.console import Console, Group
@@ -91,19 +92,41 @@ class Silent:
         """Nothing."""
 
 
+class PipeConsole(Console):
+    """A console whose reader may go away: `BrokenPipeError`, where rich would end the program."""
+
+    def on_broken_pipe(self) -> None:
+        """Nobody reads any more."""
+        raise BrokenPipeError
+
+
 class Terminal:
-    """Progress on standard error."""
+    """Progress on standard error.
+
+    A terminal that is gone (a closed window, a broken pipe) is written to no more: nothing of a
+    flight depends on being read.
+    """
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._console = Console(file=stream or sys.stderr, highlight=False)
+        self._console = PipeConsole(file=stream or sys.stderr, highlight=False)
         self._live: Live | None = None
         self._setting: Setting | None = None
         self._drawn_s = float("-inf")
+        self._gone = False
 
     def say(self, text: str) -> None:
         """A line that stays."""
-        lines = (printable(line, LINE_LIMIT) for line in text.split("\n"))
-        self._console.print("\n".join(lines), soft_wrap=True, markup=False)
+        lines = "\n".join(printable(line, LINE_LIMIT) for line in text.split("\n"))
+        self._write(lambda: self._console.print(lines, soft_wrap=True, markup=False))
+
+    def _write(self, act: Callable[[], None]) -> None:
+        """Do what writes; once the terminal is gone, nothing."""
+        if self._gone:
+            return
+        try:
+            act()
+        except (OSError, ValueError):  # a stream that was closed on our side is a ValueError
+            self._gone = True
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """The flight starts."""
@@ -112,7 +135,7 @@ class Terminal:
             self.say("repeating the recorded part of the simulated flight, event by event")
         if self._console.is_terminal:
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
-            self._live.start()
+            self._write(self._live.start)
 
     def update(self, event: Event, state: State, again: int) -> None:
         """An event was taken in."""
@@ -122,15 +145,16 @@ class Terminal:
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
             return
         self._drawn_s = now_s
-        if self._live is not None:
-            self._live.update(self._table(state, again), refresh=True)
+        live = self._live
+        if live is not None:
+            self._write(lambda: live.update(self._table(state, again), refresh=True))
         else:
             self.say(self._line(state, again))
 
     def end(self) -> None:
         """The flight is over."""
         if self._live is not None:
-            self._live.stop()
+            self._write(self._live.stop)
             self._live = None
 
     def _line(self, state: State, again: int) -> str:

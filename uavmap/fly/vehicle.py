@@ -11,24 +11,23 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
 from collections.abc import Awaitable, Callable
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.energy import CLIMB_SPEED_M_S, EnergyModel
-from missions.errors import CommandRefusedError, LinkError, leaves
+from missions.errors import LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
-from missions.guardian import Limits, Task
-from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
+from missions.guardian import Limits
+from missions.orders import Order, ReturnToLaunch
 from missions.state import Setting
-from missions.units import GridPoint
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
+from uavmap.fly.streams import Streams
+from uavmap.fly.tasks import TasksOf
 from uavmap.link.autopilots import AUTOPILOTS
 from uavmap.link.session import Message, Session
 from uavmap.link.view import VehicleView
@@ -39,7 +38,6 @@ AFTER_ENDURANCE_S: Final = 60.0
 """A silent vehicle that flew is given up so long after its battery must be empty."""
 ON_GROUND_S: Final = 120.0
 """A silent vehicle on the ground is waited for so long, where nobody stands beside it."""
-SETTLE_S: Final = 5.0
 
 
 class MavlinkVehicle:
@@ -91,16 +89,27 @@ class MavlinkVehicle:
         self._manoeuvres = Manoeuvres(
             session, camera, self._reporter, self._monitor, setting.mission, crew
         )
-        self._manoeuvres.under_way = lambda order: self.guardian.told(self._leg_of(order))
+        self._manoeuvres.under_way = lambda order, target: self.guardian.told(
+            self._tasks_of.begun(order, target)
+        )
         self._tasks: asyncio.TaskGroup | None = None
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
+        self._tasks_of = TasksOf(self._reporter, session.view, setting)
+        self._streams = Streams(name, session)
         session.listen(self._on_message)
 
     @property
     def view(self) -> VehicleView:
         """The latest of what the vehicle has said."""
         return self._view
+
+    def was_flying(self) -> None:
+        """It was in the air by our order when an earlier process ended: it is ours.
+
+        To be told before `connect`: should that fail, its guardian brings it home all the same.
+        """
+        self.guardian.entrusted = True
 
     def was_returning(self) -> None:
         """It was landing or returning by our order when an earlier process ended: it is ours."""
@@ -122,7 +131,7 @@ class MavlinkVehicle:
                 f"(MAV_AUTOPILOT {view.autopilot}); it flies {flown} copters"
             )
         begin_s = asyncio.get_running_loop().time()
-        await self._ask_for_streams(begin_s)
+        await self._streams.ask(self._hears)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         while missing := self._missing(begin_s):
             session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
@@ -132,26 +141,6 @@ class MavlinkVehicle:
                 raise LinkError(f"{self.name}: the link was lost while waiting for {missing}")
             if asyncio.get_running_loop().time() - begin_s > READY_S:
                 raise LinkError(f"{self.name}: the vehicle did not report {missing}")
-
-    async def _ask_for_streams(self, begin_s: float) -> None:
-        """Ask for every stream until it is acknowledged, for as long as the vehicle is heard.
-
-        A stream that is refused may come all the same; what is missing is said in the end.
-        """
-        for message_id, rate_hz in self._view.kind.streams.items():
-            while True:
-                try:
-                    await self._session.message_interval(message_id, rate_hz)
-                    break
-                except CommandRefusedError:
-                    break
-                except LinkError as error:
-                    waited_s = asyncio.get_running_loop().time() - begin_s
-                    if not self._hears() or waited_s > READY_S:
-                        raise LinkError(
-                            f"{self.name}: {error} in {waited_s:.0f} s: the link loses too much, "
-                            "or it carries nothing towards the vehicle"
-                        ) from None
 
     async def run(self, report: Report, taken_in: Callable[[], Awaitable[None]]) -> None:
         """Report and carry out orders until cancelled. `connect` comes first.
@@ -177,7 +166,7 @@ class MavlinkVehicle:
         if self._tasks is None:
             raise RuntimeError("a vehicle takes orders only while it runs")
         self._stand_aside()
-        self.guardian.told(self._task_of(order))
+        self.guardian.told(self._tasks_of.task(order))
         if self.guardian.acting:
             return
         self._order = order
@@ -206,53 +195,6 @@ class MavlinkVehicle:
         self._monitor.on_message(message)
         self._camera.on_message(message)
 
-    # --- what the guardian is told ------------------------------------------------------------
-    def _task_of(self, order: Order) -> Task:
-        """What an order asks of the vehicle, and about how long it takes."""
-        since_s = self._reporter.now_s()
-        name = type(order).__name__
-        grid = self._setting.grid
-        match order:
-            case TakeOff(height_m):
-                here = self._reporter.position()
-                return Task("climb", since_s, (here,), height_m=height_m, name=name)
-            case Land():
-                return Task("land", since_s, name=name)
-            case FlyTo():
-                return self._leg_of(order)
-            case Look() | Hold() | Sweep():  # a sweep begins with its camera
-                height_m = self._view.height_m if isinstance(order, Hold) else order.height_m
-                here = self._reporter.position()
-                drift_m_s = grid.drift_speed_m_s
-                return Task(
-                    "hold", since_s, (here,), height_m=height_m, drift_m_s=drift_m_s, name=name
-                )
-        return Task("ground", since_s, name=name)
-
-    def _leg_of(self, order: Order) -> Task:
-        """A leg that begins now: its path, and about how long it takes."""
-        since_s, grid = self._reporter.now_s(), self._setting.grid
-        points: tuple[GridPoint, ...] = ()
-        height_m = self._view.height_m
-        if isinstance(order, Sweep):
-            points, height_m = (order.end,), order.height_m
-        elif isinstance(order, FlyTo):
-            points, height_m = order.route, order.height_m
-            if order.cell is not None:
-                points = (*points, grid.to_fixed(grid.centre_of(order.cell), since_s))
-        path = (self._reporter.position(), *points)
-        climb_s = abs(height_m - self._view.height_m) / CLIMB_SPEED_M_S
-        return Task(
-            "leg",
-            since_s,
-            path,
-            isinstance(order, FlyTo) and order.cell is None and order.stop,
-            height_m,
-            _legs_s(self._setting.energy, path) + climb_s + SETTLE_S,
-            grid.drift_speed_m_s,
-            type(order).__name__,
-        )
-
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
         """Say when the vehicle falls silent, and take it up again whenever it speaks."""
@@ -261,13 +203,16 @@ class MavlinkVehicle:
         give_up_after_s: float | None = None
         while True:
             await asyncio.sleep(1.0)
+            if monitor.connected and not monitor.overridden and self._hears():
+                self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = given_up = False
                 give_up_after_s = self._waited_for_s()
                 reporter.report(LinkLost(self.number, reporter.t_s()))
             elif not monitor.connected and self._hears():
                 with contextlib.suppress(LinkError):
-                    await self.connect()
+                    if not self._streams.go_on:
+                        await self.connect()
                     self._camera.uncertain()
                     monitor.report_connected()
                     self.guardian.heard_again()
@@ -324,8 +269,3 @@ class MavlinkVehicle:
             )
             if not known
         )
-
-
-def _legs_s(energy: EnergyModel, path: tuple[GridPoint, ...]) -> float:
-    """About how long a path takes, from rest to rest at every point."""
-    return sum(energy.leg_s(a.distance_to(b)) for a, b in itertools.pairwise(path))

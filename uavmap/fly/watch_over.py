@@ -9,10 +9,11 @@ the operator leaves at once, the autopilots do, and that is seen before the proc
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Iterable, Sequence
 from typing import Protocol, TypeVar
 
-from missions.errors import AircraftError, leaves
+from missions.errors import AircraftError, UavmapError, leaves
 
 T = TypeVar("T")
 
@@ -44,7 +45,8 @@ async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, le
     with the process.
 
     Raises what the mission raises; `AircraftError`, naming every aircraft that is not at home, when
-    one was left in the air or is down elsewhere after a mission that failed.
+    one was left in the air or is down elsewhere after a mission that failed. A defect of the
+    program stays what it is, with these lines as its notes.
     """
     keeping = [asyncio.create_task(guardian.run()) for guardian in guardians]
     try:
@@ -54,7 +56,7 @@ async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, le
     except asyncio.CancelledError:
         if not leave:
             raise
-        await _all(guardian.leave("the operator left") for guardian in guardians)
+        await _left(guardians, "the operator left")
         _say_fates(guardians, "interrupted")
         raise
     except Exception as failure:
@@ -62,7 +64,11 @@ async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, le
         try:
             await _all(guardian.bring_home(reason) for guardian in guardians)
         except asyncio.CancelledError:  # the operator does not wait for it
-            await _all(guardian.leave(reason) for guardian in guardians)
+            await _left(guardians, reason)
+        if _is_defect(failure):  # which keeps its traceback
+            for fate in _fates(guardians):
+                failure.add_note(fate)
+            raise
         _say_fates(guardians, _in_words(failure))
         raise
     finally:
@@ -90,14 +96,31 @@ async def _all(waits: Iterable[Awaitable[None]]) -> None:
     await asyncio.gather(*waits)
 
 
-def _say_fates(guardians: Sequence[Keeper], cause: str) -> None:
-    """Raise `AircraftError` when an aircraft is not at home."""
-    fates = [
+async def _left(guardians: Sequence[Keeper], reason: str) -> None:
+    """Leave the aircraft to their autopilots; who is in such a hurry that this is not seen either
+    still is told where they are."""
+    with contextlib.suppress(asyncio.CancelledError):
+        await _all(guardian.leave(reason) for guardian in guardians)
+
+
+def _fates(guardians: Sequence[Keeper]) -> list[str]:
+    """A line for every aircraft that is not at home."""
+    return [
         f"vehicle {number}: {fate}"
         for number, guardian in enumerate(guardians, start=1)
         if (fate := guardian.fate())
     ]
-    if fates:
+
+
+def _is_defect(failure: Exception) -> bool:
+    """Whether the program itself failed, and not something around it."""
+    found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
+    return not all(isinstance(error, UavmapError) for error in found)
+
+
+def _say_fates(guardians: Sequence[Keeper], cause: str) -> None:
+    """Raise `AircraftError` when an aircraft is not at home."""
+    if fates := _fates(guardians):
         raise AircraftError("\n".join([cause, *fates]))
 
 

@@ -59,6 +59,8 @@ class Session:
         self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
         """By command and the component that was asked."""
         self._command_lock = asyncio.Lock()
+        self.heard_s: dict[int, float] = {}
+        """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
         self.view = VehicleView()
 
     # --- frames --------------------------------------------------------------------------
@@ -70,6 +72,8 @@ class Session:
             self._record(bytes(message.get_msgbuf()))
             if self.view.take(message, now_s):
                 ours = True
+                if message.get_srcComponent() == self.view.autopilot_component:
+                    self.heard_s[message.get_msgId()] = now_s
                 if message.get_type() == "COMMAND_ACK":
                     self._take_ack(message)
                 for listener in self._listeners:
@@ -268,6 +272,20 @@ class Session:
     async def message_interval(self, message_id: int, rate_hz: float) -> None:
         """Ask for a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
+
+    def ask_for_stream(self, message_id: int, rate_hz: float) -> None:
+        """Ask for a stream without waiting for an answer: that it comes is the answer."""
+        self.send(
+            mav.MAVLink_command_long_message(
+                self.view.system_id,
+                self._autopilot,
+                mav.MAV_CMD_SET_MESSAGE_INTERVAL,
+                0,
+                message_id,
+                round(1e6 / rate_hz),
+                *([0.0] * 5),
+            )
+        )
 
     def request(self, message_id: int, param2: float = math.nan) -> None:
         """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""

@@ -114,3 +114,30 @@ def test_a_guardian_that_fails_ends_the_mission_loudly() -> None:
 
     with pytest.raises(ZeroDivisionError):
         run(watched_over([Broken()], asyncio.Event().wait(), leave=True), VirtualClock())
+
+
+def test_a_third_interruption_still_has_the_aircraft_named() -> None:
+    class Slow(Kept):
+        async def leave(self, reason: str) -> None:
+            await super().leave(reason)
+            await asyncio.sleep(15.0)
+
+    kept = [Slow(fate="left to its autopilot in RTL")]
+
+    async def main() -> None:
+        flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+        for _ in range(2):
+            await asyncio.sleep(5.0)
+            flying.cancel()
+        with pytest.raises(AircraftError, match="vehicle 1: left to its autopilot in RTL"):
+            await flying
+        assert asyncio.get_running_loop().time() == pytest.approx(10.0)
+
+    run(main(), VirtualClock())
+
+
+def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home() -> None:
+    kept = [Kept(), Kept(fate="on the ground 40 m from home")]
+    with pytest.raises(ZeroDivisionError) as caught:
+        run(watched_over(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())
+    assert caught.value.__notes__ == ["vehicle 2: on the ground 40 m from home"]

@@ -1,0 +1,253 @@
+"""Simulated flights by the command itself, with an observer who sees what is really the case.
+
+A mission file with faults added is flown by `uavmap fly --sim` in this process, on virtual time.
+What the aircraft really do is watched from outside, and the outcome is held against what the
+command says of it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from shapely.geometry import Point
+
+import uavmap.simulation
+from missions.guardian import PAD_M
+from missions.state import Setting
+from sitl.vehicle import SimVehicle
+from tests.e2e.rig import MISSIONS
+from uavmap.cli import main as uavmap_main
+from uavmap.record.journal import Journal
+from uavmap.simulation import Truth
+
+LIMIT_S = 20_000.0
+"""A flight that takes longer, in simulated seconds, has no end."""
+SEEN_TO_S = 60.0
+"""So soon after it left the fence a vehicle is on the ground, or in its autopilot's own return."""
+FAR_M = 150.0
+INSIDE_M = 0.5
+"""A fence is left when it is left by more than the position wavers."""
+PAD_WAVER_M = 2.0
+"""How far the position may be off that a vehicle lands by."""
+
+RIM_CELLS = 1
+"""So many cells of the rim, half of them region, may come out as not: that is noise, not a lie."""
+
+COLUMNS = (
+    "n", "ok", "inc", "down", "other", "home", "away", "air", "crash", "breach", "late", "far",
+    "res", "lie", "unrep", "end", "tb",
+)  # fmt: skip
+EXPLAINED = """\
+n flights; ok exit 0; inc exit 3; down exit 4; other exit 2; home, away: everybody landed at home,
+or somebody elsewhere; air in the air at the end; crash; breach somebody left the fence; late ...
+and was neither on the ground nor in RTL or LAND 60 s later; far more than 150 m outside; res landed
+with less than the reserve; lie exit 0 with cells missed (beyond one of the rim) or somebody not at home; unrep a crash, or
+an aircraft that is not at home, of which no word was said; end no end; tb a traceback."""
+
+
+class NoEndError(Exception):
+    """A flight that does not end by itself."""
+
+
+@dataclass(slots=True)
+class Aircraft:
+    """What became of one aircraft."""
+
+    landed: bool = True
+    crashed: bool = False
+    from_home_m: float = 0.0
+    outside_m: float = 0.0
+    """How far outside of the fence it was at most."""
+    outside_s: float = 0.0
+    """How long it was outside at most, until it was on the ground or in RTL or LAND."""
+    mode: str = ""
+    _left_s: float | None = None
+
+    def look(self, vehicle: SimVehicle, setting: Setting) -> None:
+        truth = vehicle.truth
+        self.landed, self.crashed, self.mode = truth.landed, truth.crashed, truth.mode.name
+        point = setting.grid.fixed(truth.position)
+        self.from_home_m = point.distance_to(setting.grid.fixed(vehicle.spec.home))
+        outside_m = float(setting.fence.outer.distance(Point(point)))
+        if truth.landed or outside_m <= INSIDE_M:
+            self._left_s = None
+            if truth.landed:
+                return
+        self.outside_m = max(self.outside_m, outside_m)
+        if outside_m <= INSIDE_M or self.mode in ("RTL", "LAND"):
+            self._left_s = None
+            return
+        if self._left_s is None:
+            self._left_s = truth.t_s
+        self.outside_s = max(self.outside_s, truth.t_s - self._left_s)
+
+
+@dataclass(slots=True)
+class Observer(Truth):
+    """The truth of a flight, and more of it than the command shows."""
+
+    aircraft: dict[int, Aircraft] = field(default_factory=dict)
+    t_s: float = 0.0
+
+    def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+        Truth.watch(self, vehicles, setting)
+        for vehicle in vehicles:
+            self.t_s = vehicle.t_s
+            seen = self.aircraft.setdefault(vehicle.spec.system_id, Aircraft())
+            seen.look(vehicle, setting)
+        if self.t_s > LIMIT_S:
+            raise NoEndError(f"no end after {LIMIT_S:g} s")
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight that is over."""
+
+    name: str
+    code: int | None
+    """The exit status; None after a traceback."""
+    summary: Mapping[str, Any]
+    said: str
+    """Everything on standard error."""
+    raised: str
+    truth: Observer
+    kinds: Mapping[str, int]
+    """Events by kind."""
+    notes: tuple[str, ...] = ()
+    """Of orders that failed, and what a guardian did."""
+
+    @property
+    def _missed(self) -> int:
+        return int(self.summary.get("cells_missed") or 0)
+
+    @property
+    def columns(self) -> frozenset[str]:
+        """Where it counts in the table."""
+        craft = self.truth.aircraft.values()
+        # who lies or stands elsewhere: by the truth, not by what the positions say
+        away = any(c.from_home_m > PAD_M + PAD_WAVER_M and c.landed for c in craft)
+        air = any(not c.landed for c in craft)
+        crashed = any(c.crashed for c in craft)
+        told = bool(self.summary.get("aircraft_down")) or self.code == 4
+        found = {
+            "ok": self.code == 0,
+            "inc": self.code == 3,
+            "down": self.code == 4,
+            "other": self.code == 2,
+            "home": not (away or air or crashed),
+            "away": away,
+            "air": air,
+            "crash": crashed,
+            "breach": any(c.outside_m > INSIDE_M for c in craft),
+            "late": any(c.outside_s > SEEN_TO_S for c in craft),
+            "far": any(c.outside_m > FAR_M for c in craft),
+            "res": self.truth.reserve_violations > 0,
+            "lie": self.code == 0 and (self._missed > RIM_CELLS or crashed or air),
+            "unrep": (crashed or air) and not told,
+            "end": "no end" in self.raised,
+            "tb": bool(self.raised) and "no end" not in self.raised,
+        }
+        return frozenset(name for name, holds in found.items() if holds)
+
+    def line(self) -> str:
+        """In one line, for whoever looks into it."""
+        craft = "; ".join(
+            f"{number}: {c.mode}{' landed' if c.landed else ' IN THE AIR'}"
+            f"{' CRASHED' if c.crashed else ''} {c.from_home_m:.0f} m from home,"
+            f" out {c.outside_m:.0f} m {c.outside_s:.0f} s"
+            for number, c in self.truth.aircraft.items()
+        )
+        last = self.raised.strip().splitlines()[-1:] or []
+        return (
+            f"{self.name}: exit {self.code} at {self.truth.t_s:.0f} s, missed "
+            f"{self.summary.get('cells_missed')}; {craft}; {self.notes} {last} "
+            f"{' '.join(sorted(self.columns))}"
+        )
+
+
+def mission_text(name: str, faults: Iterable[Mapping[str, object]] = ()) -> str:
+    """A mission of the tests with faults added."""
+    path = Path(name) if name.endswith(".toml") else MISSIONS / f"{name}.toml"
+    text = path.read_text("utf-8")
+    for fault in faults:
+        lines = [f"{key} = {json.dumps(value)}" for key, value in fault.items()]
+        text += "\n[[sim.faults]]\n" + "\n".join(lines) + "\n"
+    return text
+
+
+def flown(name: str, text: str, seed: int, *more: str) -> Flown:
+    """Fly a mission to its end."""
+    observer = Observer()
+    said, out = io.StringIO(), io.StringIO()
+    code, raised = None, ""
+    with tempfile.TemporaryDirectory() as below, _observed(observer):
+        mission, folder = Path(below) / "mission.toml", Path(below) / "out"
+        mission.write_text(text, encoding="utf-8")
+        arguments = ["fly", mission, "--sim", "--seed", seed, "--json", "--out", folder, *more]
+        try:
+            with contextlib.redirect_stderr(said), contextlib.redirect_stdout(out):
+                code = uavmap_main([str(a) for a in arguments])
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            raised = "".join(traceback.format_exception(error))
+        summary = json.loads(out.getvalue()) if out.getvalue() else {}
+        kinds, notes = _events(folder)
+    return Flown(name, code, summary, said.getvalue(), raised, observer, kinds, notes)
+
+
+def _events(folder: Path) -> tuple[Counter[str], tuple[str, ...]]:
+    path = folder / "journal.db"
+    if not path.exists():
+        return Counter(), ()
+    with Journal.open(path) as journal:
+        bodies = [json.loads(body) for body in journal.bodies()]
+    notes = tuple(
+        f"{b['t_s']:.0f} s {b['kind']}: {b.get('order', b.get('action', b.get('mode', '')))}"
+        f" {b.get('reason', '')}"
+        for b in bodies
+        if b["kind"] in ("order_failed", "guarded", "crashed", "given_up", "overridden")
+    )
+    return Counter(b["kind"] for b in bodies), notes
+
+
+@contextlib.contextmanager
+def _observed(observer: Observer) -> Iterator[None]:
+    """Simulations made meanwhile are watched by an observer."""
+
+    class Watched(uavmap.simulation.Simulation):
+        def __init__(self, *values: Any, **more: Any) -> None:
+            super().__init__(*values, **more)
+            self.truth = observer
+
+    before = uavmap.simulation.Simulation
+    uavmap.simulation.Simulation = Watched  # type: ignore[misc]
+    try:
+        yield
+    finally:
+        uavmap.simulation.Simulation = before  # type: ignore[misc]
+
+
+def table(rows: Iterable[tuple[str, Flown]]) -> str:
+    """A row for each label, and one for all."""
+    counts: dict[str, Counter[str]] = {}
+    for label, flight in rows:
+        for key in (label, "all"):
+            row = counts.setdefault(key, Counter())
+            row["n"] += 1
+            row.update(flight.columns)
+    width = max([len(label) for label in counts], default=0) + 2
+    lines = [" " * width + "".join(f"{column:>7s}" for column in COLUMNS)]
+    for label in [*(key for key in counts if key != "all"), *(["all"] if counts else [])]:
+        numbers = "".join(f"{counts[label][column]:7d}" for column in COLUMNS)
+        lines.append(f"{label:{width}s}{numbers}")
+    return "\n".join(lines)

@@ -1,0 +1,117 @@
+"""However a flight over sockets ends, the aircraft is looked after, and the mission goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.rig import (
+    PATIENCE_S,
+    Finished,
+    arguments_of,
+    command,
+    ended,
+    environment,
+    events,
+    mission,
+    simulator,
+    uavmap,
+    wait_until,
+)
+
+SPEEDUP = 20.0
+ROOM_BLOCKS = 200
+"""Of 512 bytes for a file: a journal with some 20 events of a flight that has over 100."""
+
+
+@contextlib.contextmanager
+def flying(
+    urls: list[str], folder: Path, room_blocks: int | None = None
+) -> Iterator[subprocess.Popen[str]]:
+    """A flight with the first pictures taken."""
+    arguments = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP, "--json"]
+    words = command(*arguments, "--out", folder)
+    if room_blocks is not None:
+        words = ["sh", "-c", f'ulimit -f {room_blocks}; exec "$@"', "sh", *words]
+    process = subprocess.Popen(
+        words,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        wait_until(
+            lambda: bool(events(folder, "frame_seen")) or process.poll() is not None, "a picture"
+        )
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        for stream in (process.stdout, process.stderr):
+            if stream is not None:
+                stream.close()
+        process.wait()
+
+
+def goes_on(folder: Path, urls: list[str]) -> None:
+    done = uavmap("resume", folder, "--json", *arguments_of(urls))
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+
+
+def lines(done: Finished) -> list[str]:
+    return [line for line in done.err.splitlines() if line.startswith(("uavmap: ", "vehicle "))]
+
+
+def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with flying(urls, folder, ROOM_BLOCKS) as process:
+            done = ended(process)
+        assert done.code == 2
+        assert done.out == ""
+        failed, last = lines(done)
+        assert failed.endswith("it returns by its autopilot")
+        assert "journal.db cannot be written" in last
+        assert f"to go on: uavmap resume {folder}" in done.err
+        goes_on(folder, urls)
+    (first, *_) = events(folder, "connected")[1:]
+    assert first["airborne"] is False  # it stood at home when it was taken up again
+
+
+def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with flying(urls, folder) as process:
+            process.send_signal(signal.SIGINT)
+            wait_until(lambda: bool(events(folder, "recalled")), "the first to be heard")
+            process.send_signal(signal.SIGINT)
+            done = ended(process)
+        assert done.code == 4
+        assert any("left to its autopilot in RTL" in line for line in lines(done)), done.err
+        goes_on(folder, urls)
+
+
+@pytest.mark.parametrize("number", [None, signal.SIGHUP])
+def test_a_terminal_that_is_gone_ends_no_flight_badly(
+    number: signal.Signals | None, tmp_path: Path
+) -> None:
+    """Without a signal the flight goes on to its end; with one it comes home."""
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with flying(urls, folder) as process:
+            for stream in (process.stdout, process.stderr):
+                assert stream is not None
+                stream.close()
+            if number is not None:
+                process.send_signal(number)
+            code = process.wait(PATIENCE_S)
+        assert code == (0 if number is None else 3)
+        assert events(folder, "landed")

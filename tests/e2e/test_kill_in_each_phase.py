@@ -1,0 +1,97 @@
+"""`uavmap fly --connect` is killed in each phase of a flight, and each time gone on with."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from missions.events import from_json
+from missions.orders import FlyTo, Land, Look, Order, Sweep, TakeOff
+from missions.state import Setting, State
+from missions.step import step
+from tests.e2e.rig import (
+    PATIENCE_S,
+    arguments_of,
+    bodies,
+    ended,
+    events,
+    mission,
+    roi_cells,
+    simulator,
+    started,
+)
+from uavmap.mission_source import load_source
+
+SPEEDUP = 20.0
+POLL_S = 0.01
+PHASES: tuple[type[Order], ...] = (TakeOff, Sweep, FlyTo, Look, Land)
+
+
+class Journey:
+    """The state that a growing journal tells."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._folder = folder
+        self._setting = Setting.of(load_source(mission(name)).parse())
+        self._state = State.initial(self._setting)
+        self._read = 0
+
+    def vehicle(self) -> tuple[Order | None, float]:
+        """What vehicle 1 carries out, and how high it is."""
+        found = bodies(self._folder)
+        for body in found[self._read :]:
+            self._state, _ = step(self._setting, self._state, from_json(body))
+        self._read = len(found)
+        vehicle = self._state.vehicles[1]
+        return vehicle.order, vehicle.height_m
+
+
+def killed_in(phase: type[Order], process: subprocess.Popen[str], journey: Journey) -> bool:
+    """Kill a process in a phase of the flight; whether it is in it by the journal it leaves."""
+    due_s = time.monotonic() + PATIENCE_S
+
+    def there() -> bool:
+        order, height_m = journey.vehicle()
+        return isinstance(order, phase) and height_m > 1.0
+
+    while not there():
+        assert process.poll() is None, f"over before {phase.__name__}: {process.communicate()}"
+        assert time.monotonic() < due_s, f"waited in vain for {phase.__name__}"
+        time.sleep(POLL_S)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    return there()
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "phases"), [("ardupilot", PHASES), ("px4", (TakeOff, Look))]
+)
+def test_killed_in_each_phase_it_is_taken_up_and_completes(
+    autopilot: str, phases: tuple[type[Order], ...], speck: object, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    journey = Journey(folder, "speck")
+    hit = 0
+    with simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
+        arguments: list[object] = ["fly", mission("speck"), *arguments_of(urls)]
+        arguments += ["--speedup", SPEEDUP, "--json", "--out", folder]
+        for phase in phases:
+            with started(*arguments) as process:
+                hit += killed_in(phase, process, journey)
+            before = bodies(folder)
+            arguments = ["resume", folder, "--json"]
+        with started(*arguments) as process:
+            done = ended(process)
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert bodies(folder)[: len(before)] == before
+    resumed = events(folder, "resumed")
+    assert len(resumed) == len(phases)
+    assert hit >= len(phases) // 2  # a phase may end while the signal travels
+    airborne = [event for event in events(folder, "connected") if event["airborne"]]
+    assert len(airborne) >= len(phases) - 1  # it waited in the air, but perhaps for the last one
+    assert len(roi_cells(folder) ^ roi_cells(speck.folder)) <= 2  # type: ignore[attr-defined]
