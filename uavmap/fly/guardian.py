@@ -104,8 +104,8 @@ class Guardian:
         self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
         if self._pursuit is not None:
             self._pursuit.cancel()
-        if self._tasks is not None:
-            self._pursuit = self._tasks.create_task(self._pursue(action, hurry=hurry))
+        begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
+        self._pursuit = begin(self._pursue(action, hurry=hurry))
 
     def heard_again(self) -> None:
         """The link is back: what it had the vehicle do before, it sees to again, and says so."""
@@ -233,6 +233,7 @@ class Guardian:
             except CommandRefusedError:
                 return
             except LinkError:
+                await asyncio.sleep(WATCH_S / 10)
                 continue
             await session.until(lambda: view.height_m <= QUICK_M, RETRY_S)
 

@@ -258,3 +258,17 @@ def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen() -> None:
         assert len(flight.seen(LiftedOff)) == 1
 
     assert not fly(body).seen(OrderFailed)
+
+
+def test_a_place_that_is_none_stops_no_clock() -> None:
+    """What cannot be sent is tried again in a while, and not without end at one instant."""
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        nowhere = GridPoint(float("inf"), 0.0)
+        flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
+        await asyncio.sleep(5.0)
+        flight.driver.guardian.take_over("land", "a test", hurry=True)
+        await flight.sees(Landed, within_s=60.0)
+
+    fly(body)
