@@ -49,9 +49,10 @@ COLUMNS = (
 EXPLAINED = """\
 n flights; ok exit 0; inc exit 3; down exit 4; other exit 2; home, away: everybody landed at home,
 or somebody elsewhere; air in the air at the end; crash; breach somebody left the fence; late ...
-and was neither on the ground nor in RTL or LAND 60 s later; far more than 150 m outside; res landed
-with less than the reserve; lie exit 0 with cells missed (beyond one of the rim) or somebody not at home; unrep a crash, or
-an aircraft that is not at home, of which no word was said; end no end; tb a traceback."""
+and was neither on the ground nor in RTL or LAND 60 s later; far ... nor before it was 150 m
+outside; res landed with less than the reserve; lie exit 0 with cells missed (beyond one of the
+rim) or somebody not at home; unrep a crash, or somebody in the air, of which no word was said; end
+no end; tb a traceback."""
 
 
 class NoEndError(Exception):
@@ -67,6 +68,8 @@ class Aircraft:
     from_home_m: float = 0.0
     outside_m: float = 0.0
     """How far outside of the fence it was at most."""
+    unheld_m: float = 0.0
+    """... before it was in RTL or LAND."""
     outside_s: float = 0.0
     """How long it was outside at most, until it was on the ground or in RTL or LAND."""
     mode: str = ""
@@ -88,6 +91,7 @@ class Aircraft:
             return
         if self._left_s is None:
             self._left_s = truth.t_s
+        self.unheld_m = max(self.unheld_m, outside_m)
         self.outside_s = max(self.outside_s, truth.t_s - self._left_s)
 
 
@@ -149,7 +153,7 @@ class Flown:
             "crash": crashed,
             "breach": any(c.outside_m > INSIDE_M for c in craft),
             "late": any(c.outside_s > SEEN_TO_S for c in craft),
-            "far": any(c.outside_m > FAR_M for c in craft),
+            "far": any(c.unheld_m > FAR_M for c in craft),
             "res": self.truth.reserve_violations > 0,
             "lie": self.code == 0 and (self._missed > RIM_CELLS or crashed or air),
             "unrep": (crashed or air) and not told,

@@ -62,6 +62,7 @@ class Guardian:
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
+        self._jumps = session.view.gate.track.jumps
         self._last_wh = limits.energy.capacity_wh
         self._reason = ""
         self._flew = False
@@ -145,6 +146,7 @@ class Guardian:
         self._flew = self._flew or self._monitor.was_airborne
         if self._monitor.overridden and self.acting:
             self._let_go()
+        self._look_for_leaps(seen)
         self._guard, verdict = watch(self._limits, self._guard, seen)
         if not seen.armed and not seen.airborne and self.acting:
             self._let_go()
@@ -159,6 +161,15 @@ class Guardian:
         else:
             action: Action = "land" if verdict.rung == "land" else "rtl"
             self.take_over(action, verdict.reason, hurry=verdict.hurry)
+
+    def _look_for_leaps(self, seen: Seen) -> None:
+        """A position that leapt ends the mission of this vehicle: its places mean nothing."""
+        track, leaps = self._view.gate.track, self._monitor.leaps
+        leapt, leaps.leapt = leaps.leapt, ""
+        if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
+            self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
+        if leapt and not self.acting and seen.airborne and seen.mode != "other":
+            self.order_failed(f"{leapt}: satellite navigation is not to be trusted")
 
     def _seen(self) -> Seen | None:
         """What telemetry says, None where it says nothing of now."""

@@ -27,7 +27,11 @@ Fetch = Callable[[str], Awaitable[bytes]]
 """From a picture's `file_url` to its bytes. Raises `LinkError`."""
 
 PICTURE_WAIT_S: Final = 3.0
-"""How long a picture may be late before it is asked for again, and then given up."""
+"""A picture that is late by twice this is given up."""
+
+FIRST_ASK_S: Final = 1.5
+ASK_AGAIN_S: Final = 1.0
+"""An announcement that is so late is asked for, and so often again: a bad link loses those, too."""
 
 START_TRIES: Final = 3
 """How often a camera may reject a start after it was stopped."""
@@ -314,13 +318,17 @@ class Frames:
         self._progress.set()
 
     async def _next(self, vantage: Cell | None) -> FrameSeen | FrameLost:
-        wait_s = self._interval_s + PICTURE_WAIT_S
-        for last_try in (False, True):
+        """The next picture of a burst; its announcement is asked for until it is given up."""
+        clock = asyncio.get_running_loop()
+        due_s = clock.time() + 2.0 * (self._interval_s + PICTURE_WAIT_S)
+        wait_s = self._interval_s + FIRST_ASK_S
+        while (left_s := due_s - clock.time()) > 0.0:
             try:
-                async with asyncio.timeout(wait_s):
+                async with asyncio.timeout(min(wait_s, left_s)):
                     message = await self._announced.get()
             except TimeoutError:
-                if not last_try and self._next_index is not None:
+                wait_s = ASK_AGAIN_S
+                if self._next_index is not None:
                     self._camera.ask_again(self._next_index)
                 continue
             event = await self._camera.judge(message, vantage)

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Connected, Landed, LiftedOff, Overridden, Released, Tracked
 from missions.units import GridPoint
+from uavmap.fly.leaps import Leaps
 from uavmap.fly.reporter import Reporter
 from uavmap.fly.wind import WindEstimate
 from uavmap.link.session import Message
@@ -43,6 +44,7 @@ class Monitor:
         self.overridden = False
         self.mode_changes = 0
         self.wind = WindEstimate()
+        self.leaps = Leaps()
         self._reporter = reporter
         self._view = view
         self._mode: int | None = None
@@ -60,6 +62,7 @@ class Monitor:
             self.wind.tilted(message.roll, message.pitch, message.yaw)
         elif name == "GLOBAL_POSITION_INT":
             self._measure_wind()
+            self._look_for_leaps()
             self._track()
         self._watch_landing()
 
@@ -158,6 +161,14 @@ class Monitor:
             self.wind.moved(self._reporter.loop_s(), north_m_s, east_m_s)
         else:
             self.wind.forget()
+
+    def _look_for_leaps(self) -> None:
+        view = self._view
+        if not self.airborne or view.position is None or view.gate.clock.boot_s is None:
+            self.leaps.forget()
+            return
+        north_m_s, east_m_s, _ = view.velocity_ned_m_s
+        self.leaps.take(view.gate.clock.boot_s, view.position, (north_m_s, east_m_s))
 
     def _track(self) -> None:
         reporter = self._reporter
