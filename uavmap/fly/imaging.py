@@ -285,11 +285,11 @@ class Frames:
                 yield self._camera.lost(f"the camera is silent: {silence}")
                 continue
             whole = True
-            for last in (*[False] * (count - 1), True):
+            for left in range(count, 0, -1):
                 taken += 1
-                event = await self._next(vantage)
+                event = await self._next(vantage, left)
                 whole = whole and isinstance(event, FrameSeen)
-                if last:  # before the mission hears of it, and calls us off
+                if left == 1:  # before the mission hears of it, and calls us off
                     self.capturing = False
                     if whole:
                         self._camera.ended()
@@ -317,11 +317,16 @@ class Frames:
         self._pending -= 1
         self._progress.set()
 
-    async def _next(self, vantage: Cell | None) -> FrameSeen | FrameLost:
-        """The next picture of a burst; its announcement is asked for until it is given up."""
+    async def _next(self, vantage: Cell | None, left: int) -> FrameSeen | FrameLost:
+        """The next picture of a burst of which so many are left.
+
+        Its announcement is asked for until it is given up; where none was heard at all, nobody
+        knows what to ask for, and the burst is begun once more.
+        """
         clock = asyncio.get_running_loop()
-        due_s = clock.time() + 2.0 * (self._interval_s + PICTURE_WAIT_S)
-        wait_s = self._interval_s + FIRST_ASK_S
+        begin_s = clock.time()
+        due_s = begin_s + 2.0 * (self._interval_s + PICTURE_WAIT_S)
+        wait_s, again = self._interval_s + FIRST_ASK_S, False
         while (left_s := due_s - clock.time()) > 0.0:
             try:
                 async with asyncio.timeout(min(wait_s, left_s)):
@@ -330,6 +335,10 @@ class Frames:
                 wait_s = ASK_AGAIN_S
                 if self._next_index is not None:
                     self._camera.ask_again(self._next_index)
+                elif not again and clock.time() - begin_s >= PICTURE_WAIT_S:
+                    again = True
+                    with suppressed_silence():
+                        await self._camera.start(self._interval_s, left)
                 continue
             event = await self._camera.judge(message, vantage)
             self._judged()
