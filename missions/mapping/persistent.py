@@ -2,12 +2,13 @@
 
 A map that is copied for each change costs what it holds. Here the versions share one table, which
 belongs to the newest; each older version keeps what has to be put back to have it again (Baker,
-*Shallow binding makes functional arrays fast*, 1991). So the newest is read as fast as a `dict` and
-in the order in which its keys came; a change costs as much as it changes; and who reads an older
-version pays for a copy of its own, once. The reducer reads the newest.
+*Shallow binding makes functional arrays fast*, 1991). So the newest is read from a `dict`, in the
+order in which its keys came; a change costs as much as it changes; and who reads an older version
+pays for a copy of its own, once. The reducer reads the newest.
 
 An older version refers to newer ones and never the other way round: what nobody holds any more is
-freed. A version may be handed to another thread once no thread makes new versions of it.
+freed. Reading an older version moves it to its own table, so versions that share one belong to one
+thread at a time.
 """
 
 from __future__ import annotations
