@@ -31,7 +31,7 @@ class Ways:
 
     def __init__(self, tree: Tree, metric: Metric) -> None:
         self._metric = metric
-        known = tree.vertices
+        known = dict(tree.vertices.items())
         beside = neighbours_in(known)
         self._near = {cell: beside(cell) for cell in known}
         self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
