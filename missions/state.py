@@ -111,6 +111,8 @@ class VehicleState:
     """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
     passed_s: float | None = None
     """When it flew past the end of a leg without a stop."""
+    landed_away_m: float = 0.0
+    """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
     note: str = ""
 
     @property
@@ -122,6 +124,11 @@ class VehicleState:
     def cruise_height_m(self) -> float:
         """Its layer, above its own home."""
         return self.cruise_altitude_m - self.home_level_m
+
+    @property
+    def away(self) -> bool:
+        """Whether somebody has to look for it: not on the ground, or on the ground elsewhere."""
+        return not self.landed or bool(self.landed_away_m) or self.phase in (Phase.DOWN, Phase.LOST)
 
     @property
     def level_m(self) -> float:

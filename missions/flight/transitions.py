@@ -135,6 +135,7 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
         remaining_wh=event.remaining_wh,
         drawn_w=0.0,
         landed=not event.airborne,
+        landed_away_m=0.0,
         order=StandDown() if phase is Phase.YIELDED else None,
         last_order=None,
         return_reason=None,
@@ -189,7 +190,7 @@ def _on_its_way_home(
 
 @_changed.register
 def _(event: LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    up = replace(vehicle, landed=False)
+    up = replace(vehicle, landed=False, landed_away_m=0.0)
     if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
         # a take-off that nobody acknowledged, and that was given up: it cannot stay up there
         note = vehicle.note or "it left the ground without an order"
@@ -294,9 +295,13 @@ def _(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
         at_target=False,
         spare_pad=None,
     )
-    if vehicle.phase is Phase.YIELDED:
-        return landed
     away_m = position.distance_to(vehicle.pad)
+    if vehicle.phase is Phase.YIELDED:
+        if away_m <= PAD_M:
+            return landed
+        # it stays whose it is; but somebody has to know, also where all is explored without it
+        note = f"{vehicle.note}; it landed {away_m:.0f} m from its pad"
+        return replace(landed, landed_away_m=away_m, note=note)
     if away_m > PAD_M or vehicle.phase is Phase.DOWN:
         away = f"it landed {away_m:.0f} m from its pad"
         note = f"{vehicle.note}; {away}" if vehicle.note else away
@@ -380,6 +385,7 @@ def _(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
         position=event.position,
         height_m=event.height_m,
         landed=not airborne,
+        landed_away_m=0.0,
         order=None,
         braking_until_s=event.t_s + BRAKING_S if airborne else None,
         fruitless_sorties=0,

@@ -39,6 +39,8 @@ INSIDE_M = 0.5
 PAD_WAVER_M = 2.0
 """How far the position may be off that a vehicle lands by."""
 
+LIES = ("gps_glitch", "gps_drift")
+"""Faults under which nobody can know where a vehicle stands."""
 RIM_CELLS = 1
 """So many cells of the rim, half of them region, may come out as not: that is noise, not a lie."""
 
@@ -51,8 +53,8 @@ n flights; ok exit 0; inc exit 3; down exit 4; other exit 2; home, away: everybo
 or somebody elsewhere; air in the air at the end; crash; breach somebody left the fence; late ...
 and was neither on the ground nor in RTL or LAND 60 s later; far ... nor before it was 150 m
 outside; res landed with less than the reserve; lie exit 0 with cells missed (beyond one of the
-rim) or somebody not at home; unrep a crash, or somebody in the air, of which no word was said; end
-no end; tb a traceback."""
+rim) or somebody not at home; unrep a crash, or somebody in the air or elsewhere, of which no word
+was said (exit 4); end no end; tb a traceback."""
 
 
 class NoEndError(Exception):
@@ -156,7 +158,7 @@ class Flown:
             "far": any(c.unheld_m > FAR_M for c in craft),
             "res": self.truth.reserve_violations > 0,
             "lie": self.code == 0 and (self._missed > RIM_CELLS or crashed or air),
-            "unrep": (crashed or air) and not told,
+            "unrep": (crashed or air or (away and not self.name.startswith(LIES))) and not told,
             "end": "no end" in self.raised,
             "tb": bool(self.raised) and "no end" not in self.raised,
         }

@@ -187,13 +187,13 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
         _show(summary, folder, as_json=as_json)
     for line in summary.get("aircraft_down", ()):
         complain(line)
-    if summary["completed"]:
-        return 0
-    if "aircraft_down" in summary:
+    if not summary["completed"] and "aircraft_down" in summary:
         # a simulated world ends with its flight: the aircraft begin again at home
         how = "" if summary.get("seed") is None else " --from-home"
         complain(f"to go on: uavmap resume {folder}{how}")
-    return AIRCRAFT_DOWN if summary.get("aircraft_down") else INCOMPLETE
+    if summary.get("aircraft_down"):  # also where everything is mapped
+        return AIRCRAFT_DOWN
+    return 0 if summary["completed"] else INCOMPLETE
 
 
 def _show(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> None:

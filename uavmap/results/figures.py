@@ -10,7 +10,6 @@ from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
 from missions.explorers.bounds import drift_factor
-from missions.guardian import PAD_M
 from missions.state import Phase, Setting, State, VehicleState
 from missions.step import step
 from missions.units import GridPoint
@@ -227,10 +226,7 @@ def aircraft_down(setting: Setting, state: State) -> list[str]:
     """The aircraft that somebody has to look after, each with its place."""
     lines = []
     for number, vehicle in sorted(state.vehicles.items()):
-        # a pilot or a failsafe may have landed it anywhere
-        away_m = vehicle.position.distance_to(vehicle.home)
-        elsewhere = vehicle.phase is Phase.YIELDED and away_m > PAD_M
-        if vehicle.phase in (Phase.DOWN, Phase.LOST) or not vehicle.landed or elsewhere:
+        if vehicle.away:
             place = setting.grid.position(vehicle.position)
             where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
             lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")

@@ -49,6 +49,7 @@ from missions.step import Orders, step
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
 from tests.small_missions import mission, square
+from uavmap.results.figures import aircraft_down
 
 HOME = GridPoint(0.0, 0.0)
 ROOT = Cell(2, 6)
@@ -728,3 +729,20 @@ def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
     service.post(Airborne(1, 8.0))
     service.track(1, GridPoint(0.0, -500.0))
     assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
+
+
+@pytest.mark.parametrize(("east_m", "away"), [(1.0, False), (40.0, True)])
+def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: bool) -> None:
+    """Nobody of ours lands it, so nobody of ours calls it down: but it has to be fetched."""
+    service = Service(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    service.exploring()
+    service.post(Overridden(1, 30.0, "LAND"))
+    service.post(Landed(1, 60.0, 10.0, position=GridPoint(east_m, 0.0)))
+    vehicle = service.state.vehicles[1]
+    assert vehicle.phase is Phase.YIELDED
+    assert vehicle.away is away
+    assert ("from its pad" in vehicle.note) is away
+    lines = aircraft_down(service.setting, service.state)
+    assert len(lines) == away
+    service.post(Released(1, 70.0, GridPoint(east_m, 0.0), 5.0))
+    assert not service.state.vehicles[1].landed_away_m
