@@ -230,7 +230,9 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
     # a take-off that is interrupted on its way leaves the vehicle in the air
-    climbing = isinstance(vehicle.order, TakeOff) or vehicle.phase is Phase.YIELDED
+    # (one that was set down elsewhere may stand higher than its home)
+    yielded = vehicle.phase is Phase.YIELDED and not vehicle.landed_away_m
+    climbing = isinstance(vehicle.order, TakeOff) or yielded
     return replace(
         vehicle,
         landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),

@@ -16,6 +16,7 @@ from missions.events import (
     Event,
     FrameSeen,
     Landed,
+    LiftedOff,
     LinkLost,
     LookEnded,
     OrderFailed,
@@ -746,3 +747,17 @@ def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: b
     assert len(lines) == away
     service.post(Released(1, 70.0, GridPoint(east_m, 0.0), 5.0))
     assert not service.state.vehicles[1].landed_away_m
+
+
+def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> None:
+    """Heights are above home: who stands on a hill is not in the air for that, and it is over."""
+    service.connect()
+    hill = GridPoint(30.0, 20.0)
+    service.post(Airborne(1, 8.0), Overridden(1, 10.0, "LOITER"))
+    service.post(Tracked(1, 11.0, hill, 9.0, 50.0), Landed(1, 20.0, 49.0, position=hill))
+    assert service.state.over
+    service.post(Tracked(1, 21.0, hill, 3.0, 49.0))
+    assert service.state.vehicles[1].landed
+    assert service.state.over
+    service.post(LiftedOff(1, 30.0))
+    assert not service.state.over
