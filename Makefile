@@ -13,7 +13,7 @@ run: setup
 	$(BIN)/uavmap fly runway --sim
 
 test: setup
-	$(BIN)/pytest -q -rs -n auto --dist loadfile
+	$(BIN)/pytest -q -rfEs -n auto --dist loadfile
 
 check: setup
 	$(BIN)/ruff check .

@@ -7,7 +7,7 @@
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
     ├── RoiError                a file or option that does not describe a ROI
-    ├── StudyError          a study that cannot run: an extra is missing, a scheduler is silent
+    ├── StudyError              a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── EventError              an event with a number that no journal can hold; a ValueError, too
     ├── OutputError             a file that cannot be written, or of a kind that is not written

@@ -207,7 +207,7 @@ class GivenUp:
 
 @dataclass(frozen=True, slots=True)
 class OrderFailed:
-    """An order could not be carried out; the vehicle takes no more part."""
+    """An order could not be carried out; the vehicle comes home and takes no further part."""
 
     vehicle: int
     t_s: float

@@ -47,10 +47,18 @@ OFF_PATH_HOME_S: Final = 5.0
 """A jump of the position estimate is flown back from by the autopilot itself, in some seconds."""
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
-"""Who is carried away from its goal this fast for so long cannot hold its position."""
+"""A vehicle that moves away from its goal this fast for so long is carried away."""
+SWEPT_M_S: Final = 6.0
+SWEPT_SHARE: Final = 1.2
+SWEPT_S: Final = 3.0
+"""One that is carried away faster than this, and than it flies, can do nothing against it."""
+BLOWN_S: Final = 2.0
+"""In a wind that the airframe cannot hold, being carried away for so long is enough."""
+HOPELESS: Final = 1.5
+"""In so many times the wind that it can hold it lands before it is seen to be carried away."""
 OUTSIDE_S: Final = 2.0
 RECOVERY_S: Final = 6.0
-"""After a rung of the ladder it must get better within this time."""
+"""A rung of the ladder has to help within this time."""
 HEIGHT_LOST_M: Final = 4.0
 HEIGHT_LOST_SHARE: Final = 0.35
 HEIGHT_LOST_S: Final = 3.0
@@ -58,12 +66,18 @@ DOWN_M: Final = 0.8
 DOWN_S: Final = 4.0
 DOWN_M_S: Final = 0.7
 """Below this height, no faster than this, for so long: it lies on the ground."""
+FALL_M_S: Final = 4.0
+"""Nobody descends this fast: it falls."""
+STANDS_S: Final = 20.0
+"""Motors that still turn so long after a touch-down will be stopped by nobody but the crew."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
 """A vehicle is looked for on its path no farther ahead than it can have flown."""
 PAD_M: Final = 5.0
 """A landing nearer to its pad than this is a landing at home."""
+QUICK_M: Final = 2.0
+"""Down to this height a vehicle that is carried away descends quickly."""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
 SPENT_S: Final = 2.5
@@ -122,6 +136,11 @@ class Verdict:
 
     rung: Literal["report", "rtl", "land", "crashed"]
     reason: str
+    hurry: bool = False
+    """It is carried away: descend as fast as it flies to `QUICK_M`, and land only from there.
+
+    A landing takes twenty seconds for the last ten metres, in which a storm carries it 200 m.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,11 +156,15 @@ class Guard:
     was_up: bool = False
     at_height: bool = False
     down: bool = False
+    height_m: float = 0.0
+    fell: bool = False
+    """It came down faster than anybody flies it."""
     along_m: float = 0.0
     """How far along its path it has come."""
     best_m: float = float("inf")
     best_s: float = 0.0
     receding_since_s: float | None = None
+    swept_since_s: float | None = None
     last_gap_m: float | None = None
     last_s: float | None = None
     off_since_s: float | None = None
@@ -152,7 +175,7 @@ class Guard:
     spent_since_s: float | None = None
 
     def told(self, task: Task) -> Guard:
-        """This guard after a new order; what it has taken over it keeps."""
+        """This guard after a new order; a vehicle that it has taken over it keeps."""
         if self.action is not None:
             return self
         again = task.doing == "climb"  # from the ground: what was before is over
@@ -166,7 +189,6 @@ class Guard:
             along_m=0.0,
             best_m=float("inf"),
             best_s=task.since_s,
-            receding_since_s=None,
             last_gap_m=None,
             off_since_s=None,
             sunk_since_s=None,
@@ -190,8 +212,10 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     Call it about once a second. A verdict of `rtl` or `land` is in force at once: the guard that
     is returned has it as its action.
     """
-    if seen.mode == "other" and seen.armed:
-        return guard.released(), None
+    guard = _falling(guard, seen)
+    if seen.mode == "other" and seen.armed and not (guard.fell and _low(seen)):
+        free = guard.released()
+        return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
     guard = replace(
         guard,
         was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
@@ -232,7 +256,7 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     """The guard with distances to the goal, the path and the fence taken in."""
     path = _goal(guard, seen)
     task = guard.task
-    if guard.action == "land" or not path or task.doing in ("climb", "land", "ground"):
+    if guard.action == "land" or not path or task.doing in ("land", "ground"):
         path = path if guard.action == "rtl" else ()
     outside_m = float(limits.fence.outer.distance(Point(seen.position)))
     guard = replace(
@@ -244,9 +268,12 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         return replace(guard, last_gap_m=None, receding_since_s=None, off_since_s=None)
     along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
     gap_m = _left_m(seen.position, path, along_m)
-    receding = False
+    receding = guard.receding_since_s is not None  # a new order does not bring it to rest
+    swept = guard.swept_since_s is not None
     if guard.last_gap_m is not None and guard.last_s is not None and seen.t_s > guard.last_s:
-        receding = gap_m - guard.last_gap_m > RECEDING_M_S * (seen.t_s - guard.last_s)
+        away_m_s = (gap_m - guard.last_gap_m) / (seen.t_s - guard.last_s)
+        receding = away_m_s > RECEDING_M_S
+        swept = away_m_s > max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
     allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
     off = guard.action is None and _off_path_m(seen.position, path) > allowed_m
@@ -254,10 +281,11 @@ def _measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     return replace(
         guard,
         along_m=along_m,
-        best_m=min(guard.best_m, gap_m),
+        best_m=gap_m if progressed else guard.best_m,
         best_s=seen.t_s if progressed else guard.best_s,
         last_gap_m=gap_m,
         receding_since_s=_since(guard.receding_since_s, receding, seen.t_s),
+        swept_since_s=_since(guard.swept_since_s, swept, seen.t_s),
         off_since_s=_since(guard.off_since_s, off, seen.t_s),
         sunk_since_s=_since(
             guard.sunk_since_s, guard.action is None and guard.at_height and sunk, seen.t_s
@@ -311,22 +339,43 @@ def _off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
 
 
 # --- what follows -----------------------------------------------------------------------------
+def _falling(guard: Guard, seen: Seen) -> Guard:
+    """The guard with the height, and with whether the vehicle falls."""
+    fell = guard.fell
+    if guard.last_s is not None and seen.t_s > guard.last_s:
+        sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
+        limit_m_s = FALL_M_S / 2 if guard.task.doing == "climb" else FALL_M_S
+        # on the ground a height only jumps: arming sets it to zero anew
+        in_air = guard.was_up or seen.airborne
+        fell = in_air and (sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M))
+    return replace(guard, height_m=seen.height_m, fell=fell)
+
+
+def _low(seen: Seen) -> bool:
+    """Whether it has no height, and does not move."""
+    return seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
+
+
 def _crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
-    """Down without having been told to land: motors off away from home, or no height."""
-    if guard.down or not guard.was_up:
+    """Down without having been told to land: it fell, motors off away from home, or no height."""
+    if guard.down:
         return guard, None
+    if guard.fell and _low(seen):
+        return replace(guard, down=True), Verdict("crashed", f"it fell, {_off_home(seen)}")
     at_home = seen.position.distance_to(seen.home) <= PAD_M
     landing = guard.action == "land" or guard.task.doing == "land" or seen.mode == "land"
     if not seen.armed:
-        if landing or at_home:
-            return guard.released(), None
+        if not guard.was_up or landing or at_home:
+            return (guard.released() if guard.was_up else guard), None
         reason = f"its motors are off, {_off_home(seen)}"
         return replace(guard, down=True), Verdict("crashed", reason)
     returning = guard.action == "rtl" or seen.mode == "rtl"
-    expected = landing or (returning and at_home) or guard.task.doing in ("ground", "climb")
-    low = not expected and seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
+    # a landing, or a climb that does not begin, may take its time at the ground
+    expected = landing or (returning and at_home) or not guard.was_up
+    expected = expected or guard.task.doing in ("ground", "climb")
+    low = _low(seen) and (guard.was_up or seen.airborne)
     guard = replace(guard, low_since_s=_since(guard.low_since_s, low, seen.t_s))
-    if _lasted(limits, guard.low_since_s, seen.t_s, DOWN_S):
+    if _lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None
 
@@ -348,9 +397,9 @@ def _is_spent(limits: Limits, seen: Seen) -> bool:
 
 def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     """Land while the energy for it is there."""
-    if guard.action == "land" or guard.task.doing == "land":
-        return None
-    if not _lasted(limits, guard.spent_since_s, seen.t_s, SPENT_S) or seen.remaining_wh is None:
+    spent = _lasted(limits, guard.spent_since_s, seen.t_s, SPENT_S)
+    landing = guard.action == "land" or seen.mode == "land"
+    if seen.remaining_wh is None or landing or not spent:
         return None
     need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
     return Verdict(
@@ -369,15 +418,25 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         )
         return Verdict("land", "it was told to land, and hovers") if hovers else None
     reason = _wrong(limits, guard, seen)
+    if guard.action == "rtl" and seen.mode == "follow":
+        # it did not take the command, or was told something else
+        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
+        return Verdict("land", "it does not return by its autopilot") if due else None
+    if _lasted(limits, guard.swept_since_s, seen.t_s, SWEPT_S):
+        # nothing that it flies helps, and a climb would cost the time to land near
+        return Verdict("land", "it is carried off faster than it flies", hurry=True)
+    blown = _blown_away(limits, guard, seen)
+    if blown is not None:
+        return Verdict("land", blown, hurry=True)
     if reason is None:
         return None
     if guard.action == "rtl":
         # the climb to its return height comes first, and is no fault
         settled = seen.t_s - guard.acted_s >= RECOVERY_S + limits.slack_s
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
-    blown = _blown_away(limits, guard, seen)
-    if blown is not None:
-        return Verdict("land", blown)
+    if guard.outside_m > 0.0 and _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
+        # what leads it astray would lead its autopilot astray, too, and a climb costs the time
+        return Verdict("land", f"{reason}, outside of the geofence", hurry=True)
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:
@@ -392,7 +451,8 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     limit_m_s = limits.energy.max_airspeed_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
-    if not _lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
+    hopeless = seen.wind_m_s >= HOPELESS * limit_m_s
+    if not hopeless and not _lasted(limits, guard.receding_since_s, seen.t_s, BLOWN_S):
         return None
     return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
 

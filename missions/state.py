@@ -26,7 +26,11 @@ _ORIGIN = GridPoint(0.0, 0.0)
 
 
 BRAKING_S = 8.0
-"""A vehicle that is not at rest by then is taken to be (blown about by the wind)."""
+"""After so long an interrupted vehicle counts as at rest, even if the wind blows it about."""
+
+
+PASSING_S = 3.0
+"""So long a vehicle that has flown past the end of a leg may still be on the move."""
 
 
 class Phase(StrEnum):
@@ -102,9 +106,11 @@ class VehicleState:
     """Whether the operator has cleared it for take-off; a flight uses the clearance up, a battery
     swap or a resume renews it. Nothing takes off beside people because a link came back."""
     fruitless_sorties: int = 0
-    """Sorties that the battery ended, since the last progress; the last counts itself."""
+    """Consecutive sorties that the battery ended without progress."""
     braking_until_s: float | None = None
     """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
+    passed_s: float | None = None
+    """When it flew past the end of a leg without a stop."""
     landed_away_m: float = 0.0
     """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
     note: str = ""
@@ -136,7 +142,8 @@ class VehicleState:
 
     def interrupted(self, t_s: float) -> VehicleState:
         """This vehicle with its order taken back; from a leg it has to come to rest first."""
-        if isinstance(self.order, FlyTo | Sweep):
+        moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
+        if moves or isinstance(self.order, FlyTo | Sweep):
             return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
         return replace(self, order=None)
 
@@ -214,11 +221,12 @@ class State:
     abandoned: frozenset[Cell] = frozenset()
     """ROI cells that nobody could look from: beyond the fence or out of reach."""
     memory: Memory | None = None
-    """What the explorer wants to see again."""
+    """What the explorer asked to be given at its next decision."""
     last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int]] | None = None
-    """Who was told to wait, and what was known then: nobody is asked twice for the same."""
+    """Robots that were told to wait, with the tree and the positions then: they are not asked again
+    until one of these changes."""
     undecided: frozenset[Cell] = frozenset()
-    """Cells that were looked from, with votes missing."""
+    """Cells that were looked from, where votes on the cell or on a neighbour are missing."""
     found_s: float | None = None
     """When the ROI was first confirmed."""
 

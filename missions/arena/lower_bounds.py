@@ -20,12 +20,21 @@ steps of a robot. The grid is bipartite, so a closed walk has an even number of 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.explorers.grid_paths import distances
 from missions.explorers.metric import Metric
 from missions.units import Cell
+
+COMPILED_FROM = 5000
+"""From so many cells on the search for blocks takes longer than to load the compiler."""
+
+_Ints = list[int] | NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +65,7 @@ class LowerBounds:
         """The bounds of what hangs together with `start` in a ROI."""
         steps = distances(roi, start)
         names = {cell: i for i, cell in enumerate(steps)}  # nearest first
-        near = [[names[c] for c in cell.neighbours() if c in names] for cell in steps]
+        near = [names.get(c, -1) for cell in steps for c in cell.neighbours()]
         return cls(_shells(near, list(steps.values())))
 
     def moves(self, robots: int) -> int:
@@ -132,9 +141,9 @@ def _shares(roi: Collection[Cell], start: Cell, robots: int) -> Iterator[tuple[f
         yield distance, -(-(len(far) - i) // robots)
 
 
-def _shells(near: Sequence[Sequence[int]], steps: Sequence[int]) -> tuple[Shell, ...]:
-    """Every shell, from the outermost in. `near` are the neighbours of cells that are numbered by
-    their distance `steps`.
+def _shells(near: list[int], steps: list[int]) -> tuple[Shell, ...]:
+    """Every shell, from the outermost in. Cells are numbered by their distance `steps`; `near` has
+    the four neighbours of each, -1 for none.
 
     With everything nearer than d contracted, the blocks of different components of the rest are
     different blocks. A component that the contracted vertex touches at one cell only has a bridge
@@ -142,11 +151,12 @@ def _shells(near: Sequence[Sequence[int]], steps: Sequence[int]) -> tuple[Shell,
     components with several entries are searched.
     """
     shells: list[Shell] = []
-    component = list(range(len(near)))
-    walks = [0] * len(near)  # of a component, at its representative
+    component = list(range(len(steps)))
+    walks = [0] * len(steps)  # of a component, at its representative
     same_parity = [0, 0]
     total = 0
-    end = len(near)
+    search = _Search(near, steps)
+    end = len(steps)
     while end > 1:
         distance = steps[end - 1]
         begin = end - 1
@@ -154,8 +164,8 @@ def _shells(near: Sequence[Sequence[int]], steps: Sequence[int]) -> tuple[Shell,
             begin -= 1
         entries: dict[int, list[int]] = {}
         for cell in range(begin, end):
-            for other in near[cell]:
-                if steps[other] > distance:
+            for other in near[4 * cell : 4 * cell + 4]:
+                if other >= 0 and steps[other] > distance:
                     a, b = _find(component, cell), _find(component, other)
                     if a != b:
                         component[b] = a
@@ -166,7 +176,7 @@ def _shells(near: Sequence[Sequence[int]], steps: Sequence[int]) -> tuple[Shell,
             before = walks[top]
             walks[top] = before + 2
             if len(cells) > 1:
-                walks[top] = _block_steps(near, steps, cells[0], begin, end)
+                walks[top] = search.block_steps(cells[0], begin, end)
             total += walks[top] - before
         same_parity[distance % 2] += end - begin
         shells.append(Shell(distance, same_parity[distance % 2], total))
@@ -182,46 +192,80 @@ def _find(component: list[int], cell: int) -> int:
     return cell
 
 
+class _Search:
+    """`_block_steps` again and again in one ROI, with room that is laid out once; compiled where
+    there is a compiler and enough to do."""
+
+    def __init__(self, near: list[int], steps: list[int]) -> None:
+        self._count = 0
+        self._blocks = _compiled() if len(steps) >= COMPILED_FROM else _block_steps
+        room: list[_Ints] = [near, steps, *([0] * len(steps) for _ in range(6))]
+        if self._blocks is not _block_steps:
+            room = [np.array(values, np.int64) for values in room]
+        self._room = room
+
+    def block_steps(self, first: int, begin: int, end: int) -> int:
+        """The sum over the blocks of the component that has the cell `first`."""
+        total, self._count = self._blocks(first, begin, end, self._count, *self._room)
+        return int(total)
+
+
+@cache
+def _compiled() -> Callable[..., tuple[int, int]]:
+    # numba takes a second to import
+    from missions.kernels.jit import COMPILED, kernel  # noqa: PLC0415
+
+    return kernel(_block_steps) if COMPILED else _block_steps
+
+
 def _block_steps(
-    near: Sequence[Sequence[int]], steps: Sequence[int], first: int, begin: int, end: int
-) -> int:
+    first: int,
+    begin: int,
+    end: int,
+    count: int,
+    near: _Ints,
+    steps: _Ints,
+    order: _Ints,
+    low: _Ints,
+    above: _Ints,
+    place: _Ints,
+    turn: _Ints,
+    found: _Ints,
+) -> tuple[int, int]:
     """The sum of 2 max(black, white) over the blocks of one component and the contracted vertex.
 
-    Tarjan's search for biconnected components, begun at the contracted vertex, which the search
-    numbers 0; it touches the cells `begin` to `end`, of which `first` is one of the component.
+    Tarjan's search for biconnected components, begun at the contracted vertex, which touches the
+    cells `begin` to `end`, of which `first` is one of the component. It numbers the contracted
+    vertex `count` and the cells from there on; the last number comes back, for the next search.
     """
-    order = [0] * len(near)
-    low = [0] * len(near)
-    above = [-1] * len(near)
-    place = [0] * len(near)
-    rest: list[Iterator[int]] = [iter(())] * len(near)
-    order[first] = low[first] = count = 1
-    rest[first] = iter(near[first])
-    found = [first]
-    cell, total = first, 0
-    while True:
-        for other in rest[cell]:
+    base, count = count, count + 1
+    order[first], low[first], above[first], turn[first] = count, count, -1, 0
+    place[first], found[0] = 0, first
+    size, cell, total = 1, first, 0
+    while cell >= 0:
+        if turn[cell] < 4:
+            other = near[4 * cell + turn[cell]]
+            turn[cell] += 1
             if other < begin or other == above[cell]:
                 continue
-            if order[other]:
+            if order[other] > base:
                 low[cell] = min(low[cell], order[other])
                 continue
             count += 1
-            order[other] = count
-            low[other] = 0 if other < end else count
-            above[other], place[other], rest[other] = cell, len(found), iter(near[other])
-            found.append(other)
-            cell = other
-            break
-        else:
-            top = above[cell]
-            if top < 0 or low[cell] >= order[top]:
-                # the contracted vertex is of the colour that the cells next to it are not of
-                odd = (steps[begin] - 1 if top < 0 else steps[top]) % 2
-                black = odd + sum(steps[c] % 2 for c in found[place[cell] :])
-                total += 2 * max(black, len(found) - place[cell] + 1 - black)
-                del found[place[cell] :]
-            if top < 0:
-                return total
+            order[other], low[other] = count, base if other < end else count
+            above[other], place[other], turn[other] = cell, size, 0
+            found[size] = cell = other
+            size += 1
+            continue
+        top = above[cell]
+        if top < 0 or low[cell] >= order[top]:
+            # the contracted vertex is of the colour that the cells next to it are not of
+            black = (steps[begin] - 1 if top < 0 else steps[top]) % 2
+            for i in range(place[cell], size):
+                black += steps[found[i]] % 2
+            total += 2 * max(black, size - place[cell] + 1 - black)
+            size = place[cell]
+        if top >= 0:
             low[top] = min(low[top], low[cell])
-            cell = top
+        cell = top
+    return total, count

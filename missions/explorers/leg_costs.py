@@ -8,6 +8,7 @@ the way over known cells.
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cache
 
 from missions.explorers.metric import Metric
 from missions.mapping.breadth_first import neighbours_in, reached
@@ -31,16 +32,16 @@ class Ways:
 
     def __init__(self, tree: Tree, metric: Metric) -> None:
         self._metric = metric
-        known = tree.vertices
-        beside = neighbours_in(known)
-        self._near = {cell: beside(cell) for cell in known}
+        known = dict(tree.vertices.items())
+        # most ways are short: who asks for the next cell should not pay for the whole map
+        self._near = cache(neighbours_in(known))
         self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
         """The known cells that nobody has looked from, in the order in which they were found."""
 
     def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:
         """Steps from a vertex to every vertex over known cells, nearest first; with `until` no
         farther than to the nearest of these."""
-        return reached(self._near.__getitem__, start, until)
+        return reached(self._near, start, until)
 
     def nearest(self, start: Cell, goals: Collection[Cell]) -> list[Cell]:
         """Those of some vertices that are nearest to one: several when they are equally near."""
@@ -68,7 +69,7 @@ class Ways:
         if self._metric.straight and self._is_straight(start, goal):
             return goal
         steps = self.steps(goal, [start])
-        return min((n for n in self._near[start] if n in steps), key=steps.__getitem__)
+        return min((n for n in self._near(start) if n in steps), key=steps.__getitem__)
 
     def _is_straight(self, start: Cell, end: Cell) -> bool:
         passable = self._metric.passable

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from missions.explorers.grid_paths import distances
 from missions.explorers.interface import Situation
 from missions.explorers.metric import Metric
+from missions.explorers.step_table import StepTable
 from missions.mapping.tree import Tree
 from missions.units import Cell
 
@@ -159,8 +160,15 @@ class Sites:
     """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
 
     @classmethod
-    def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
-        """The nodes are the vertices that nobody has looked from or is bound for."""
+    def of(
+        cls,
+        situation: Situation,
+        ground: Ground,
+        places: Mapping[int, Cell],
+        table: StepTable | None = None,
+    ) -> Sites:
+        """The nodes are the vertices that nobody has looked from or is bound for. With the `table`
+        of the last decision the steps between them are counted soonest."""
         from missions.kernels import ground as kernels  # noqa: PLC0415, as above
 
         tree, metric = situation.tree, situation.metric
@@ -174,7 +182,10 @@ class Sites:
         if metric.straight:
             legs = _straight(metric, cells)
         else:
-            legs = kernels.spread(ground.near, numbers)[:, numbers].astype(np.float64)
+            height = ground.picture.size // ground.width
+            legs = (table or StepTable()).between(
+                ground.corner, ground.width, height, ground.cells, numbers
+            )
         return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
 
     def routes(

@@ -4,8 +4,8 @@ Every vehicle flies in its layer; whoever climbs or descends claims the column o
 (`missions.flight.volumes`). An order that would meet a claim waits, and its vehicle holds. Heights
 here are above the home of the vehicle that spoke first, so homes need not be level.
 
-Whom nobody can tell to make way claims all the air that it may be in: a silent vehicle flies on
-with its last order, and may return by itself; a pilot or a failsafe may go anywhere near. When
+A vehicle that cannot be told to make way claims all the air that it may be in: a silent one flies
+on with its last order, and may return by itself; a pilot or a failsafe may go anywhere near. When
 such a claim changes, orders under way are checked again (`revise`).
 """
 
@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from missions.flight.lane_progress import lane_left
 from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import route_length_m
 from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
@@ -22,13 +23,16 @@ from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
 RTL_HEIGHT_M = 30.0
-"""PX4's return height; ArduCopter's is 15 m."""
+"""Up to this height above home a vehicle is expected that returns by its autopilot: the height
+of PX4; that of ArduCopter is 15 m."""
 SEPARATION_BUFFER_M = 2.0
 """What two vehicles may stray towards each other while they keep their distance."""
 OFF_LAYER_M = 1.5
 """A vehicle that is farther from its layer claims all heights between."""
+WAY_TIMES = (1.5, 2.5, 4.0)
+"""How far a vehicle flies to make way, in the distances that claims keep; the nearest first."""
 UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
-"""In the air, nobody can tell these to make way."""
+"""Phases of vehicles that, in the air, cannot be told to make way."""
 
 
 def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> State:
@@ -51,7 +55,7 @@ def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order
 
 
 def revise(setting: Setting, state: State) -> State:
-    """Stop whoever flies towards air that somebody claims whom nobody can tell to make way."""
+    """Stop vehicles that fly towards air claimed by one that cannot be told to make way."""
     untold = [v for v in state.vehicles.values() if v.phase in UNTOLD and not v.landed]
     if not untold:
         return state
@@ -62,12 +66,43 @@ def revise(setting: Setting, state: State) -> State:
             continue
         here = _here(vehicle)
         volume = _volume(setting, state, vehicle, vehicle.order)
+        leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
+        end = replace(volume, path=volume.path[-1:])
         for claim in (c for other in untold for c in _untold_claims(setting, state, other)):
-            # who is in that air already must be free to leave it
-            if volume.meets(claim, distance_m) and not here.meets(claim, distance_m):
-                state = state.with_vehicle(vehicle.interrupted(state.t_s))
+            inside = here.meets(claim, distance_m)
+            if inside and (leaves or not end.meets(claim, distance_m)):
+                continue
+            if volume.meets(claim, distance_m):
+                state = state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
                 break
     return state
+
+
+def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    """Order a vehicle out of air that is claimed by one that cannot be told to make way.
+
+    None where it is in no such air, or where no place beside it is free.
+    """
+    distance_m = _distance_m(setting)
+    claims = [
+        claim
+        for other in state.vehicles.values()
+        if other.vehicle != vehicle.vehicle and other.phase in UNTOLD and not other.landed
+        for claim in _untold_claims(setting, state, other)
+    ]
+    if not any(_here(vehicle).meets(claim, distance_m) for claim in claims):
+        return None
+    for times in WAY_TIMES:
+        for eighth in range(8):
+            spot = _around(vehicle.position, eighth, times * distance_m)
+            route = setting.fence.route(vehicle.position, spot)
+            order = FlyTo(route or (spot,), None, stop=True, height_m=vehicle.cruise_height_m)
+            at_spot = replace(vehicle, position=spot)
+            free = not any(_here(at_spot).meets(claim, distance_m) for claim in claims)
+            if free and route is not None and is_clear(setting, state, vehicle, order):
+                off_lane = lane_left(vehicle, setting.grid.cell_m)
+                return state.with_vehicle(replace(off_lane, order=order, at_target=False))
+    return None
 
 
 def hold(state: State, vehicle: VehicleState) -> State:
@@ -105,7 +140,8 @@ def _detours(
 ) -> list[FlyTo]:
     """Ways home round the columns of others, the shortest first.
 
-    A landing takes half a minute, which who comes home for a battery cannot always wait.
+    A landing takes half a minute: a vehicle that comes home for a battery cannot always wait so
+    long.
     """
     fence, away_m = setting.fence, 2 * _distance_m(setting)
     ways = []
@@ -198,7 +234,7 @@ def _claims(
 
 
 def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[Volume]:
-    """The air that a vehicle may be in, whom nobody can tell to make way.
+    """The air in which a vehicle may be that cannot be told to make way.
 
     A silent one flies on with its last order, and its failsafe may bring it home from any point of
     that, at its return height. One that returns flies straight home. A pilot's goes anywhere near.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.flight.deconfliction import give_if_clear, hold, revise, where
+from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
@@ -21,11 +21,11 @@ from missions.state import Phase, Setting, State, VehicleState
 from missions.units import GridPoint
 
 MOST_FRUITLESS_SORTIES = 3
-"""So many in a row, and the next place counts as out of reach."""
+"""After so many in a row the next place counts as out of reach."""
 FRESH = 0.9
 """From this part of its capacity on a battery counts as fresh."""
 LEAST_HEIGHT_M = 3.0
-"""No layer may lie nearer above the pad of its vehicle."""
+"""The least height of a layer above the pad of its vehicle."""
 
 
 def assign(setting: Setting, state: State) -> State:
@@ -51,6 +51,9 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return hold(state, vehicle)
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
+    given_way = give_way(setting, state, vehicle)
+    if given_way is not None:
+        return given_way
     if state.tree is None:
         return search(setting, state, vehicle)
     return explore(setting, state, vehicle)
@@ -70,6 +73,13 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         state = find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     target = _first_target(setting, state, vehicle)
+    if target is None and not setting.lanes and state.tree is None:
+        note = (
+            "no part of the search box can be flown inside the geofence; move the one or the other"
+        )
+        return state.with_vehicle(
+            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+        )
     if target is None:
         return state
     if refusal := _unfit(setting, vehicle):

@@ -23,7 +23,8 @@ REACTION_S = 3.0
 OVER_HOME_M = 1.0
 """A vehicle that is nearer to its pad may land."""
 BESIDE_M = 20.0
-"""How far a vehicle flies at most from a blocked pad to land beside it."""
+"""Within this distance a vehicle stands beside its pad, not away from it. The energy to fly so far
+is kept while it waits for a blocked pad."""
 
 
 def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:

@@ -52,9 +52,9 @@ def idle_in_search(vehicle: VehicleState) -> bool:
 
 
 def find_work(state: State, vehicle: VehicleState) -> State:
-    """Look at what one who dropped out suspected; or help whoever has most lanes left.
+    """Take over a suspicion of a vehicle that dropped out, or lanes of the one with most left.
 
-    Lanes are taken from the far end, and all from one who dropped out.
+    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes.
     """
     for other in state.vehicles.values():
         gone = other.phase not in (Phase.AIRBORNE, Phase.GROUNDED)

@@ -28,9 +28,10 @@ from missions.events import (
     Tracked,
 )
 from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.return_home import BESIDE_M
 from missions.flight.sightings import frame_seen, look_ended
 from missions.guardian import PAD_M
-from missions.orders import AwaitBattery, Land, ReturnToLaunch, StandDown, TakeOff
+from missions.orders import AwaitBattery, FlyTo, Land, ReturnToLaunch, StandDown, TakeOff
 from missions.state import BRAKING_S, Phase, ReturnReason, Setting, State, VehicleState
 
 _DRAW_SMOOTHING_S = 15.0
@@ -39,12 +40,12 @@ LIFTED_M = 1.0
 REST_M_S = 0.5
 """A vehicle that is slower has come to rest."""
 LEVEL_M = 1.0
-"""Homes that differ less in height are level: so far satellite navigation wavers."""
+"""Homes that differ less in height count as level: satellite navigation is no better."""
 MOST_FRAMES_LOST = 5
-"""So many pictures lost in a row, and the vehicle comes home."""
+"""After so many lost pictures in a row the vehicle comes home."""
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 MOST_EMPTY_PASSES = 2
-"""So many lanes flown in a row without a frame judged, and the vehicle comes home."""
+"""After so many lanes in a row without a judged frame the vehicle comes home."""
 
 
 def apply(setting: Setting, state: State, event: Event) -> State:
@@ -63,12 +64,15 @@ def apply(setting: Setting, state: State, event: Event) -> State:
         state = replace(state, reference_amsl_m=event.home_amsl_m)
     changed = _changed(event, vehicle, setting)
     if isinstance(event, Connected | Airborne):
-        changed = _levelled(changed, event, state.reference_amsl_m)
+        changed = _levelled(changed, event, state.reference_amsl_m, setting)
     return state.with_vehicle(changed)
 
 
 def _levelled(
-    vehicle: VehicleState, event: Connected | Airborne, reference_amsl_m: float | None
+    vehicle: VehicleState,
+    event: Connected | Airborne,
+    reference_amsl_m: float | None,
+    setting: Setting,
 ) -> VehicleState:
     """The vehicle with the height of its home above the first home that was told.
 
@@ -78,7 +82,11 @@ def _levelled(
     if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
         return vehicle
     level_m = event.home_amsl_m - reference_amsl_m
-    return replace(vehicle, home_level_m=0.0 if abs(level_m) < LEVEL_M else round(level_m, 2))
+    team = setting.mission.team
+    # two that are both taken to be level must still keep their distance
+    level_enough_m = min(LEVEL_M, 0.5 * (team.layer_m - team.separation_m))
+    level = abs(level_m) < level_enough_m
+    return replace(vehicle, home_level_m=0.0 if level else round(level_m, 2))
 
 
 def _resume(setting: Setting, state: State) -> State:
@@ -95,7 +103,7 @@ def _resume(setting: Setting, state: State) -> State:
             spare_pad=None,
             at_target=False,
             vertex=v.vertex or root,
-            cleared=True,
+            cleared=v.phase is not Phase.DOWN,  # perhaps nobody has fetched it
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
@@ -145,11 +153,14 @@ def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState
 
 
 def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
-    """A vehicle that flew when it fell silent, and stands away from its pad now, is down there."""
+    """A vehicle that has flown, and stands away from its pad now, is down there."""
     away_m = connected.position.distance_to(connected.home)
-    if before.landed or not connected.landed or away_m <= PAD_M:
+    has_flown = not (before.landed and before.cleared)
+    # one that people put elsewhere starts with a new home; one beside a blocked pad is close
+    near = away_m <= (BESIDE_M if before.landed else PAD_M)
+    if not connected.landed or not has_flown or near:
         return connected
-    note = f"it came down {away_m:.0f} m from its pad while nobody heard it"
+    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 
@@ -219,7 +230,9 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
     # a take-off that is interrupted on its way leaves the vehicle in the air
-    climbing = isinstance(vehicle.order, TakeOff) or vehicle.phase is Phase.YIELDED
+    # (one that was set down elsewhere may stand higher than its home)
+    yielded = vehicle.phase is Phase.YIELDED and not vehicle.landed_away_m
+    climbing = isinstance(vehicle.order, TakeOff) or yielded
     return replace(
         vehicle,
         landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),
@@ -237,13 +250,20 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
 def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
         return replace(vehicle, position=event.position)
-    arrived = replace(vehicle, position=event.position, order=None)
+    stopped = isinstance(vehicle.order, FlyTo) and vehicle.order.stop
+    passed_s = None if stopped else event.t_s
+    arrived = replace(vehicle, position=event.position, order=None, passed_s=passed_s)
     if vehicle.return_reason is not None:
         return replace(arrived, over_home=True)
-    if vehicle.candidate is not None or vehicle.vertex is not None:
-        return replace(arrived, at_target=True)
+    near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there
+    cell = vehicle.vertex if vehicle.candidate is None else vehicle.candidate
+    if cell is not None:
+        target = setting.grid.to_fixed(setting.grid.centre_of(cell), event.t_s)
+        return replace(arrived, at_target=event.position.distance_to(target) <= near_m)
     if not vehicle.on_lane:
-        return replace(arrived, on_lane=bool(vehicle.lanes))
+        lanes = vehicle.lanes
+        begun = bool(lanes) and event.position.distance_to(lanes[0][0]) <= near_m
+        return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)
     if flown.empty_passes < MOST_EMPTY_PASSES:
         return flown
@@ -360,7 +380,7 @@ def _(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleStat
 
 @_changed.register
 def _(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    airborne = event.height_m > LIFTED_M
+    airborne = event.height_m > LIFTED_M or not vehicle.landed
     return replace(
         vehicle,
         phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,

@@ -43,7 +43,7 @@ def _fly_to_cell(
 ) -> State:
     target = where(setting, state, cell)
     route = setting.fence.route(vehicle.position, target)
-    if route is None or (stop and not _stays_inside(setting, state, vehicle, route, cell)):
+    if route is None or not _stays_inside(setting, state, vehicle, route, cell, look=stop):
         return _give_up(state, vehicle, cell)
     if not has_energy_for(setting, vehicle, target, setting.look_s if stop else REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
@@ -57,15 +57,18 @@ def _stays_inside(
     vehicle: VehicleState,
     route: Sequence[GridPoint],
     cell: Cell,
+    *,
+    look: bool = True,
 ) -> bool:
-    """Whether the fence still allows a drifting cell by the time that the longest look ends."""
+    """Whether the fence still allows a drifting cell when it is reached, and looked from."""
     grid, mission = setting.grid, setting.mission
     if grid.drift_speed_m_s == 0.0:
         return True
     closing_m_s = mission.flight.speed_m_s - grid.drift_speed_m_s
     there_s = route_length_m(vehicle.position, route) / closing_m_s + REACTION_S
     look_s = setting.look_s + EXTRA_FRAMES * mission.votes.frames * mission.camera.interval_s
-    then = grid.to_fixed(grid.centre_of(cell), state.t_s + there_s + look_s)
+    gone_s = there_s + (look_s if look else 0.0)
+    then = grid.to_fixed(grid.centre_of(cell), state.t_s + gone_s)
     return setting.fence.allows_leg(route[-1], then)
 
 

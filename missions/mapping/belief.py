@@ -31,6 +31,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from missions.mapping.persistent import PersistentMap, PersistentSet
 from missions.units import Cell
 
 
@@ -76,9 +77,13 @@ class Belief:
 
     frames: int
     positive: int
-    looks: Mapping[Cell, Mapping[FrameId, Verdicts]] = field(default_factory=dict)
-    roi: frozenset[Cell] = frozenset()
-    _ballots: Mapping[Cell, Mapping[Cell, Ballot]] = field(default_factory=dict)
+    looks: PersistentMap[Cell, PersistentMap[FrameId, Verdicts]] = field(
+        default_factory=PersistentMap
+    )
+    roi: PersistentSet[Cell] = field(default_factory=PersistentSet)
+    _ballots: PersistentMap[Cell, PersistentMap[Cell, Ballot]] = field(
+        default_factory=PersistentMap
+    )
     """By vantage and by cell: follows from `looks`, kept because it is asked for at every frame."""
 
     def with_frame(self, vantage: Cell, frame: FrameId, verdicts: Verdicts) -> Belief:
@@ -96,10 +101,9 @@ class Belief:
         >>> belief.in_time(Cell(0, 0), FrameId(2, 1.0), {Cell(0, 0): False, Cell(1, 0): True})
         {Cell(east=1, north=0): True}
         """
-        ballots = self._ballots.get(vantage, {})
         kept = {}
         for cell, says_roi in verdicts.items():
-            ballot = ballots.get(cell, ())
+            ballot = self._ballot(cell, vantage)
             if len(ballot) < self.frames or frame.exposed >= ballot[-1][0].exposed:
                 kept[cell] = says_roi
         return kept
@@ -117,7 +121,7 @@ class Belief:
 
     def tally(self, cell: Cell, vantage: Cell) -> Tally:
         """The votes on a cell from one vantage that count, at most `frames`."""
-        ballot = self._ballots.get(vantage, {}).get(cell, ())
+        ballot = self._ballot(cell, vantage)
         return Tally(sum(says_roi for _, says_roi in ballot), len(ballot))
 
     def fully_voted(self, vantage: Cell) -> bool:
@@ -152,25 +156,39 @@ class Belief:
         return {cell: Tally(*counts[cell]) for cell in sorted(counts)}
 
     def _with_frames(self, vantage: Cell, frames: Mapping[FrameId, Verdicts]) -> Belief:
-        at_vantage = dict(self.looks.get(vantage, {}))
-        ballots = dict(self._ballots.get(vantage, {}))
-        touched: set[Cell] = set()
+        at_vantage: PersistentMap[FrameId, Verdicts] = self.looks.get(vantage, PersistentMap())
+        ballots: PersistentMap[Cell, Ballot] = self._ballots.get(vantage, PersistentMap())
+        taken: dict[FrameId, Verdicts] = {}
+        counted: dict[Cell, Ballot] = {}
         for frame, verdicts in frames.items():
-            at_vantage[frame] = seen = _either(at_vantage.get(frame, {}), verdicts)
+            taken[frame] = seen = _either(at_vantage.get(frame, {}), verdicts)
             for cell in verdicts:
-                ballots[cell] = self._counted(ballots.get(cell, ()), frame, seen[cell])
-            touched.update(verdicts)
-        all_ballots = {**self._ballots, vantage: ballots}
-        elected = {cell for cell in touched if self._elects(ballots[cell])}
-        # one vantage says no now: another may still say yes
-        dismissed = {
+                ballot = counted.get(cell) or self._ballot(cell, vantage)
+                counted[cell] = self._counted(ballot, frame, seen[cell])
+        elected = {cell for cell, ballot in counted.items() if self._elects(ballot)}
+        taken_back = {
             cell
-            for cell in (touched - elected) & self.roi
-            if not any(self._elects(at.get(cell, ())) for at in all_ballots.values())
+            for cell in counted
+            if cell not in elected and self._elects(self._ballot(cell, vantage))
         }
-        looks = {**self.looks, vantage: at_vantage}
-        roi = (self.roi | elected) - dismissed
+        # here the maps change hands: what they were must have been read before
+        looks = self.looks.updated({vantage: at_vantage.updated(taken)})
+        all_ballots = self._ballots.updated({vantage: ballots.updated(counted)})
+        roi = self.roi.added(elected)
+        if taken_back:  # by a frame that came late: another vantage may still say yes
+            still = all_ballots.values()
+            roi = roi.without(
+                {
+                    cell
+                    for cell in taken_back
+                    if not any(self._elects(at.get(cell, ())) for at in still)
+                }
+            )
         return Belief(self.frames, self.positive, looks, roi, all_ballots)
+
+    def _ballot(self, cell: Cell, vantage: Cell) -> Ballot:
+        at_vantage = self._ballots.get(vantage)
+        return () if at_vantage is None else at_vantage.get(cell, ())
 
     def _counted(self, ballot: Ballot, frame: FrameId, says_roi: bool) -> Ballot:
         """A ballot with one more vote: the first `frames` by their time of exposure."""

@@ -16,9 +16,10 @@ Depth falls strictly from child to parent, also after a join, so there is never 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from missions.mapping.persistent import PersistentMap
 from missions.units import Cell
 
 
@@ -51,9 +52,12 @@ class Tree:
     """
 
     root: Cell
-    vertices: Mapping[Cell, Vertex]
-    _children: Mapping[Cell, tuple[Cell, ...]]
-    _unexplored_below: Mapping[Cell, int]
+    vertices: PersistentMap[Cell, Vertex]
+    _children: PersistentMap[Cell, tuple[Cell, ...]]
+    _unfinished: PersistentMap[Cell, int]
+    """Of each vertex how many of itself and its children are not done: looked from the one,
+    explored the others. So what is found below a vertex changes it, and those above it only as
+    far as it makes them unfinished or done."""
 
     @classmethod
     def rooted(cls, root: Cell) -> Tree:
@@ -63,21 +67,21 @@ class Tree:
     @classmethod
     def of(cls, root: Cell, vertices: Mapping[Cell, Vertex]) -> Tree:
         """A tree from its facts."""
-        children: dict[Cell, tuple[Cell, ...]] = dict.fromkeys(vertices, ())
-        below = dict.fromkeys(vertices, 0)
-        for cell, vertex in sorted(vertices.items()):
+        facts = vertices.items()
+        children: dict[Cell, set[Cell]] = {cell: set() for cell in vertices}
+        unfinished: dict[Cell, int] = {}
+        for cell, vertex in facts:
+            unfinished[cell] = int(not vertex.looked)
             if vertex.parent is not None:
-                children[vertex.parent] += (cell,)
-            if not vertex.looked:
-                at: Cell | None = cell
-                while at is not None:
-                    below[at] += 1
-                    at = vertices[at].parent
+                children[vertex.parent].add(cell)
+        for cell, vertex in sorted(facts, key=lambda fact: -fact[1].depth):
+            if vertex.parent is not None and unfinished[cell]:
+                unfinished[vertex.parent] += 1
         ordered = {
             cell: tuple(c for c in cell.neighbours() if c in found)
             for cell, found in children.items()
         }
-        return cls(root, dict(vertices), ordered, below)
+        return cls(root, PersistentMap(vertices), PersistentMap(ordered), PersistentMap(unfinished))
 
     def __contains__(self, cell: Cell) -> bool:
         return cell in self.vertices
@@ -99,7 +103,7 @@ class Tree:
 
     def is_explored(self, cell: Cell) -> bool:
         """Whether a vertex and everything below it is done."""
-        return self._unexplored_below[cell] == 0
+        return self._unfinished[cell] == 0
 
     def state(self, cell: Cell) -> VertexState:
         """The state of a vertex."""
@@ -126,18 +130,31 @@ class Tree:
         Neighbours that hang in the tree already are left where they are: the cycle check of
         Algorithm 1, lines 9 to 13.
         """
-        new = [c for c in roi_neighbours if c not in self.vertices]
         vertex = self.vertices[cell]
-        gained = len(new) - (not vertex.looked)
-        vertices = {**self.vertices, cell: Vertex(vertex.parent, vertex.depth, True)}
-        vertices.update((c, Vertex(cell, vertex.depth + 1)) for c in new)
-        below = {**self._unexplored_below, **dict.fromkeys(new, 1)}
-        for ancestor in self.path_up(cell):
-            below[ancestor] += gained
+        new = dict.fromkeys(c for c in roi_neighbours if c not in self.vertices)
         kept = {*self._children[cell], *new}
-        children = {**self._children, **dict.fromkeys(new, ())}
-        children[cell] = tuple(c for c in cell.neighbours() if c in kept)
-        return Tree(self.root, vertices, children, below)
+        children = dict.fromkeys(new, ()) | {cell: tuple(c for c in cell.neighbours() if c in kept)}
+        vertices = {cell: replace(vertex, looked=True)} | dict.fromkeys(
+            new, Vertex(cell, vertex.depth + 1)
+        )
+        unfinished = self._unfinished_after(cell, len(new) - (not vertex.looked))
+        return Tree(
+            self.root,
+            self.vertices.updated(vertices),
+            self._children.updated(children),
+            self._unfinished.updated(unfinished | dict.fromkeys(new, 1)),
+        )
+
+    def _unfinished_after(self, cell: Cell, gained: int) -> dict[Cell, int]:
+        """What changes when so many become unfinished below a vertex: up to where none does."""
+        changed: dict[Cell, int] = {}
+        at: Cell | None = cell
+        while at is not None and gained:
+            before = self._unfinished[at]
+            changed[at] = after = before + gained
+            gained = (after > 0) - (before > 0)
+            at = self.vertices[at].parent
+        return changed
 
     def join(self, other: Tree) -> Tree:
         """What two vehicles know of the tree once they have met.
@@ -146,7 +163,7 @@ class Tree:
         """
         if other.root != self.root:
             raise ValueError(f"trees with different roots: {self.root} and {other.root}")
-        vertices = dict(self.vertices)
+        vertices = dict(self.vertices.items())
         for cell, theirs in other.vertices.items():
             mine = vertices.get(cell, theirs)
             above = min((mine.depth, mine.parent or cell), (theirs.depth, theirs.parent or cell))

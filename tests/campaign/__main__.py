@@ -13,10 +13,10 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from . import reducer
+from . import reducer, simulated
 from .outcome import EXPLAINED, Outcome, table
 
-WORLDS: dict[str, Callable[..., Outcome]] = {"reducer": reducer.fly}
+WORLDS: dict[str, Callable[..., Outcome]] = {"reducer": reducer.fly, "sitl": simulated.fly}
 FAILURES_FILE = Path("campaign-failures.txt")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 
+from missions.events import FrameSeen, Tracked
 from missions.guardian import PAD_M
 from missions.state import Setting
 from tests.fake_fleet import Fleet
@@ -89,9 +90,7 @@ def fly(seed: int, *, verbose: bool = False) -> Outcome:
     fleet.referee.conclude(fleet, twice=seed % 5 == 0)
     if verbose:
         narrate(fleet)
-    return Outcome(
-        seed, flight.label, str(flight), counted(fleet), tuple(fleet.referee.found)
-    )
+    return Outcome(seed, flight.label, str(flight), counted(fleet), tuple(fleet.referee.found))
 
 
 def counted(fleet: Fleet) -> frozenset[str]:
@@ -109,8 +108,12 @@ def counted(fleet: Fleet) -> frozenset[str]:
 
 
 def narrate(fleet: Fleet) -> None:
-    """What happened, in the order it did."""
-    lines = [(event.t_s, 0, str(event)) for event in fleet.events]
+    """What happened, in the order it did, but for whereabouts and frames."""
+    lines = [
+        (event.t_s, 0, str(event))
+        for event in fleet.events
+        if not isinstance(event, Tracked | FrameSeen)
+    ]
     lines += [(t_s, 1, f"    -> {number}: {order}") for t_s, number, order in fleet.orders]
     for _, _, line in sorted(lines):
         print(line)

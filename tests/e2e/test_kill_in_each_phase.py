@@ -67,9 +67,7 @@ def killed_in(phase: type[Order], process: subprocess.Popen[str], journey: Journ
     return there()
 
 
-@pytest.mark.parametrize(
-    ("autopilot", "phases"), [("ardupilot", PHASES), ("px4", (TakeOff, Look))]
-)
+@pytest.mark.parametrize(("autopilot", "phases"), [("ardupilot", PHASES), ("px4", (TakeOff, Look))])
 def test_killed_in_each_phase_it_is_taken_up_and_completes(
     autopilot: str, phases: tuple[type[Order], ...], speck: object, tmp_path: Path
 ) -> None:

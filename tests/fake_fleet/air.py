@@ -10,6 +10,8 @@ ROUGHNESS_M = 0.03
 """Of a meadow: the wind is weaker near the ground."""
 REFERENCE_M = 12.0
 """Winds are told for this height."""
+STRONGEST_M_S = 25.0
+"""At any height, gusts included."""
 RAMP_S = 3.0
 """A storm comes up within this time."""
 GUST_TAU_S = 4.0
@@ -67,7 +69,8 @@ class Air:
             share = storm.share(t_s)
             east += share * storm.wind_m_s[0]
             north += share * storm.wind_m_s[1]
-        if east == north == 0.0:
+        strength = math.hypot(east, north)
+        if strength == 0.0:
             return 0.0, 0.0
-        weaker = profile(height_m)
+        weaker = min(profile(height_m), STRONGEST_M_S / strength)
         return weaker * east, weaker * north

@@ -59,6 +59,8 @@ class Aircraft:
     returning: str = ""
     crashed: bool = False
     crash_height_m: float = 0.0
+    unseen: bool = False
+    """It crashed while no process watched it."""
     motors_failed: bool = False
     stays_armed: bool = False
     """After a crash its motors go on turning: no crash detection."""
@@ -90,8 +92,9 @@ class Aircraft:
 
     @property
     def ground_speed_m_s(self) -> float:
-        """How fast it says it is."""
-        return math.hypot(*self.velocity_m_s)
+        """How fast it says it is: who falsifies positions falsifies velocities, too."""
+        (east, north), drift = self.velocity_m_s, self.drift_m_s
+        return math.hypot(east + drift[0], north + drift[1]) if self.flying else 0.0
 
     # --- what it can be told ---------------------------------------------------------------
     def take_off(self, height_m: float) -> None:
@@ -194,20 +197,22 @@ class Aircraft:
             if gap_m > 1e-9:
                 speed = min(self.speed_m_s, math.sqrt(1.4 * ACCEL_M_S2 * gap_m), gap_m / dt_s)
                 east, north = east * speed / gap_m, north * speed / gap_m
-        if self.compass_rad:
-            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
-            east, north = east * cos + north * sin, north * cos - east * sin
-        through = math.hypot(east - wind[0], north - wind[1])
-        if through > AIRSPEED_M_S:
-            share = AIRSPEED_M_S / through
-            east = wind[0] + (east - wind[0]) * share
-            north = wind[1] + (north - wind[1]) * share
+        east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
+        east, north = _through_air(east, north, wind)
         ve, vn = self.velocity_m_s
         change = math.hypot(east - ve, north - vn)
         share = 1.0 if change <= ACCEL_M_S2 * dt_s else ACCEL_M_S2 * dt_s / change
-        ve, vn = ve + (east - ve) * share, vn + (north - vn) * share
+        east, north = (east - ve) * share, (north - vn) * share
+        if self.compass_rad:  # it leans the wrong way; its velocity is measured all the same
+            sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
+            east, north = east * cos + north * sin, north * cos - east * sin
+            ve, vn = _through_air(ve + east, vn + north, wind)
+        else:  # a wind that comes up takes hold by and by
+            ve, vn = ve + east, vn + north
         self.velocity_m_s = (ve, vn)
-        self.position = GridPoint(self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s)
+        self.position = GridPoint(
+            self.position.east_m + ve * dt_s, self.position.north_m + vn * dt_s
+        )
 
     def _climb(self, dt_s: float, ground_m: float) -> None:
         landing = self.mode == "land" or (self.mode == "rtl" and self.returning == "land")
@@ -216,3 +221,12 @@ class Aircraft:
         self.height_m += max(-down_m, min(CLIMB_M_S * dt_s, goal_m - self.height_m))
         if self.height_m <= ground_m and goal_m <= ground_m:
             self._touch(ground_m)
+
+
+def _through_air(east_m_s: float, north_m_s: float, wind: Vector) -> Vector:
+    """A velocity over ground, as far as the airframe can fly it through the wind."""
+    through = math.hypot(east_m_s - wind[0], north_m_s - wind[1])
+    if through <= AIRSPEED_M_S:
+        return east_m_s, north_m_s
+    share = AIRSPEED_M_S / through
+    return wind[0] + (east_m_s - wind[0]) * share, wind[1] + (north_m_s - wind[1]) * share

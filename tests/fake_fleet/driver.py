@@ -34,7 +34,7 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.guardian import Guard, Limits, Mode, Seen, Task, watch
+from missions.guardian import QUICK_M, Guard, Limits, Mode, Seen, Task, watch
 from missions.orders import (
     AwaitBattery,
     FlyTo,
@@ -50,6 +50,7 @@ from missions.orders import (
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 
+from .air import Vector
 from .aircraft import LIFTED_M, Aircraft
 
 TRACK_S = 1.0
@@ -65,7 +66,9 @@ STOP_M = 0.7
 PASS_M = 2.0
 SLOW_M_S = 0.5
 FRESH = 0.9
-MEASURED_TAU_S = 5.0
+WIND_WINDOW = 8
+LEAST_WINDS = 7
+"""The wind is the mean of so many looks, and none is told of fewer."""
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
@@ -109,6 +112,9 @@ class Driver:
     poor_batteries: list[float] = field(default_factory=list)
     """Shares of the capacity that the next swaps bring."""
     swap_s: float = 10.0
+    swaps: int = 0
+    """In the present wait."""
+    waited_s: float = 0.0
     hides_wh: float = 0.0
     """So much less than the truth its battery monitor says."""
     tells_wind: bool = False
@@ -119,12 +125,14 @@ class Driver:
     way: list[GridPoint] = field(default_factory=list)
     guard: Guard = field(default_factory=Guard)
     connected: bool = False
+    hurry: bool = False
+    """The guardian has it descend before it lands."""
     overridden: bool = False
     was_airborne: bool = False
     silent_s: float = 0.0
     known_wh: float = 0.0
     given_up: bool = False
-    wind_m_s: float = 0.0
+    winds: list[Vector] = field(default_factory=list)
     late: list[tuple[float, Event]] = field(default_factory=list)
     seen_from: list[tuple[float, GridPoint]] = field(default_factory=list)
     """When and where, in truth, frames were judged."""
@@ -166,15 +174,16 @@ class Driver:
     # --- orders ----------------------------------------------------------------------------
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
-        if isinstance(order, StandDown) and self.craft.flying:
-            self.order = order  # whatever it flies now it flies on
+        if isinstance(order, StandDown):
+            self.order = order  # whatever it flies now it flies on, and the guardian stays with it
             return
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
+        self.swaps, self.waited_s = 0, 0.0
         self.way = self._points(order)
         t_s = self.around.now_s
         if isinstance(order, ReturnToLaunch):
             self.guard = self.guard.acting("rtl", t_s)
-        elif isinstance(order, AwaitBattery | StandDown):
+        elif isinstance(order, AwaitBattery):
             self.guard = self.guard.released()
         else:
             self.guard = self.guard.told(self._task(order, t_s))
@@ -247,6 +256,8 @@ class Driver:
             self._fail("it was refused")
         elif isinstance(order, COMMANDS) and self.link != "good" and self.clock_s >= NO_ACK_S:
             self._fail("it was not acknowledged 5 times")
+        elif isinstance(order, TakeOff) and self.clock_s >= 60.0 + 3.0 * order.height_m:
+            self._fail("it did not climb")
         elif self.clock_s >= self.fail_in_s:
             self.fail_in_s = math.inf
             self._fail("it failed half-way")
@@ -264,7 +275,9 @@ class Driver:
             if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
                 self.order = None
                 self.around.post(
-                    Airborne(self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m)
+                    Airborne(
+                        self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m
+                    )
                 )
         elif isinstance(order, FlyTo):
             self._fly(order)
@@ -272,6 +285,8 @@ class Driver:
             self._sweep(order)
         elif isinstance(order, Look):
             self._look(order)
+        elif isinstance(order, Land) and not craft.armed and not self.was_airborne:
+            self._on_ground()  # a take-off that was called off in time
 
     def _reached(self, point: GridPoint, *, stop: bool) -> bool:
         off_m = self.craft.believed.distance_to(point)
@@ -367,7 +382,8 @@ class Driver:
         self.around.post(
             Connected(
                 self.number, self.around.now_s, rounded(craft.home), self.position, self.height_m,
-                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m, mode=craft.mode,
+                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m,
+                mode=craft.mode if craft.flying else None,
             )
         )  # fmt: skip
         if action is not None and craft.flying and ours:
@@ -396,8 +412,13 @@ class Driver:
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
             self.around.post(LiftedOff(self.number, now_s))
-        elif self.was_airborne and not craft.armed:
+        elif not craft.armed and self._flew:
             self._on_ground()
+
+    @property
+    def _flew(self) -> bool:
+        """Whether a landing is still to be told: it flew, or its guardian had taken it."""
+        return self.was_airborne or (self.guard.action is not None and not self.guard.down)
 
     def _mode_name(self) -> str:
         if self.craft.failsafe:
@@ -430,9 +451,9 @@ class Driver:
     def track(self) -> None:
         """Once a second: where it is, and whether all is well."""
         craft = self.craft
-        share = TRACK_S / MEASURED_TAU_S
-        self.wind_m_s += share * (math.hypot(*craft.wind_m_s) - self.wind_m_s)
-        wind_m_s = round(self.wind_m_s, 1) if self.tells_wind and craft.flying else None
+        measures = craft.flying and craft.height_m > 2.0
+        self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
+        wind_m_s = self._measured_m_s()
         self.around.post(
             Tracked(
                 self.number, self.around.now_s, self.position, self.height_m, self.remaining_wh,
@@ -441,11 +462,18 @@ class Driver:
         )  # fmt: skip
         self._watch_over()
 
+    def _measured_m_s(self) -> float | None:
+        """The mean wind of the last seconds, None while nothing can be said."""
+        if not self.tells_wind or len(self.winds) < LEAST_WINDS:
+            return None
+        east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
+        return round(math.hypot(east, north), 1)
+
     def _watch_over(self) -> bool:
         """Let the guardian look; whether it found the vehicle down."""
         craft, now_s = self.craft, self.around.now_s
         mode: Mode = "other" if self.overridden else craft.mode
-        wind_m_s = self.wind_m_s if self.tells_wind else None
+        wind_m_s = self._measured_m_s()
         seen = Seen(
             now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
             craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,
@@ -463,6 +491,7 @@ class Driver:
             self.around.post(Crashed(self.number, now_s, self.position, verdict.reason))
             return True
         else:
+            self.hurry = verdict.hurry
             self._insist()
             self.around.post(Guarded(self.number, now_s, verdict.rung, verdict.reason))
         return False
@@ -473,15 +502,20 @@ class Driver:
         named = {"rtl": "ReturnToLaunch", "land": "Land"}
         if action is None or self.overridden or not self.obeys or not craft.flying:
             return
-        if named[action] not in self.refuses:
+        if action == "land" and self.hurry and craft.height_m > QUICK_M:
+            craft.switch("follow")
+            craft.aim(craft.believed, QUICK_M - 1.0)
+        elif named[action] not in self.refuses:
             craft.switch(action)
 
     def _await_battery(self) -> None:
-        if self.clock_s < self.swap_s or self.craft.flying:
+        self.waited_s = self.clock_s
+        if self.clock_s < self.swap_s * (1 + self.swaps) or self.craft.flying:
             return
+        self.swaps += 1
         capacity_wh = self.around.setting.mission.battery.capacity_wh
         share = self.poor_batteries.pop(0) if self.poor_batteries else 1.0
-        self.craft.wh, self.clock_s = share * capacity_wh, 0.0
-        if share >= FRESH and self.hears:
-            self.order = None
+        self.craft.wh = share * capacity_wh
+        if self.remaining_wh >= FRESH * capacity_wh and self.hears:
+            self.order, self.waited_s = None, 0.0
             self.around.post(BatterySwapped(self.number, self.around.now_s, self.remaining_wh))

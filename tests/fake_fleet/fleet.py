@@ -14,7 +14,7 @@ import random
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from missions.events import Event, Landed, Recalled, Resumed
+from missions.events import Event, Recalled, Resumed
 from missions.guardian import Guard, Limits
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission
@@ -34,6 +34,8 @@ TICK_S = 0.25
 HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
 SETTLED_S = 10.0
 """The service ends so long after its last vehicle: what was started late shows by then."""
+OPERATOR_S = 600.0
+"""After so long without a battery the operator calls everybody home."""
 NEAR_HOME_M = 6.0
 """So far around a home the ground is as high as there."""
 
@@ -159,9 +161,7 @@ class Fleet:
         for driver in self.drivers.values():
             driver.connect()
 
-    def run(
-        self, limit_s: float = 6000.0, *, until: Callable[[Fleet], bool] | None = None
-    ) -> None:
+    def run(self, limit_s: float = 6000.0, *, until: Callable[[Fleet], bool] | None = None) -> None:
         """Go on until the mission is over, or until a condition holds.
 
         Raises AssertionError when it does not come to an end.
@@ -189,7 +189,11 @@ class Fleet:
         for number, pilot in self.pilots.items():
             pilot.fly(self.vehicles[number], TICK_S)
         for number, craft in self.vehicles.items():
+            crashed = craft.crashed
             craft.step(TICK_S, self.air, self._ground_m(craft))
+            craft.unseen = craft.unseen or (
+                (self.dead or not self.drivers[number].hears) and craft.crashed and not crashed
+            )
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
@@ -211,9 +215,10 @@ class Fleet:
                     driver.track()
             elif not driver.connected:
                 driver.carry_out(TICK_S)
-        ours = any(
-            d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values()
-        )
+        waited_s = max(driver.waited_s for driver in self.drivers.values())
+        if waited_s > OPERATOR_S and not self.state.recalled:
+            self.recall()
+        ours = any(d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values())
         if not self.state.over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
 
@@ -265,12 +270,8 @@ class Fleet:
         self.drivers[number].listen(0.0)
 
     def put_down(self, number: int) -> None:
-        """The pilot has put it on the ground."""
-        self.pilots.pop(number, None)
-        craft, driver = self.vehicles[number], self.drivers[number]
-        craft.flying, craft.armed, craft.height_m = False, False, 0.0
-        driver.was_airborne = False
-        self.post(Landed(number, self.around.now_s, driver.remaining_wh, position=driver.position))
+        """The pilot lands it where it is, and leaves it there."""
+        self.pilots[number].ending = "land"
 
     def give_back(self, number: int) -> None:
         """The pilot gives it back."""

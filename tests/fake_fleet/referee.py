@@ -12,8 +12,8 @@ import shapely
 from shapely.geometry import Point
 
 from missions.arena.roi import component
-from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.events import FrameSeen, from_json, to_json
+from missions.flight.return_home import BESIDE_M
 from missions.ground.lanes import point_on
 from missions.guardian import PAD_M
 from missions.mapping.belief import FrameId
@@ -40,7 +40,8 @@ ALONE_S: Final = 8.0
 REACTION_S: Final = 12.0
 """To leave the air that a failsafe takes takes the others so long."""
 CRASH_M: Final = 2.0
-"""A fall from less is a hard landing."""
+PAD_CRASH_M: Final = 5.0
+"""A fall from less is a hard landing; on its pad telemetry does not tell them apart."""
 
 Kind = str
 
@@ -58,6 +59,8 @@ class Notes:
     silent_s: float = -math.inf
     """When it fell silent last."""
     guarded_s: float = -math.inf
+    deaf_s: float = -math.inf
+    """When no command reached it last."""
     outside_s: float | None = None
     far_told: bool = False
     breach_told: bool = False
@@ -66,7 +69,9 @@ class Notes:
     """Something in this sortie took its energy or its landing out of the mission's hands."""
     known_wind_m_s: float = 0.0
     was_flying: bool = False
-    wrong_s: float | None = None
+    lied: bool = False
+    """Its positions lied when it landed last."""
+    spoofed_s: float = -math.inf
     fell: bool = False
 
 
@@ -98,17 +103,20 @@ class Referee:
         t_s, vehicle = fleet.t_s, fleet.state.vehicles[craft.number]
         wind_m_s = math.hypot(*craft.wind_m_s) if craft.flying else 0.0
         lies = math.hypot(*craft.offset_m) > LIES_M or abs(craft.compass_rad) > COMPASS_RAD
-        if lies or wind_m_s > AIRSPEED_LIMIT_M_S:
+        if lies or wind_m_s > fleet.setting.energy.max_airspeed_m_s:
             notes.blind_s = t_s
+        if craft.drift_m_s != (0.0, 0.0):
+            notes.spoofed_s = t_s
         others = craft.mode == "other" or craft.failsafe
         if others:
             notes.hands_s = t_s
         known = vehicle.phase is Phase.YIELDED
         if not known:
             notes.known_s = t_s
-        if driver.link == "silent":
-            if driver.silent_s <= 0.5:
-                notes.silent_s = t_s
+        if driver.link == "silent" and driver.silent_s <= 0.5:
+            notes.silent_s = t_s
+        if not driver.obeys or fleet.dead:
+            notes.deaf_s = t_s
         if vehicle.phase is not Phase.GUARDED:
             notes.guarded_s = t_s
         if craft.flying and not notes.was_flying:
@@ -134,8 +142,8 @@ class Referee:
         if notes.outside_s is None:
             notes.outside_s = t_s
         out_m = float(outer.distance(Point(at)))
-        if out_m < 0.01 or fleet.stood_outside:
-            return
+        if out_m < 0.01 or fleet.stood_outside or t_s - notes.spoofed_s < FORGIVEN_S:
+            return  # who is led away by positions and velocities that agree cannot know it
         forgiven = max(notes.blind_s, notes.hands_s) >= notes.outside_s - FORGIVEN_S
         ours = craft.mode == "follow"
         if ours and not notes.breach_told and not forgiven:
@@ -146,7 +154,8 @@ class Referee:
             notes.breach_told = True
             text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and still ours"
             self.note(t_s, "breach", text)
-        if out_m > FAR_M and not notes.far_told and fleet.drivers[craft.number].obeys:
+        heard = t_s - notes.deaf_s > FORGIVEN_S
+        if out_m > FAR_M and not notes.far_told and heard:
             notes.far_told = True
             self.note(t_s, "far", f"vehicle {craft.number} is {out_m:.0f} m outside the fence")
 
@@ -156,6 +165,8 @@ class Referee:
             if not self._fall_forgiven(fleet, craft, notes):
                 self.note(fleet.t_s, "fell", f"vehicle {craft.number} fell out of the sky")
         landed = notes.was_flying and not craft.flying
+        if landed:
+            notes.lied = fleet.t_s - notes.blind_s < FORGIVEN_S
         notes.was_flying = craft.flying
         if not landed or craft.crashed:
             return
@@ -166,9 +177,13 @@ class Referee:
             self.note(fleet.t_s, "reserve", text)
 
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
-        """Whether nobody could have brought it down in time: it did not hear, or was not ours."""
-        driver = fleet.drivers[craft.number]
-        return not driver.obeys or craft.mode == "other" or fleet.emptied.get(craft.number, 0) > 0.3
+        """Whether nobody could have brought it down: it was deaf until late, or not ours."""
+        theirs = craft.mode == "other" or craft.failsafe
+        return (
+            fleet.t_s - notes.deaf_s < FORGIVEN_S
+            or theirs
+            or fleet.emptied.get(craft.number, 0) > 0.3
+        )
 
     def _check_responsible(
         self, fleet: Fleet, craft: Aircraft, driver: Driver, notes: Notes
@@ -208,8 +223,8 @@ class Referee:
         t_s, notes = fleet.t_s, self.notes[craft.number]
         if craft.mode == "other" or craft.motors_failed or fleet.dead:
             return True
-        if t_s - notes.blind_s < FORGIVEN_S or t_s - notes.hands_s < REACTION_S and not (
-            craft.failsafe
+        if t_s - notes.blind_s < FORGIVEN_S or (
+            t_s - notes.hands_s < REACTION_S and not (craft.failsafe)
         ):
             return True
         if craft.failsafe and t_s - notes.known_s < REACTION_S:
@@ -227,7 +242,9 @@ class Referee:
         for number, craft in fleet.vehicles.items():
             phase = state.vehicles[number].phase
             fell_m = craft.crash_height_m
-            if craft.crashed and fell_m > CRASH_M and not fleet.dead:
+            at_pad = craft.position.distance_to(craft.home) < PAD_M
+            hard = fell_m > (PAD_CRASH_M if at_pad else CRASH_M)
+            if craft.crashed and hard and not fleet.dead and not (at_pad and craft.unseen):
                 if phase not in (Phase.DOWN, Phase.LOST):
                     self.note(t_s, "unreported", f"vehicle {number} lies there as {phase}")
                 if state.completed:
@@ -249,14 +266,11 @@ class Referee:
 
     def _stands_away(self, fleet: Fleet, craft: Aircraft) -> None:
         vehicle = fleet.state.vehicles[craft.number]
-        pads = (craft.home, vehicle.pad)
-        away_m = min(craft.position.distance_to(pad) for pad in pads)
+        away_m = craft.position.distance_to(craft.home)
         at_home = vehicle.phase in (Phase.FINISHED, Phase.GROUNDED)
-        lies = math.hypot(*craft.offset_m) > LIES_M
-        if not craft.flying and at_home and away_m > PAD_M + LIES_M and not lies:
-            if self.notes[craft.number].blind_s < fleet.t_s - 200.0 or away_m > 30.0:
-                text = f"vehicle {craft.number} stands {away_m:.0f} m from its pad"
-                self.note(fleet.t_s, "unreported", f"{text} as {vehicle.phase}")
+        if not craft.flying and at_home and away_m > BESIDE_M and not self.notes[craft.number].lied:
+            text = f"vehicle {craft.number} stands {away_m:.0f} m from its pad"
+            self.note(fleet.t_s, "unreported", f"{text} as {vehicle.phase}")
 
     def _belief(self, fleet: Fleet) -> Iterator[str]:
         looks = fleet.state.belief.looks
@@ -298,7 +312,9 @@ def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
         case Phase.GROUNDED:
             return "" if isinstance(vehicle.order, TakeOff) else "and counts as on the ground"
         case Phase.GUARDED:
-            hovers = craft.mode == "follow" and driver.obeys and not driver.refuses and not theirs
+            sinks = craft.target_height_m < craft.height_m
+            hovers = craft.mode == "follow" and not sinks and driver.obeys and not driver.refuses
+            hovers = hovers and not theirs
             return "guarded, but it hovers" if hovers else ""
         case Phase.YIELDED:
             return "" if theirs or craft.mode != "follow" else "yielded, but nobody has it"

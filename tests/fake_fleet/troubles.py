@@ -274,10 +274,14 @@ def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Tr
         case "camera silent" | "camera lost" | "camera slow" | "camera drops":
             return replace(made, word=kind.removeprefix("camera "), for_s=short)
         case "pilot":
-            word = f"{rng.choice(['here', 'roam', 'roam', 'home'])} {rng.choice(['release', 'land'])}"
+            word = (
+                f"{rng.choice(['here', 'roam', 'roam', 'home'])} {rng.choice(['release', 'land'])}"
+            )
             return replace(made, word=word)
         case "failsafe":
-            return replace(made, word=rng.choice(["rtl", "rtl", "land"]), size=rng.choice([15.0, 30.0]))
+            return replace(
+                made, word=rng.choice(["rtl", "rtl", "land"]), size=rng.choice([15.0, 30.0])
+            )
         case "motor":
             return replace(made, word=rng.choice(["armed", "disarmed"]))
         case "battery cell":

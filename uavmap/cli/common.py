@@ -188,7 +188,9 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
     for line in summary.get("aircraft_down", ()):
         complain(line)
     if not summary["completed"] and "aircraft_down" in summary:
-        complain(f"to go on: uavmap resume {folder}")
+        # a simulated world ends with its flight: the aircraft begin again at home
+        how = "" if summary.get("seed") is None else " --from-home"
+        complain(f"to go on: uavmap resume {folder}{how}")
     if summary.get("aircraft_down"):  # also where everything is mapped
         return AIRCRAFT_DOWN
     return 0 if summary["completed"] else INCOMPLETE

@@ -22,8 +22,8 @@ examples:
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
 
-Ctrl-C brings real aircraft home; a second Ctrl-C leaves them as they are. Either way
-`uavmap resume DIR` goes on later.
+Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
+as that is seen. Either way `uavmap resume DIR` goes on later.
 """
 
 

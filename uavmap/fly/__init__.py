@@ -1,1 +1,1 @@
-"""A flight under way: service, vehicles, manoeuvres, imaging, people on the ground."""
+"""A flight under way: service, vehicles, guardians, manoeuvres, imaging, people on the ground."""

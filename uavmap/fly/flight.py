@@ -37,7 +37,7 @@ from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
 from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
 from uavmap.record.journal import Journal
-from uavmap.record.mission_time import Marks, taken_up_at
+from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
 from uavmap.results.score import true_roi
 from uavmap.results.write_results import write_results
@@ -118,18 +118,9 @@ def resume(
         if again:
             journal.start_verification()
             state = State.initial(setting)
-        start_s = state.t_s
-        if not plan.simulated:
-            start_s = taken_up_at(
-                journal,
-                state.t_s,
-                epoch_utc_s=plan.epoch_utc_s,
-                speedup=plan.speedup or 1.0,
-                drift_m_s=setting.mission.drift.speed_m_s,
-                say=progress.say,
-                ask=ask,
-            )
-        return _Flight(plan, setting, folder, journal, state, progress, start_s, again=again).run()
+        flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
+        flight.ask = ask
+        return flight.run()
 
 
 class _Flight:
@@ -143,7 +134,6 @@ class _Flight:
         journal: Journal,
         state: State,
         progress: Progress,
-        start_s: float = 0.0,
         *,
         again: bool = False,
     ) -> None:
@@ -157,8 +147,11 @@ class _Flight:
         self._progress = progress
         self._again = again
         self._resumed = len(journal) > 0 and not again
-        self._start_s = start_s
-        self._marks = None if plan.simulated else Marks(journal)
+        self._start_s = state.t_s
+        self._marks = None if plan.simulated else Marks(journal, self._clocks)
+        self._vehicle_clock: Callable[[], float | None] = lambda: None
+        self.ask: Callable[[str], bool] | None = None
+        """Puts a question to the operator, where there is one."""
         self._truth: Truth | None = None
 
     def run(self) -> dict[str, Any]:
@@ -175,6 +168,27 @@ class _Flight:
     def _now_s(self) -> float:
         """Mission time."""
         return self._start_s + asyncio.get_running_loop().time()
+
+    def _clocks(self) -> Clocks:
+        return read_clocks(self._vehicle_clock())
+
+    async def _settle_time(self) -> None:
+        """Mission time of a flight that goes on: by what the clocks say, the vehicle's among them.
+
+        The loop goes on while the operator thinks.
+        """
+        start_s = await asyncio.to_thread(
+            taken_up_at,
+            last_mark(self._journal.meta),
+            self._state.t_s,
+            self._clocks(),
+            epoch_utc_s=self._plan.epoch_utc_s,
+            speedup=self._plan.speedup or 1.0,
+            drift_m_s=self._setting.mission.drift.speed_m_s,
+            say=self._progress.say,
+            ask=self.ask,
+        )
+        self._start_s = start_s - asyncio.get_running_loop().time()
 
     def _log(self) -> TlogWriter:
         append = self._resumed and (self._folder / TLOG).exists()
@@ -283,9 +297,9 @@ class _Flight:
                 )
                 service.stop()
 
-        service = Service(self._setting, self._journal, vehicles, self._state, observe)
-        if self._resumed:
-            service.post(Resumed(round(self._now_s(), 3)))
+        service = Service(
+            self._setting, self._journal, vehicles, self._state, observe, self._progress.say
+        )
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
         try:
@@ -294,8 +308,9 @@ class _Flight:
                     guardians, self._fly(vehicles, service), leave=not self._plan.simulated
                 )
         except BaseException:
-            if self._journal.bodies():
-                self._progress.say(f"to go on: uavmap resume {self._folder}")
+            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
+                if len(self._journal):
+                    self._progress.say(f"to go on: uavmap resume {self._folder}")
             raise
         finally:
             self._progress.end()
@@ -312,6 +327,11 @@ class _Flight:
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
         _each_its_own(vehicles)
+        self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
+        if self._resumed:
+            if not self._plan.simulated:
+                await self._settle_time()
+            service.post(Resumed(round(self._now_s(), 3)))
         return await service.fly()
 
     @contextlib.contextmanager
@@ -330,7 +350,7 @@ class _Flight:
         def interrupted() -> None:
             nonlocal presses
             presses += 1
-            if presses == 1 and not service.ended:
+            if presses == 1 and service.flying:
                 self._progress.say(
                     "coming home and landing; press Ctrl-C again to leave that to the autopilots"
                 )

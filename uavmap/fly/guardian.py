@@ -1,6 +1,6 @@
 """The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
 
-It beats our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
+It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
 so, has the autopilot return or land by itself until that is seen to happen. It needs a session and
 nothing else: no journal, no explorer, no camera. So it goes on when the service has ended, until
 the aircraft is on the ground or a pilot has it.
@@ -9,6 +9,7 @@ the aircraft is on the ground or a pilot has it.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Final
 
@@ -16,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
-from missions.guardian import PAD_M, Action, Guard, Limits, Seen, Task, watch
+from missions.guardian import PAD_M, QUICK_M, Action, Guard, Limits, Seen, Task, watch
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import Reporter
@@ -27,12 +28,14 @@ WATCH_S: Final = 1.0
 STALE_S: Final = 3.0
 """Telemetry that is older says nothing of now."""
 RETRY_S: Final = 2.0
+DESCENT_M_S: Final = 1.0
+"""A multicopter that is told to sink does so at least this fast, in GUIDED or Hold."""
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 LEAVE_S: Final = 15.0
-"""Who leaves at once still waits so long until the autopilot is seen to return."""
+"""An operator who leaves at once still waits so long to see that the autopilot returns."""
 
-_WORDS: Final = {"rtl": "returns by its autopilot", "land": "lands where it is"}
+_WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
 
 
 class Guardian:
@@ -55,16 +58,24 @@ class Guardian:
         self._reporter = reporter
         self._monitor = monitor
         self._limits = limits
-        self._tell = tell
+        self._operator = tell
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
         self._jumps = session.view.gate.track.jumps
         self._last_wh = limits.energy.capacity_wh
+        self._reason = ""
+        self._flew = False
+        """Whether it was in the air since it was taken over."""
         self.entrusted = False
         """Whether it was in the air by our order when an earlier process ended."""
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str], None] = lambda reason: None
+
+    def _tell(self, text: str) -> None:
+        """A line for the operator; a terminal that is gone must not keep an aircraft in the air."""
+        with contextlib.suppress(Exception):
+            self._operator(text)
 
     # --- what the driver tells it -----------------------------------------------------------
     @property
@@ -78,23 +89,34 @@ class Guardian:
             self._let_go()
         self._guard = self._guard.told(task)
 
-    def take_over(self, action: Action, reason: str) -> None:
-        """Have the autopilot return or land by itself, and see to it."""
+    def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
+        """Have the autopilot return or land by itself, and see to it.
+
+        `hurry`: it descends as fast as it flies before it lands.
+        """
         self._guard = self._guard.acting(action, self._reporter.now_s())
+        self._reason = reason
+        self._flew = self._monitor.was_airborne
         self.stand_aside()
         kind = self._view.kind
         self._monitor.commanded = (kind.rtl, kind.land)
         number = self._reporter.number
-        self._tell(f"vehicle {number}: {reason}; it {_WORDS[action]}")
+        self._tell(f"vehicle {number}: {reason}; it is told to {_WORDS[action]}")
         self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
         if self._pursuit is not None:
             self._pursuit.cancel()
-        if self._tasks is not None:
-            self._pursuit = self._tasks.create_task(self._pursue(action))
+        begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
+        self._pursuit = begin(self._pursue(action, hurry=hurry))
+
+    def heard_again(self) -> None:
+        """The link is back: what it had the vehicle do before, it sees to again, and says so."""
+        action = self._guard.action
+        if action is not None and self._view.armed:
+            self.take_over(action, self._reason)
 
     # --- its own life -----------------------------------------------------------------------
     async def run(self) -> None:
-        """Beat, watch and act until cancelled."""
+        """Send heartbeats, watch and act until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             self._tasks = tasks
             try:
@@ -121,12 +143,15 @@ class Guardian:
             return
         if seen.remaining_wh is not None:
             self._last_wh = seen.remaining_wh
+        self._flew = self._flew or self._monitor.was_airborne
         if self._monitor.overridden and self.acting:
             self._let_go()
         self._look_for_leaps(seen)
         self._guard, verdict = watch(self._limits, self._guard, seen)
         if not seen.armed and not seen.airborne and self.acting:
             self._let_go()
+            if not self._flew:  # it never left the ground, so no landing was seen
+                self._monitor.landed()
         if verdict is None:
             return
         if verdict.rung == "report":
@@ -134,7 +159,8 @@ class Guardian:
         elif verdict.rung == "crashed":
             self._crashed(seen, verdict.reason)
         else:
-            self.take_over("land" if verdict.rung == "land" else "rtl", verdict.reason)
+            action: Action = "land" if verdict.rung == "land" else "rtl"
+            self.take_over(action, verdict.reason, hurry=verdict.hurry)
 
     def _look_for_leaps(self, seen: Seen) -> None:
         """A position that leapt ends the mission of this vehicle: its places mean nothing."""
@@ -182,9 +208,8 @@ class Guardian:
             f"{reason}"
         )
         self.stand_aside()
-        self._monitor.was_airborne = False
         reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
-        if seen.armed:
+        if seen.armed and not self._monitor.overridden:
             self._monitor.commanded = (self._view.kind.rtl, self._view.kind.land)
             if self._tasks is not None:
                 self._pursuit = self._tasks.create_task(self._pursue("land"))
@@ -196,9 +221,38 @@ class Guardian:
             self._pursuit.cancel()
             self._pursuit = None
 
-    async def _pursue(self, action: Action) -> None:
+    async def _descend(self) -> None:
+        """Quickly down to where a landing takes but a few seconds, as far as it can be told to."""
+        kind, view, session = self._view.kind, self._view, self._session
+        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+        loop = asyncio.get_running_loop()
+        due_s = loop.time() + view.height_m / DESCENT_M_S + RETRY_S
+        while view.armed and view.height_m > QUICK_M and loop.time() < due_s:
+            try:
+                if view.mode != kind.follows:
+                    await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
+                here = self._reporter.grid.position(self._reporter.position())
+                frame, wire_m = kind.altitude_on_wire(QUICK_M - 1.0, view.home_amsl_m)
+                await session.command_at(
+                    mav.MAV_CMD_DO_REPOSITION,
+                    frame,
+                    (-1.0, 0.0, 0.0, float("nan")),
+                    here.lat_deg,
+                    here.lon_deg,
+                    wire_m,
+                )
+            except CommandRefusedError:
+                return
+            except LinkError:
+                await asyncio.sleep(WATCH_S / 10)
+                continue
+            await session.until(lambda: view.height_m <= QUICK_M, RETRY_S)
+
+    async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
+        if hurry:
+            await self._descend()
         wanted = kind.rtl if action == "rtl" else kind.land
         command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
         while self._view.mode != wanted and self._view.armed:
@@ -218,25 +272,23 @@ class Guardian:
         """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
         if self.entrusted and not self._monitor.met:
             return self._monitor.in_air_as_before
-        return self._monitor.was_airborne and not self._monitor.overridden
+        in_air = self._monitor.was_airborne and not self._guard.down
+        return in_air and not self._monitor.overridden
 
     async def bring_home(self, reason: str) -> None:
         """Return a vehicle that is in the air, and wait until it is down or a pilot has it.
 
         Gives up on a silent one when its battery cannot have lasted any longer.
         """
-        if not self.responsible:
-            return
-        if not self.acting:
-            self.take_over("rtl", reason)
-        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
-        heard_s = max(self._view.heard_s, 0.0)
-        while self.responsible:
-            heard_s = max(self._view.heard_s, heard_s)
-            left_s = heard_s + endurance_s - self._reporter.loop_s()
-            if left_s <= 0.0:
-                return
+        while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
+            if not self.acting:
+                self.take_over("rtl", reason)
             await self._session.until(lambda: not self.responsible, min(left_s, max(WATCH_S, 1e-3)))
+
+    def _endurance_left_s(self) -> float:
+        """How long a vehicle that is silent since then can still be in the air."""
+        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
+        return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
 
     async def leave(self, reason: str) -> None:
         """Have a vehicle that is in the air return, and wait only until it is seen to do so."""

@@ -45,6 +45,8 @@ DRIFT_RESEND_S: Final = 0.5
 CLIMB_TOLERANCE_M: Final = 0.4
 STOP_RADIUS_M: Final = 0.7
 PASS_RADIUS_M: Final = 2.0
+PAUSE_S: Final = 0.1
+"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
 HOME_S: Final = 5.0
 """A position above the home that arming has set comes within this time."""
 LIFT_S: Final = 12.0
@@ -117,7 +119,7 @@ class Manoeuvres:
             except CommandRefusedError:
                 raise
             except LinkError:
-                await asyncio.sleep(0)
+                await asyncio.sleep(PAUSE_S)
 
     # --- up -----------------------------------------------------------------------------------
     async def _take_off(self, order: TakeOff) -> None:

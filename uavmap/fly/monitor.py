@@ -31,8 +31,8 @@ _OFF_GROUND: Final = (
 class Monitor:
     """The state of a vehicle that matters to the mission, and the events that follow from it.
 
-    `commanded` are the modes that follow from what we asked for last; every other is somebody
-    else's, and so is each while a failsafe flies.
+    `commanded` are the modes that follow from what we asked for last. Any other mode is somebody
+    else's, and so is every mode while a failsafe flies.
     """
 
     def __init__(self, reporter: Reporter, view: VehicleView) -> None:

@@ -14,6 +14,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
+from missions.errors import EventError
 from missions.events import Event, Recalled
 from missions.orders import Order
 from missions.state import Setting, State
@@ -47,19 +48,23 @@ class Service:
         vehicles: Mapping[int, Vehicle],
         state: State,
         observe: Observer,
+        tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.setting = setting
         self.state = state
         self._journal = journal
         self._vehicles = vehicles
         self._observe = observe
+        self._tell = tell
+        self.refused = 0
+        """How many reports no journal can hold."""
         self._reports: asyncio.Queue[Event] = asyncio.Queue()
         self._over = asyncio.Event()
-        self._recalled = False
+        self._recalled = self._flying = False
         self._failure: Exception | None = None
 
     def post(self, event: Event) -> None:
-        """Something happened: it is taken in as soon as what came before it is."""
+        """Report an event: it is taken in after all that were reported before it."""
         self._reports.put_nowait(event)
 
     async def taken_in(self) -> None:
@@ -85,13 +90,27 @@ class Service:
 
     def _post(self, event: Event) -> None:
         """Commit an event, take it in, hand out the orders that follow."""
-        self._journal.append(event)
+        try:
+            self._journal.append(event)
+        except EventError as refused:  # a report that makes no sense changes nothing
+            self._refuse(str(refused))
+            return
         self.state, orders = step(self.setting, self.state, event)
         for number, order in orders:
             self._vehicles[number].give(order)
         self._observe(event, self.state)
         if self.state.over:
             self._over.set()
+
+    def _refuse(self, reason: str) -> None:
+        self.refused += 1
+        if self.refused == 1:
+            self._tell(f"a report was refused: {reason}")
+
+    @property
+    def flying(self) -> bool:
+        """Whether reports are taken in: the vehicles have answered, and it is not over."""
+        return self._flying and not self.ended
 
     @property
     def ended(self) -> bool:
@@ -110,6 +129,7 @@ class Service:
 
     async def fly(self) -> State:
         """Fly until nobody has anything more to do. Returns the final state."""
+        self._flying = True
         async with asyncio.TaskGroup() as tasks:
             running = [
                 tasks.create_task(v.run(self.post, self.taken_in)) for v in self._vehicles.values()

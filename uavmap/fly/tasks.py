@@ -31,7 +31,8 @@ class TasksOf:
         name = type(order).__name__
         match order:
             case TakeOff(height_m):
-                return Task("climb", since_s, height_m=height_m, name=name)
+                here = self._reporter.position()
+                return Task("climb", since_s, (here,), height_m=height_m, name=name)
             case Land():
                 return Task("land", since_s, name=name)
             case FlyTo():

@@ -216,6 +216,7 @@ class MavlinkVehicle:
                     await self._fresh_position()
                     self._camera.uncertain()
                     monitor.report_connected()
+                    self.guardian.heard_again()
             elif (
                 not monitor.connected
                 and not given_up

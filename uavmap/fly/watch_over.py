@@ -1,4 +1,4 @@
-"""However a mission ends, its aircraft are looked after before the process may.
+"""However a mission ends, its aircraft are looked after before the process ends.
 
     watched_over(guardians, mission) -> what the mission returns
 

@@ -40,7 +40,7 @@ class Autopilot:
     amsl: bool
     """Whether heights of commands are above the sea, or else above home."""
     unused_param: float
-    """A parameter of a command that says nothing."""
+    """The value of a command's parameter that is not used."""
     tells_failsafe: bool
     """Whether system_status CRITICAL means that a failsafe flies, in whatever mode."""
 

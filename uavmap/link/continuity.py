@@ -1,7 +1,7 @@
 """What must go on from one message to the next: a clock, and the place of something that flies.
 
-Neither the clock nor the track believes in a leap at once. A leap that stays, consistent in
-itself and with nothing said in between that fits what was known before, is a new truth.
+Neither the clock nor the track believes a jump at once. A jump is believed when it stays: when the
+messages after it agree with it, and none in between agrees with what was known before.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from missions.units import LatLon
 REBOOT_CONFIRMED_S: Final = 1.0
 JUMP_CONFIRMED_S: Final = 3.0
 STANDSTILL_S: Final = 2.0
-"""A clock that has told the same time for longer is not running: repeated, old messages."""
+"""A clock that has told the same time for longer stands still: old messages are repeated."""
 MOST_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
 """How far a clock may be ahead of ours: a simulator may run many times as fast as it was said."""
 
 OLDER: Final = "older than the one before"
-"""What a link that changes the order of frames brings: nothing to be told of."""
+"""The reason for what a link brings that changes the order of frames; it is not told."""
 
 FASTEST_M_S: Final = 50.0
 """No multicopter that flies missions is faster, with the wind behind it."""

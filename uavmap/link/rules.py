@@ -60,7 +60,7 @@ class Rule:
 
 UNIT_TOLERANCE: Final = 0.02
 NO_FIX: Final = "no position yet"
-"""An ArduPilot sends zeros before its first fix: nothing to be told of."""
+"""The reason for zeros, which an ArduPilot sends before its first fix; it is not told."""
 
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 _TURN = 2.0 * math.pi + 0.01

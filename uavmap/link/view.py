@@ -23,7 +23,7 @@ from uavmap.printable import printable
 Message = Any
 
 _NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
-"""What gimbals, cameras and companions say in their heartbeats."""
+"""What gimbals, cameras and companion computers say in their heartbeats."""
 _OTHER: Final = frozenset({Sender.ANY})
 _AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
 _CAMERA: Final = _OTHER | {Sender.CAMERA}
@@ -141,6 +141,13 @@ class VehicleView:
         """The prearm bit alone turns true before the position is usable."""
         absolute = bool(self.ekf_flags & EKF_ABSOLUTE) and not self.ekf_flags & EKF_CONSTANT
         return self.prearm_ok and absolute
+
+    @property
+    def since_boot_s(self) -> float | None:
+        """The autopilot's own time since it was started, None while it has not said."""
+        if self.boot_offset_s is None:
+            return None
+        return asyncio.get_running_loop().time() - self.boot_offset_s
 
     @property
     def on_ground(self) -> bool:

@@ -1,1 +1,1 @@
-"""What needs no aircraft: replay of photographs, figures, scores, results, trials."""
+"""What needs no aircraft: replay of photographs, files of regions, trials of strategies."""

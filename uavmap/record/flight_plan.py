@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
 from pydantic import TypeAdapter
 
@@ -19,15 +19,23 @@ from uavmap import __version__
 from uavmap.mission_source import MissionSource
 from uavmap.notices import tell_if_uncompiled
 
-if TYPE_CHECKING:
-    from uavmap.record.journal import Journal
-
 JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
 REHOMED: Final = "rehomed"
 """In the journal's meta: whether the simulated aircraft were put at home after the start."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
+
+
+class HasMeta(Protocol):
+    """What is needed of a journal to read its plan."""
+
+    path: Path
+
+    @property
+    def meta(self) -> Mapping[str, Any]:
+        """What the mission was started with."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +93,7 @@ class FlightPlan:
         return setting
 
     @classmethod
-    def read(cls, journal: Journal) -> FlightPlan:
+    def read(cls, journal: HasMeta) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
         return cls.of_meta({k: json.dumps(v) for k, v in journal.meta.items()}, journal.path)
 

@@ -228,8 +228,9 @@ def last_mark(meta: Mapping[str, object]) -> Mark | None:
 
 
 def taken_up_at(
-    journal: Journal,
+    mark: Mark | None,
     last_event_s: float,
+    now: Clocks,
     *,
     epoch_utc_s: float,
     speedup: float,
@@ -244,8 +245,8 @@ def taken_up_at(
     """
     found = mission_time(
         last_event_s,
-        last_mark(journal.meta),
-        read_clocks(),
+        mark,
+        now,
         epoch_utc_s=epoch_utc_s,
         speedup=speedup,
         drift_m_s=drift_m_s,

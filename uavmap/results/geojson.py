@@ -42,8 +42,9 @@ def encode(data: MapData) -> str:
     * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`. Its geometry is
       null for a map without a region.
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
+    * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
-    features = [*_cells(data), _outline(data), *_tracks(data)]
+    features = [*_cells(data), _outline(data), *_tracks(data), *_unsearched(data)]
     lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
     head = json.dumps(
         {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
@@ -117,6 +118,19 @@ def _tracks(data: MapData) -> Iterator[Feature]:
                 "end_s": round(track.points[-1][0], 3),
                 "altitude": "metres above home",
             },
+        }
+
+
+def _unsearched(data: MapData) -> Iterator[Feature]:
+    for number, lane in enumerate(data.unsearched, start=1):
+        yield {
+            "type": "Feature",
+            "id": f"unsearched {number}",
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [_lon_lat(place, data.start) for place in lane],
+            },
+            "properties": {"kind": "unsearched"},
         }
 
 

@@ -16,7 +16,7 @@ from missions.units import GridPoint, LatLon
 from uavmap.results.atomic import write_bytes
 from uavmap.results.model import MapData, State
 from uavmap.results.outline import outline
-from uavmap.results.palette import OUTLINE, STATES, Colour, track_colour
+from uavmap.results.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 
@@ -27,7 +27,8 @@ def write(data: MapData, path: Path) -> None:
 
 
 def encode(data: MapData) -> bytes:
-    """The map as a KML document in UTF-8: folders Outline, Cells (a folder a state), Tracks."""
+    """The map as a KML document in UTF-8: folders Outline, Cells (a folder a state), Tracks,
+    and Not searched where ground was left out."""
     kml = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(kml, "Document")
     _text(document, "name", data.mission)
@@ -35,6 +36,7 @@ def encode(data: MapData) -> bytes:
     _outline(document, data)
     _cells(document, data)
     _tracks(document, data)
+    _unsearched(document, data)
     ET.indent(kml)
     return bytes(ET.tostring(kml, encoding="utf-8", xml_declaration=True)) + b"\n"
 
@@ -49,6 +51,8 @@ def _styles(document: ET.Element, data: MapData) -> None:
     style = ET.SubElement(document, "Style", id="outline")
     _line_style(style, OUTLINE, 255, 3)
     _text(ET.SubElement(style, "PolyStyle"), "fill", "0")
+    if data.unsearched:
+        _line_style(ET.SubElement(document, "Style", id="unsearched"), UNSEARCHED, 255, 3)
     for track in data.tracks:
         style = ET.SubElement(document, "Style", id=f"track-{track.vehicle}")
         _line_style(style, track_colour(track.vehicle), 220, 2)
@@ -114,6 +118,17 @@ def _tracks(document: ET.Element, data: MapData) -> None:
             "coordinates",
             " ".join(f"{_lon_lat(place)},{height_m:.2f}" for _, place, height_m in track.points),
         )
+
+
+def _unsearched(document: ET.Element, data: MapData) -> None:
+    if not data.unsearched:
+        return
+    folder = _folder(document, "Not searched")
+    for number, lane in enumerate(data.unsearched, start=1):
+        mark = _placemark(folder, f"Lane {number}, without a judged frame", "unsearched")
+        line = ET.SubElement(mark, "LineString")
+        _text(line, "tessellate", "1")
+        _text(line, "coordinates", " ".join(_lon_lat(place) for place in lane))
 
 
 def _folder(parent: ET.Element, name: str) -> ET.Element:

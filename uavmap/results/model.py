@@ -55,6 +55,8 @@ class MapData:
     fence: tuple[LatLon, ...]
     fence_holes: tuple[tuple[LatLon, ...], ...] = ()
     truth: BaseGeometry | None = None
+    unsearched: tuple[tuple[LatLon, LatLon], ...] = ()
+    """Stretches of search lanes that no judged frame shows, fixed to the ground."""
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:

@@ -24,6 +24,7 @@ STATES: Mapping[State, Colour] = MappingProxyType(
 )
 OUTLINE: Colour = (20, 90, 50)
 TRUTH: Colour = (0, 90, 200)
+UNSEARCHED: Colour = (200, 30, 160)
 TRACKS: tuple[Colour, ...] = (
     (213, 94, 0),
     (150, 60, 130),

@@ -23,7 +23,7 @@ from uavmap.results.atomic import write_bytes
 from uavmap.results.legend import Entry, draw_legend, legend_height_px
 from uavmap.results.model import MapData
 from uavmap.results.outline import outline
-from uavmap.results.palette import OUTLINE, STATES, TRUTH, Colour, track_colour
+from uavmap.results.palette import OUTLINE, STATES, TRUTH, UNSEARCHED, Colour, track_colour
 from uavmap.results.view import View, ground, ring_on_map, track_on_map, view_of
 
 OVERSAMPLING = 3
@@ -106,6 +106,8 @@ def _map(data: MapData, view: View, k: int) -> Image.Image:
     if data.truth is not None:
         for ring in _rings(data.truth):
             canvas.line([ground(data, point) for point in ring], TRUTH, 2.0)
+    for lane in data.unsearched:
+        canvas.line(ring_on_map(data, lane), UNSEARCHED, 3.0)
     canvas.dashes(ring_on_map(data, data.box), BOX, dash_px=9)
     for hole in (data.fence, *data.fence_holes):
         canvas.dashes(ring_on_map(data, hole), FENCE, dash_px=4)
@@ -183,6 +185,8 @@ def _entries(data: MapData) -> Iterator[Entry]:
     for track in data.tracks:
         label = "track" if len(data.tracks) == 1 else f"track of vehicle {track.vehicle}"
         yield Entry("line", track_colour(track.vehicle), label, 1.6)
+    if data.unsearched:
+        yield Entry("line", UNSEARCHED, "search lane without a judged frame", 3.0)
     yield Entry("dashes", BOX, "search box", 9)
     yield Entry("dashes", FENCE, "geofence", 4)
     yield Entry("dot", INK, "start")

@@ -51,6 +51,7 @@ def map_data(
         fence=positions(mission.fence.polygon),
         fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
         truth=truth,
+        unsearched=tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched),
     )
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from missions.arena import lower_bounds
 from missions.arena.certificate import certify
 from missions.arena.lower_bounds import (
     LowerBounds,
@@ -169,6 +170,20 @@ def test_bounds_of_the_shared_sets(path: Path) -> None:
         assert values["lower_bound"]
         for robots, moves in values["lower_bound"].items():
             assert bounds.moves(int(robots)) == moves, (number, robots)
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_compiled_or_not_the_bounds_are_the_same(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for seed, cells in enumerate((2, 9, 60, 400)):
+        roi = grown(kind, cells, seed)
+        found = []
+        for compiled_from in (1, 10**9):
+            monkeypatch.setattr(lower_bounds, "COMPILED_FROM", compiled_from)
+            found.append(LowerBounds.of(roi.cells, roi.start))
+        assert found[0] == found[1]
+        assert all(type(shell.block_steps) is int for shell in found[0].shells)
 
 
 def test_a_thousand_cells_are_bounded_quickly() -> None:

@@ -12,9 +12,11 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     Connected,
+    Crashed,
     Event,
     FrameSeen,
     Landed,
+    LiftedOff,
     LinkLost,
     LookEnded,
     OrderFailed,
@@ -317,6 +319,26 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
     assert service.state.exploration_finished or service.state.vehicles[1].vertex == near
 
 
+def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before(service: Service) -> None:
+    """Its way back leads over a cell that was inside when the leg would begin."""
+    made = mission(
+        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
+        drift_m_s=0.4, toward_deg=0.0, speed_m_s=5.0,
+    )  # fmt: skip
+    service = Service(made)
+    root, far = Cell(0, 3), Cell(0, 24)
+    service.exploring(at=root)
+    tree = Tree.rooted(root).looked(root, [far]).looked(far, [Cell(1, 24)])
+    vehicle = replace(service.state.vehicles[1], vertex=far, at_target=False, order=None)
+    service.state = replace(service.state, tree=tree).with_vehicle(vehicle)
+    here = service.setting.grid.centre_of(root)
+    centre = service.setting.grid.to_fixed(service.setting.grid.centre_of(far), 0.0)
+    assert service.setting.fence.allows(centre)
+    service.track(1, here)
+    order = service.order()
+    assert not (isinstance(order, FlyTo) and order.cell == far)
+
+
 def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
     made = mission(square(-10, 16, 40, 20), square(-60, -60, 160, 100), capacity_wh=60.0)
     flight = fleet(made, roi={Cell(0, n) for n in range(5, 14)})
@@ -376,6 +398,40 @@ def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: S
     assert service.order() == AwaitBattery()
 
 
+def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
+    service: Service,
+) -> None:
+    service.exploring()
+    service.post(LinkLost(1, 20.0))
+    field = GridPoint(20.0, 20.0)
+    back = Connected(1, 90.0, HOME, field, 0.0, False, True, 30.0)
+    assert service.post(back) == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert service.state.over
+
+
+def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service) -> None:
+    service.exploring()
+    field = GridPoint(20.0, 20.0)
+    service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
+    service.post(Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    service.post(Resumed(200.0))
+    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
+    assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
+
+
+def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
+    """`uavmap check` refuses it; an old journal may still hold one."""
+    service.setting = replace(service.setting, lanes=())
+    service.state = State.initial(service.setting)
+    assert service.connect() == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.FAILED
+    assert "search box" in service.state.vehicles[1].note
+    assert service.state.over
+    assert not service.state.completed
+
+
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
@@ -383,6 +439,14 @@ def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) ->
     assert service.post(Released(1, 20.0, at, 12.0)) == ((1, Hold()),)
     service.track(1, at)
     assert isinstance(service.order(), FlyTo)
+
+
+def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
+    assert service.state.vehicles[1].phase is Phase.AIRBORNE
+    assert not service.state.over
 
 
 def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
@@ -463,6 +527,25 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
     assert orders[2].cell == last
 
 
+def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Service) -> None:
+    """It swings out as far as the margin is wide; what it holds to is planned from rest."""
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    leg = service.order()
+    assert isinstance(leg, FlyTo)
+    assert not leg.stop
+    low_wh = service.setting.energy.reserve_wh + 1.0
+    service.post(Arrived(1, 12.0, leg.route[-1]))
+    assert isinstance(service.order(), Sweep)
+    waits = replace(service.state.vehicles[1], order=Hold())
+    service.state = service.state.with_vehicle(waits)
+    service.post(Tracked(1, 12.5, leg.route[-1], 12.0, low_wh))
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
+    assert service.order() == Hold()
+    service.post(Tracked(1, 13.5, leg.route[-1], 12.0, low_wh))
+    assert isinstance(service.order(), FlyTo)
+
+
 def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> None:
     pair.connect(1)
     pair.connect(2, at=GridPoint(8.0, 0.0))
@@ -525,6 +608,20 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     assert order.cell == north
 
 
+def test_homes_that_are_nearly_level_leave_close_layers_their_distance() -> None:
+    """What may pass for level depends on the room between the layers."""
+    for layer_m, home_level_m in ((4.5, 0.9), (6.0, 0.0)):
+        made = mission(
+            square(-10, 16, 40, 30), square(-60, -60, 160, 160), vehicles=2,
+            capacity_wh=60.0, layer_m=layer_m,
+        )  # fmt: skip
+        pair = Service(made)
+        pad = GridPoint(8.0, 0.0)
+        pair.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, 60.0, home_amsl_m=500.0))
+        pair.post(Connected(2, 0.0, pad, pad, 0.0, False, True, 60.0, home_amsl_m=500.9))
+        assert pair.state.vehicles[2].home_level_m == home_level_m
+
+
 def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -> None:
     pad = GridPoint(8.0, 0.0)
     pair.connect(1)
@@ -547,6 +644,36 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     way = LineString([(60.0, 0.0), *order.route])
     assert way.distance(Point(pad)) >= 6.0
     assert way.length < 75.0
+
+
+def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
+    """Two look from neighbouring cells; one returns by itself, and climbs through the layers."""
+    centre = pair.setting.grid.centre_of
+    east = Cell(ROOT.east + 1, ROOT.north)
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.exploring(1)
+    tree = Tree.rooted(ROOT).looked(ROOT, [east])
+    look = Look(east, 30, 18.0)
+    above = replace(
+        pair.state.vehicles[2], phase=Phase.AIRBORNE, landed=False, vertex=east, at_target=True,
+        order=look, position=centre(east), height_m=18.0, lanes=(), remaining_wh=60.0,
+    )  # fmt: skip
+    pair.state = replace(pair.state, tree=tree).with_vehicle(above)
+    pair.post(Overridden(1, pair.now_s + 0.5, "RTL"))
+    pair.track(2, centre(east), 18.0)
+    order = pair.order(2)
+    assert isinstance(order, FlyTo)
+    assert order.cell is None
+    away = LineString([centre(ROOT), HOME]).distance(Point(order.route[-1]))
+    assert away >= 6.0
+    pair.post(Arrived(2, pair.now_s + 3.0, order.route[-1]))
+    assert not pair.state.vehicles[2].at_target
+    assert pair.order(2) == Hold()
+    pair.post(Landed(1, pair.now_s + 40.0, 40.0, position=HOME))
+    again = pair.order(2)
+    assert isinstance(again, FlyTo)
+    assert again.cell == east
 
 
 # --- the journal -----------------------------------------------------------------------------
@@ -620,3 +747,17 @@ def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: b
     assert len(lines) == away
     service.post(Released(1, 70.0, GridPoint(east_m, 0.0), 5.0))
     assert not service.state.vehicles[1].landed_away_m
+
+
+def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> None:
+    """Heights are above home: who stands on a hill is not in the air for that, and it is over."""
+    service.connect()
+    hill = GridPoint(30.0, 20.0)
+    service.post(Airborne(1, 8.0), Overridden(1, 10.0, "LOITER"))
+    service.post(Tracked(1, 11.0, hill, 9.0, 50.0), Landed(1, 20.0, 49.0, position=hill))
+    assert service.state.over
+    service.post(Tracked(1, 21.0, hill, 3.0, 49.0))
+    assert service.state.vehicles[1].landed
+    assert service.state.over
+    service.post(LiftedOff(1, 30.0))
+    assert not service.state.over

@@ -154,8 +154,8 @@ def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -
             world.cancel()
         assert flight.vehicle.truth.landed
         assert again.told == [
-            "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it returns by its "
-            "autopilot"
+            "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is told to "
+            "return by its autopilot"
         ]
 
     run(main(), VirtualClock())

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-import math
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
+from shapely.geometry import Point
 
-from missions.events import Airborne, Crashed, Guarded, Landed, LiftedOff, OrderFailed, Overridden
+from missions.events import (
+    Airborne,
+    Crashed,
+    Guarded,
+    Landed,
+    LiftedOff,
+    LinkLost,
+    OrderFailed,
+    Overridden,
+)
 from missions.orders import FlyTo, Hold, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
@@ -38,9 +47,25 @@ def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: s
         assert flight.driver.guardian.fate() == ""
 
     flight = fly(body, made)
-    assert flight.told == ["vehicle 1: the mission failed (disk full); it returns by its autopilot"]
+    assert flight.told == [
+        "vehicle 1: the mission failed (disk full); it is told to return by its autopilot"
+    ]
     assert [e.action for e in flight.seen(Guarded)] == ["rtl"]
     assert not flight.seen(Overridden)
+
+
+def test_a_terminal_that_is_gone_keeps_nobody_in_the_air() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+
+        def gone(text: str) -> None:
+            raise BrokenPipeError(text)
+
+        flight.driver.guardian._operator = gone
+        await flight.driver.guardian.bring_home("the terminal was closed")
+        assert flight.vehicle.truth.landed
+
+    fly(body)
 
 
 def test_on_the_ground_nothing_is_sent() -> None:
@@ -105,6 +130,46 @@ def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing() -> None:
     fly(body)
 
 
+def test_a_take_over_on_the_ground_ends_with_one_landing() -> None:
+    async def body(flight: Flight) -> None:
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF)
+        flight.driver.give(TakeOff(UP_M))
+        await flight.until(lambda: flight.session.view.armed)
+        flight.driver.guardian.take_over("land", "a test")
+        await flight.sees(Landed, within_s=30.0)
+        await asyncio.sleep(10.0)
+        assert len(flight.seen(Landed)) == 1
+        assert not flight.driver.guardian.acting
+
+    fly(body)
+
+
+def test_a_landing_by_the_guardian_is_told_once() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.driver.guardian.take_over("land", "a test")
+        await flight.sees(Landed)
+        await asyncio.sleep(10.0)
+        assert len(flight.seen(Landed)) == 1
+
+    fly(body)
+
+
+def test_after_a_silence_the_guardian_sees_to_it_again() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
+        flight.to_driver = flight.to_vehicle = lambda message: False
+        flight.driver.guardian.take_over("rtl", "a test")
+        await flight.sees(LinkLost, within_s=20.0)
+        await asyncio.sleep(5.0)
+        flight.to_driver = flight.to_vehicle = lambda message: True
+        await flight.sees(Guarded, 2, within_s=30.0)
+        await flight.sees(Landed)
+
+    fly(body)
+
+
 def test_a_crash_is_known_and_said() -> None:
     async def body(flight: Flight) -> None:
         await out(flight)
@@ -118,15 +183,47 @@ def test_a_crash_is_known_and_said() -> None:
     assert any("is down near" in text for text in flight.told)
 
 
-def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence() -> None:
+def test_a_crashed_aircraft_that_believes_to_fly_stays_down() -> None:
+    """Armed, in the air by its own word, and without height: the service is not fooled."""
+
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+        flight.vehicle.fail.motor(share=0.0)
+        autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+        armed = mav.MAV_MODE_FLAG_SAFETY_ARMED | mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        for _ in range(20):
+            beat = mav.MAVLink_heartbeat_message(
+                mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, Mode.GUIDED, 4, 3
+            )
+            flight.session.feed(beat.pack(autopilot))
+            await asyncio.sleep(1.0)
+        assert flight.vehicle.truth.crashed
+        assert len(flight.seen(LiftedOff)) == len(flight.seen(Crashed)) == 1
+        assert not flight.driver.guardian.responsible
+
+    fly(body)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
+    autopilot: str,
+) -> None:
+    """At most 150 m outside of it; a plain landing from here would take it 250 m."""
+    made = small_mission()
+    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+    outside_m: list[float] = []
+
     async def body(flight: Flight) -> None:
         await out(flight)
         flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
         await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
         where = flight.setting.grid.fixed(flight.vehicle.truth.position)
-        assert math.hypot(where.east_m, where.north_m) < 400.0
+        outside_m.append(float(flight.setting.fence.outer.distance(Point(where))))
 
-    fly(body)
+    flight = fly(body, made)
+    assert [e.action for e in flight.seen(Guarded)][-1] == "land"
+    assert outside_m[0] < 150.0
 
 
 def test_a_leg_that_goes_nowhere_is_reported_to_the_mission() -> None:
@@ -161,3 +258,17 @@ def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen() -> None:
         assert len(flight.seen(LiftedOff)) == 1
 
     assert not fly(body).seen(OrderFailed)
+
+
+def test_a_place_that_is_none_stops_no_clock() -> None:
+    """What cannot be sent is tried again in a while, and not without end at one instant."""
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        nowhere = GridPoint(float("inf"), 0.0)
+        flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
+        await asyncio.sleep(5.0)
+        flight.driver.guardian.take_over("land", "a test", hurry=True)
+        await flight.sees(Landed, within_s=60.0)
+
+    fly(body)

@@ -186,12 +186,9 @@ def test_what_is_no_mark(mark: object) -> None:
 
 
 @pytest.mark.parametrize("answer", [True, False, None])
-def test_what_is_doubtful_is_asked_where_somebody_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bool | None
-) -> None:
+def test_what_is_doubtful_is_asked_where_somebody_is(tmp_path: Path, answer: bool | None) -> None:
     path = write(tmp_path / "journal.db", some_events(2))
     now = later(3 * DAY_S, **OTHER_BOOT)
-    monkeypatch.setattr(module, "read_clocks", lambda: now)
     said: list[str] = []
     asked: list[str] = []
 
@@ -202,8 +199,9 @@ def test_what_is_doubtful_is_asked_where_somebody_is(
     with Journal.open(path) as journal:
         Marks(journal, lambda: THEN).note(500.0)
         start_s = taken_up_at(
-            journal,
+            last_mark(journal.meta),
             LAST_EVENT_S,
+            now,
             epoch_utc_s=PLAN.epoch_utc_s,
             speedup=1.0,
             drift_m_s=0.0,

@@ -168,3 +168,23 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
         run(main(), VirtualClock())
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
+
+
+def test_a_report_that_no_journal_can_hold_is_refused_and_told(journal: Journal) -> None:
+    nowhere = GridPoint(float("inf"), 0.0)
+    vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
+    setting = Setting.of(small_mission())
+    told: list[str] = []
+    service = Service(
+        setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None, told.append
+    )
+
+    async def main() -> None:
+        asyncio.get_running_loop().call_later(10.0, service.stop)
+        await service.fly()
+
+    run(main(), VirtualClock())
+    assert [type(e) for e in journal.events()] == [Connected]
+    assert service.refused == 1
+    assert service.state.vehicles[1].position == HOME
+    assert "a report was refused" in told[0]

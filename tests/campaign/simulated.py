@@ -1,0 +1,237 @@
+"""Flights of `uavmap.fly` against the bundled simulator, in this process, on virtual time."""
+
+from __future__ import annotations
+
+import random
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+from shapely.geometry import Point
+
+from missions.energy import AIRSPEED_LIMIT_M_S
+from missions.errors import UavmapError
+from missions.ground.grid import Grid
+from missions.guardian import PAD_M
+from missions.state import Phase, Setting
+from missions.step import fold
+from missions.units import GridPoint
+from sitl.vehicle import SimVehicle
+from tests.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap import simulation
+from uavmap.fly.flight import fly as fly_plan
+from uavmap.fly.progress import Silent
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.journal import Journal
+from uavmap.simulation import Truth
+
+from .outcome import FORBIDDEN, Outcome
+from .plan import Plan, plan
+
+KINDS: Final = (
+    "gps", "gps_glitch", "gps_drift", "battery_sag", "battery_cell", "compass", "wind_gust",
+    "motor", "camera_stall", "camera_black", "camera_corrupt", "reject", "rc", "link",
+    "companion_reboot",
+)  # fmt: skip
+PHASES: Final = {
+    "ground": 0.0, "take-off": 5.0, "search": 14.0, "look": 24.0, "explore": 32.0,
+    "way home": 46.0, "landing": 58.0,
+}  # fmt: skip
+"""About when each phase of the small mission begins, in seconds."""
+COMMANDS: Final = (20, 21, 22, 176, 192, 400, 2000)
+"""RTL, land, take-off, mode, reposition, arm, capture."""
+FORGIVEN_S: Final = 60.0
+FAR_M: Final = 150.0
+
+
+def plan_of(seed: int) -> Plan:
+    """The flight of a seed."""
+    return plan(seed, KINDS, tuple(PHASES))
+
+
+def fault_of(kind: str, phase: str, rng: random.Random) -> dict[str, Any]:
+    """A fault of a kind in a phase, as `[[sim.faults]]` holds it."""
+    fault: dict[str, Any] = {"kind": kind, "at_s": round(PHASES[phase] + rng.uniform(0, 8), 2)}
+    for_s = rng.choice([5.0, 20.0, 60.0, None])
+    if for_s is not None and kind not in ("battery_cell", "companion_reboot"):
+        fault["for_s"] = for_s
+    bearing = round(rng.uniform(0, 360), 1)
+    values: dict[str, dict[str, Any]] = {
+        "gps_glitch": {"metres": rng.choice([10.0, 50.0]), "toward_deg": bearing},
+        "gps_drift": {"m_s": rng.choice([0.2, 2.0]), "toward_deg": bearing},
+        "battery_sag": {"volts": rng.choice([2.0, 12.0])},
+        "compass": {"deg": rng.choice([20.0, -25.0, 90.0, 180.0])},
+        "wind_gust": {"m_s": rng.choice([8.0, 12.0, 25.0]), "from_deg": bearing},
+        "motor": {"share": rng.choice([0.0, 0.7])},
+        "reject": {"command": rng.choice(COMMANDS)},
+        "link": rng.choice([{"silent": True}, {"loss": 0.2}, {"delay_s": 0.6}, {"loss": 0.4}]),
+    }
+    return fault | values.get(kind, {})
+
+
+def text_of(flight: Plan) -> str:
+    """The mission file of a flight: a dark square of four cells, and what goes wrong."""
+    rng = random.Random(flight.seed)
+    vehicles = rng.choice([1, 1, 2])
+    region = ring(Grid.at(START, CELL_M), square(6, 14, 8, 8))
+    text = mission_text(
+        square(-4, 10, 24, 16),
+        square(-40, -40, 100, 110),
+        vehicles=vehicles,
+        altitude_m=14.0,
+        mounting="gimbal",
+        capacity_wh=rng.choice([14.0, 25.0]),
+        wind_m_s=rng.choice([0.0, 3.0]),
+    )
+    autopilot = rng.choice(["ardupilot", "px4"])
+    text += f'\n[sim]\nautopilot = "{autopilot}"\nswap_s = 15.0\ngps_sigma_m = 0.1\n'
+    text += f"[[sim.roi]]\npolygon = {region}\n"
+    for kind, phase in zip(flight.kinds, flight.phases, strict=True):
+        fault = fault_of(kind, phase, rng) | {"vehicle": rng.randint(1, vehicles)}
+        lines = [f"{key} = {_toml(value)}" for key, value in fault.items()]
+        text += "[[sim.faults]]\n" + "\n".join(lines) + "\n"
+    return text
+
+
+def _toml(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
+
+
+@dataclass(slots=True)
+class Witness(Truth):
+    """The truth of a flight, with what the referee has to know."""
+
+    found: list[tuple[str, str]] = field(default_factory=list)
+    last: dict[int, Any] = field(default_factory=dict)
+    outside_s: dict[int, float] = field(default_factory=dict)
+    flagged: set[tuple[int, str]] = field(default_factory=set)
+    crashed_at: dict[int, GridPoint] = field(default_factory=dict)
+    at: dict[int, GridPoint] = field(default_factory=dict)
+
+    def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+        """Look at all vehicles at one instant."""
+        Truth.watch(self, vehicles, setting)
+        for vehicle in vehicles:
+            number, truth = vehicle.spec.system_id, vehicle.truth
+            at = setting.grid.fixed(truth.position)
+            self.last[number], self.at[number] = truth, at
+            out_m = float(setting.fence.outer.distance(Point(at)))
+            if truth.landed or out_m < 0.01:
+                self.outside_s.pop(number, None)
+                continue
+            since_s = self.outside_s.setdefault(number, truth.t_s)
+            if out_m > FAR_M:
+                self._flag(number, "far", f"{truth.t_s:.1f} s: {out_m:.0f} m outside")
+            if truth.t_s - since_s > FORGIVEN_S and truth.mode.name not in RETURNS:
+                self._flag(number, "breach", f"{truth.t_s:.1f} s: still {truth.mode.name}")
+
+    def _flag(self, number: int, kind: str, text: str) -> None:
+        if (number, kind) not in self.flagged:
+            self.flagged.add((number, kind))
+            self.found.append((kind, f"vehicle {number}: {text}"))
+
+
+RETURNS: Final = ("RTL", "LAND", "SMART_RTL", "AUTO_RTL", "AUTO_LAND", "RETURN")
+BLIND: Final = ("gps", "gps_glitch", "gps_drift")
+
+
+def _blind(text: str, flight: Plan) -> bool:
+    """Whether positions lie, or the compass or the wind is beyond what can be flown."""
+    if any(kind in BLIND for kind in flight.kinds):
+        return True
+    lines = [line.split(" = ") for line in text.splitlines() if " = " in line]
+    return any(
+        (key == "deg" and abs(float(value)) > 30.0)
+        or (key == "m_s" and float(value) >= AIRSPEED_LIMIT_M_S)
+        for key, value in ((parts[0].strip(), parts[1]) for parts in lines)
+        if key in ("deg", "m_s")
+    )
+
+
+def fly(seed: int, *, verbose: bool = False) -> Outcome:
+    """Fly the flight of a seed to its end."""
+    flight = plan_of(seed)
+    text = text_of(flight)
+    witness = Witness()
+    found: list[tuple[str, str]] = []
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
+        patched.setattr(simulation, "Truth", lambda: witness)
+        path = Path(folder) / "flight"
+        summary: dict[str, Any] = {}
+        asked = FlightPlan(
+            "campaign", text, strategy=None, vehicles=None, seed=seed, urls=(), speedup=None,
+            epoch_utc_s=SIM_EPOCH_UTC_S,
+        )  # fmt: skip
+        try:
+            summary = fly_plan(asked, path, Silent())
+        except* UavmapError as group:
+            if verbose:
+                print(f"ended: {group.exceptions}")
+        except* Exception as group:
+            found.append(("traceback", repr(group.exceptions[0])))
+        phases = _phases(asked, path, verbose=verbose)
+    found += _judged(flight, text, witness, summary, phases)
+    if verbose:
+        print(text, summary, phases, witness, sep="\n")
+    counts = {FORBIDDEN[kind] for kind, _ in found}
+    counts.add("ok" if summary.get("completed") else "inc")
+    away = any(at.distance_to(_home(number)) > 2 * PAD_M for number, at in witness.at.items())
+    counts.add("away" if away else "home")
+    if witness.crashes:
+        counts.add("crash")
+    return Outcome(seed, flight.label, str(flight), frozenset(counts), tuple(found))
+
+
+def _home(number: int) -> GridPoint:
+    return GridPoint(8.0 * (number - 1), 0.0)
+
+
+def _phases(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, Phase]:
+    """How the journal leaves each vehicle."""
+    if not (path / JOURNAL).exists():
+        return {}
+    setting = Setting.of(asked.mission())
+    with Journal.open(path / JOURNAL) as journal:
+        events = list(journal.events())
+    if verbose:
+        for event in events:
+            if event.kind not in ("tracked", "frame_seen"):
+                print(event)
+    state = fold(setting, events)
+    return {number: vehicle.phase for number, vehicle in state.vehicles.items()}
+
+
+def _judged(
+    flight: Plan, text: str, witness: Witness, summary: dict[str, Any], phases: dict[int, Phase]
+) -> list[tuple[str, str]]:
+    """What of a flight is forbidden."""
+    blind = _blind(text, flight)
+    found = list(witness.found)
+    if not blind and witness.fence_breaches and "reject" not in flight.kinds:
+        found.append(("breach", f"{witness.fence_breaches} breaches"))
+    if not blind and witness.reserve_violations and not _poor(flight):
+        found.append(("reserve", f"{witness.reserve_violations} violations"))
+    for number, truth in witness.last.items():
+        silent = phases.get(number) in (Phase.LOST, Phase.OFFLINE)
+        theirs = truth.mode.name in RETURNS
+        if not truth.landed and not truth.crashed and not silent and not theirs:
+            found.append(("air", f"vehicle {number} is in the air in {truth.mode.name}"))
+        told = phases.get(number) in (Phase.DOWN, Phase.LOST, Phase.OFFLINE)
+        if truth.crashed and not told and witness.at[number].distance_to(_home(number)) > PAD_M:
+            found.append(("unreported", f"vehicle {number} is down as {phases.get(number)}"))
+    if summary.get("completed") and not blind:
+        if summary.get("cells_missed"):
+            found.append(("lie", f"completed, {summary['cells_missed']} cells missed"))
+        if witness.crashes:
+            found.append(("lie", "completed, with an aircraft down"))
+    return found
+
+
+def _poor(flight: Plan) -> bool:
+    """Whether the battery itself is what goes wrong, or nobody can command the vehicle."""
+    return any(kind in ("battery_cell", "battery_sag", "link", "wind_gust", "reject",
+                        "companion_reboot", "motor", "compass", "rc")
+               for kind in flight.kinds)  # fmt: skip

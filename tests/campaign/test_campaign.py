@@ -1,0 +1,52 @@
+"""A short campaign: the long one is `python -m tests.campaign --flights 10000`."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from tests.campaign import simulated
+from tests.campaign.outcome import COLUMNS, FORBIDDEN, Outcome, table
+from tests.campaign.reducer import KINDS, fly, plan_of
+from tests.fake_fleet.troubles import PHASES
+
+FLIGHTS = 40
+
+
+def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
+    """A third of the kinds of trouble alone, and pairs of all."""
+    outcomes = [fly(seed) for seed in range(FLIGHTS)]
+    assert [(o.plan, o.found) for o in outcomes if o.found] == []
+    assert any("ok" in o.counts for o in outcomes)
+
+
+def test_the_same_seed_flies_the_same_flight() -> None:
+    assert [fly(seed) for seed in (6, 9)] == [fly(seed) for seed in (6, 9)]
+
+
+def test_every_kind_comes_up_alone_in_every_phase() -> None:
+    seeds = range(len(KINDS) * len(PHASES) * 10 // 6 + 10)
+    alone = Counter(
+        (plan.kinds[0], plan.phases[0]) for plan in map(plan_of, seeds) if len(plan.kinds) == 1
+    )
+    assert set(alone) == {(kind, phase) for kind in KINDS for phase in PHASES}
+
+
+def test_the_table_counts_each_flight_in_its_row_and_in_all() -> None:
+    one = Outcome(1, "storm", "", frozenset({"ok", "home"}), ())
+    two = Outcome(2, "storm", "", frozenset({"inc", "far"}), (("far", "200 m"),))
+    header, *rows = table([one, two]).splitlines()
+    assert header.split() == list(COLUMNS)
+    for row in rows:
+        cells = dict(zip(COLUMNS, row.split()[1:], strict=True))
+        assert (cells["n"], cells["ok"], cells["inc"], cells["far"]) == ("2", "1", "1", "1")
+    assert set(FORBIDDEN.values()) <= set(COLUMNS)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4, 9])
+def test_nothing_forbidden_happens_against_the_simulator(seed: int) -> None:
+    """Single faults and pairs of `sitl.faults`, through the driver and the wire."""
+    outcome = simulated.fly(seed)
+    assert outcome.found == ()
+    assert outcome.counts & {"ok", "inc"}

@@ -1,0 +1,215 @@
+"""What the pages say exists: modules, paths, keys of a mission file, commands, links, figures."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from missions.mission_file.schema import Mission, SimFault, VehicleSection
+from missions.state import Phase, ReturnReason
+from sitl.testing import Vehicle
+from uavmap.cli import parser
+
+ROOT = Path(__file__).parents[2]
+FILES = ("tlog", "gif")
+"""Suffixes of files whose names look like keys of a mission."""
+ROOMS = ("missions", "vision", "sitl", "uavmap", "tests")
+PAGES = [
+    *sorted(ROOT.glob("*.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+]
+_NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
+
+
+@pytest.fixture(params=PAGES, ids=lambda page: page.name)
+def page(request: pytest.FixtureRequest) -> Path:
+    assert isinstance(request.param, Path)
+    return request.param
+
+
+def prose(page: Path) -> str:
+    """A page without its blocks of code."""
+    return re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
+
+
+def quoted(page: Path) -> list[str]:
+    return re.findall(r"`([^`\n]+)`", prose(page))
+
+
+def attribute_of(owner: object, names: list[str]) -> bool:
+    for name in names:
+        fields = getattr(owner, "__dataclass_fields__", {})
+        if not hasattr(owner, name) and name not in fields:
+            return False
+        owner = getattr(owner, name, None)
+    return True
+
+
+def exists(dotted: str) -> bool:
+    """Whether a module, or something in a module, has this name."""
+    parts = dotted.split(".")
+    for count in range(len(parts), 0, -1):
+        path = ROOT.joinpath(*parts[:count])
+        if path.with_suffix(".py").exists() or (path / "__init__.py").exists():
+            names = parts[count:]
+            return not names or attribute_of(
+                importlib.import_module(".".join(parts[:count])), names
+            )
+    return False
+
+
+def test_every_module_that_a_page_names_exists(page: Path) -> None:
+    missing = []
+    for text in quoted(page):
+        name = text.partition("(")[0]
+        if not _NAME.fullmatch(name) or name.split(".")[0] not in ROOMS:
+            continue
+        fixture = name.startswith("sitl.") and hasattr(Vehicle, name.split(".")[1])
+        if not fixture and not exists(name):
+            missing.append(name)
+    assert not missing, f"{page.name} names what does not exist"
+
+
+def test_every_path_that_a_page_names_exists(page: Path) -> None:
+    paths = [
+        text for text in quoted(page) if re.fullmatch(rf"(?:{'|'.join(ROOMS)}|docs)/[\w./-]*", text)
+    ]
+    assert [text for text in paths if not (ROOT / text).exists()] == []
+
+
+def anchor(title: str) -> str:
+    """The anchor of a title, as GitHub makes it."""
+    return re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-")
+
+
+def test_every_link_leads_somewhere(page: Path) -> None:
+    missing = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if target.startswith(("http://", "https://")):
+            continue
+        path, _, title = target.partition("#")
+        there = (page.parent / path) if path else page
+        if not there.exists():
+            missing.append(target)
+        elif title:
+            titles = re.findall(r"^#+ (.+)$", there.read_text("utf-8"), re.MULTILINE)
+            if title not in map(anchor, titles):
+                missing.append(target)
+    assert not missing
+
+
+def sections() -> Iterator[tuple[str, type[BaseModel]]]:
+    for name, field in Mission.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield name, field.annotation
+    yield "vehicles", VehicleSection
+    yield "sim.faults", SimFault
+
+
+def test_every_key_of_a_mission_that_a_page_names_exists(page: Path) -> None:
+    known = dict(sections())
+    missing = []
+    for text in quoted(page):
+        section, _, key = text.partition(" ")[0].rpartition(".")
+        if section in known and section not in ROOMS and key not in FILES and key not in (
+            known[section].model_fields
+        ):  # fmt: skip
+            missing.append(text)
+    assert not missing
+
+
+def command_lines(page: Path) -> Iterator[str]:
+    for block in re.findall(r"```sh\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        yield from (line for line in block.splitlines() if line.startswith("uavmap "))
+
+
+def test_the_command_lines_of_a_page_are_understood(
+    page: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for line in command_lines(page):
+        try:
+            parser().parse_args(shlex.split(line, comments=True)[1:])
+        except SystemExit:
+            pytest.fail(f"{line}: {capsys.readouterr().err}")
+
+
+def test_the_readme_has_command_lines() -> None:
+    assert len(list(command_lines(ROOT / "README.md"))) > 10
+
+
+# --- the floors of the rooms ----------------------------------------------------------------------
+def floors(room: str) -> list[set[str]]:
+    """The floors of a room as import-linter holds them, from top to bottom."""
+    text = (ROOT / "pyproject.toml").read_text("utf-8")
+    for contract in tomllib.loads(text)["tool"]["importlinter"]["contracts"]:
+        layers = contract.get("layers", [""])
+        if layers[0].startswith(f"{room}."):
+            return [set(layer.split(" | ")) for layer in layers]
+    raise AssertionError(f"{room} has no floors")
+
+
+@pytest.mark.parametrize("room", ["missions", "uavmap", "sitl"])
+def test_the_architecture_has_the_floors_that_are_held(room: str) -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    table = re.search(rf"^\| `{room}`[^|]* \| \|\n\|---.*\n((?:\|.*\n)+)", text, re.MULTILINE)
+    assert table is not None
+    rows = [set(re.findall(r"`([\w.]+)`", row.split("|")[1])) for row in table[1].splitlines()]
+    assert rows == floors(room)
+
+
+# --- the glossary and the page on safety --------------------------------------------------------
+def defined() -> set[str]:
+    """The terms of the glossary."""
+    text = (ROOT / "docs" / "glossary.md").read_text("utf-8")
+    cells = re.findall(r"^\| ([^|]+) \| [^|]+ \|$", text, re.MULTILINE)
+    return {term.strip(" `*") for cell in cells for term in cell.split(",")}
+
+
+@pytest.mark.parametrize("word", [*Phase, *ReturnReason])
+def test_the_glossary_has_every_phase_and_every_return_reason(word: str) -> None:
+    assert word in defined()
+
+
+FIGURES = re.findall(
+    r"^\| [^|]+ \| ([^|]+) \| `([\w.]+)` \|$",
+    (ROOT / "docs" / "safety.md").read_text("utf-8"),
+    re.MULTILINE,
+)
+
+
+def test_the_page_on_safety_has_figures() -> None:
+    assert len(FIGURES) > 20
+
+
+@pytest.mark.parametrize(("said", "name"), FIGURES, ids=[name for _, name in FIGURES])
+def test_the_figures_of_the_page_on_safety_are_those_of_the_code(said: str, name: str) -> None:
+    module, _, constant = name.rpartition(".")
+    value = getattr(importlib.import_module(module), constant)
+    number = re.match(r"[\d.]+", said.strip())
+    assert number is not None
+    unit = said.strip()[number.end() :].strip()
+    assert float(number[0]) == value * (100 if unit == "%" else 1)
+
+
+def test_the_figures_are_constants() -> None:
+    """A figure that the program changes while it runs could not be told by a page."""
+    for _, name in FIGURES:
+        module, _, constant = name.rpartition(".")
+        source = ROOT.joinpath(*module.split(".")).with_suffix(".py").read_text("utf-8")
+        names = {
+            target.id
+            for node in ast.parse(source).body
+            if isinstance(node, ast.Assign | ast.AnnAssign)
+            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+            if isinstance(target, ast.Name)
+        }
+        assert constant in names, f"{name} is imported there, not defined"
