@@ -14,9 +14,8 @@ import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Final, Protocol, cast
 
-import serial
-
 from missions.errors import LinkError
+from uavmap.link.serial_port import REOPEN_S, SerialPort
 from uavmap.link.urls import Endpoint
 
 PEER_SILENT_S: Final = 10.0
@@ -171,6 +170,8 @@ class _Tcp:
         self.on_bytes = on_bytes
         self._strangers = strangers
         self._transport: asyncio.Transport | None = None
+        self.gone = asyncio.Event()
+        """Set while a connection that was made has ended."""
 
     @property
     def peer_host(self) -> str | None:
@@ -188,6 +189,7 @@ class _Tcp:
             self._strangers.tell((peer[0], None), "wants to connect too, and is refused")
             return False
         self._transport = transport
+        self.gone.clear()
         _keep_alive(transport.get_extra_info("socket"))
         return True
 
@@ -195,6 +197,7 @@ class _Tcp:
         """A connection has ended: the next client may come."""
         if transport is self._transport:
             self._transport = None
+            self.gone.set()
 
     def send(self, data: bytes) -> None:
         if self._transport is not None and not self._transport.is_closing():
@@ -242,8 +245,26 @@ class _TcpConnection(asyncio.Protocol):
 async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
     tcp = _Tcp(on_bytes, strangers)
-    await loop.create_connection(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
-    return tcp, tcp.close
+
+    async def connect() -> None:
+        await loop.create_connection(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
+
+    async def stay_connected() -> None:
+        """A connection that ends in flight is made again, for as long as it takes."""
+        while True:
+            await tcp.gone.wait()
+            await asyncio.sleep(REOPEN_S)
+            with contextlib.suppress(OSError):
+                await connect()
+
+    await connect()
+    staying = asyncio.create_task(stay_connected())
+
+    def close() -> None:
+        staying.cancel()
+        tcp.close()
+
+    return tcp, close
 
 
 async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
@@ -258,37 +279,6 @@ async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: _St
     return tcp, close
 
 
-class _Serial:
-    """A serial port, read when the loop says that there is something to read."""
-
-    peer_host: str | None = None
-
-    def __init__(self, port: serial.Serial) -> None:
-        self._port = port
-
-    def send(self, data: bytes) -> None:
-        # full, or unplugged: the session will miss the heartbeats
-        with contextlib.suppress(serial.SerialException):
-            self._port.write(data)
-
-
 async def _open_serial(endpoint: Endpoint, on_bytes: OnBytes, _: _Strangers) -> _Opened:
-    loop = asyncio.get_running_loop()
-    port = serial.Serial(endpoint.host, endpoint.port, timeout=0, write_timeout=0.2)
-
-    def read() -> None:
-        try:
-            data = port.read(4096)
-        except serial.SerialException:  # unplugged: the session will miss the heartbeats
-            loop.remove_reader(port.fileno())
-            return
-        if data:
-            on_bytes(data)
-
-    loop.add_reader(port.fileno(), read)
-
-    def close() -> None:
-        loop.remove_reader(port.fileno())
-        port.close()
-
-    return _Serial(port), close
+    port = SerialPort(endpoint.host, endpoint.port, on_bytes)
+    return port, port.close

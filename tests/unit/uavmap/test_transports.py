@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from missions.errors import LinkError
-from uavmap.link import transports
+from uavmap.link import serial_port, transports
 from uavmap.link.transports import open_transport
 from uavmap.link.urls import Endpoint, parse_url
 
@@ -340,6 +340,74 @@ def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
                 port.send(b"anybody?")
                 await asyncio.sleep(0.01)
             assert ear.data == b"frame"
+
+    on_loop(body)
+
+
+def test_a_tcp_connection_that_ends_in_flight_is_made_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(transports, "REOPEN_S", 0.01)
+    port = free_port(socket.SOCK_STREAM)
+
+    async def body() -> None:
+        ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
+        listening = parse_url(f"tcpin://127.0.0.1:{port}")
+        async with contextlib.AsyncExitStack() as stack:
+            server = contextlib.AsyncExitStack()
+            one = await server.enter_async_context(open_transport(listening, vehicle))
+            link = await stack.enter_async_context(
+                open_transport(parse_url(f"tcpout://127.0.0.1:{port}"), ear)
+            )
+            link.send(b"before")
+            await vehicle.hears(b"before")
+            one.send(b"here")
+            await ear.hears(b"here")
+            await server.aclose()  # the autopilot's end restarts
+            due_s = loop.time() + SOON_S
+            while link.peer_host is not None:
+                assert loop.time() < due_s
+                await asyncio.sleep(0.005)
+            link.send(b"to nobody")
+            again = await stack.enter_async_context(open_transport(listening, vehicle))
+            while link.peer_host is None:
+                assert loop.time() < due_s
+                await asyncio.sleep(0.005)
+            link.send(b"after")
+            await vehicle.hears(b"beforeafter")
+            again.send(b"too")
+            await ear.hears(b"heretoo")
+
+    on_loop(body)
+
+
+def test_a_serial_port_that_is_plugged_in_again_goes_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(serial_port, "REOPEN_S", 0.01)
+    plug = tmp_path / "ttyACM0"
+
+    async def body() -> None:
+        ear, loop = Ear(), asyncio.get_running_loop()
+        master, name = pseudo_terminal()
+        plug.symlink_to(name)
+        async with open_transport(Endpoint("serial", str(plug), 57600), ear) as port:
+            os.write(master, b"frame")
+            await ear.hears(b"frame")
+            plug.unlink()
+            os.close(master)
+            await asyncio.sleep(0.05)  # several tries in vain
+            port.send(b"anybody?")
+            master, name = pseudo_terminal()
+            plug.symlink_to(name)
+            due_s = loop.time() + SOON_S
+            while b"again" not in ear.data:
+                assert loop.time() < due_s
+                os.write(master, b"again")
+                await asyncio.sleep(0.02)
+            port.send(b"here")
+            assert await loop.run_in_executor(None, os.read, master, 4) == b"here"
+        os.close(master)
 
     on_loop(body)
 
