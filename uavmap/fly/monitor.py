@@ -124,6 +124,9 @@ class Monitor:
             self.overridden = True
             self._refused = not armed
             reporter.report(Overridden(reporter.number, reporter.t_s(), view.mode_name))
+        elif mode == kind.follows:
+            # what it stood in before counts no more: who turns the switch back there means it
+            self.commanded = kind.ours
 
     def _not_by_us(self, mode: int | None, *, armed: bool, failsafe: bool, turned: bool) -> bool:
         """Whether somebody else has the vehicle in this mode."""
