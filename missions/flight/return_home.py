@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import CLIMB_SPEED_M_S, EnergyModel
+from missions.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
 from missions.flight.deconfliction import (
     OFF_LAYER_M,
+    RTL_HEIGHT_M,
+    UNTOLD,
     give_if_clear,
     hold,
     is_clear,
@@ -14,7 +16,7 @@ from missions.flight.deconfliction import (
 )
 from missions.flight.lane_progress import lane_left
 from missions.ground.fence import route_length_m
-from missions.orders import FlyTo, Hold, Land, Order, TakeOff
+from missions.orders import FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 
@@ -107,7 +109,39 @@ def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
     waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
     if waits and vehicle.over_home and not _can_wait(setting, vehicle):
         return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
+    if waits and not vehicle.over_home and _waits_in_vain(setting, state, vehicle):
+        return _by_its_autopilot(state, vehicle)
     return after
+
+
+def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether the way home stays blocked by one that cannot be told to make way, until the last
+    moment at which the autopilot, which climbs first, brings it home with the reserve."""
+    blocked = any(
+        other.phase in UNTOLD and not other.landed
+        for other in state.vehicles.values()
+        if other.vehicle != vehicle.vehicle
+    )
+    climb_m = max(RTL_HEIGHT_M - vehicle.height_m, 0.0)
+    climb_s = climb_m / CLIMB_SPEED_M_S + climb_m / LANDING_SPEED_M_S
+    return blocked and not has_energy_for(
+        setting, vehicle, vehicle.position, hover_s=2.0 * REACTION_S + climb_s
+    )
+
+
+def _by_its_autopilot(state: State, vehicle: VehicleState) -> State:
+    """Nobody knows whether the air is free; that the battery will be empty is known."""
+    note = "its way home stayed blocked: it returns by its autopilot"
+    return state.with_vehicle(
+        replace(
+            vehicle,
+            phase=Phase.GUARDED,
+            order=ReturnToLaunch(),
+            return_reason=None,
+            returns_by_itself=True,
+            note=note,
+        )
+    )
 
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:

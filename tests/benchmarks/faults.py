@@ -135,7 +135,9 @@ def fly(job: Job) -> Flown:
 
 def forbidden(flight: Flown) -> frozenset[str]:
     """What must not be, of what came of it."""
-    more = {"res"} if "battery_cell" not in flight.name else set()
+    # no charge is left, or nobody can tell it to come home
+    spent = flight.name.startswith(("battery_cell", "link silent")) and "ever" in flight.name
+    more = set() if spent else {"res"}
     if not flight.name.startswith(UNSEEN):
         more |= {"breach"}
     return flight.columns & (FORBIDDEN | more)

@@ -761,3 +761,37 @@ def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> N
     assert service.state.over
     service.post(LiftedOff(1, 30.0))
     assert not service.state.over
+
+
+def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Service) -> None:
+    """A silent vehicle claims the air of its return for as long as its battery may last."""
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    over = GridPoint(40.0, 0.0)
+    for number, at, height_m in ((1, GridPoint(25.0, 0.0), 12.0), (2, over, 18.0)):
+        flying = replace(
+            pair.state.vehicles[number],
+            phase=Phase.AIRBORNE, landed=False, order=Hold(), position=at, height_m=height_m,
+        )  # fmt: skip
+        pair.state = pair.state.with_vehicle(flying)
+    pair.post(LinkLost(1, pair.now_s + 1.0))
+    pair.post(Recalled(pair.now_s + 2.0))
+    pair.now_s += 30.0
+    seen = []
+    for tenths in range(600, 0, -1):
+        charge_wh = tenths / 10.0
+        pair.now_s += 1.2
+        pair.post(Tracked(2, pair.now_s, over, 18.0, charge_wh))
+        seen.append((charge_wh, pair.order(2)))
+        if isinstance(pair.order(2), ReturnToLaunch):
+            break
+    assert [order for _, order in seen[:-1]] == [Hold()] * (len(seen) - 1)
+    charge_wh, last = seen[-1]
+    assert isinstance(last, ReturnToLaunch)
+    energy = pair.setting.energy
+    # as late as the reserve allows: up to 30 m, home, and down
+    assert charge_wh > energy.home_wh(32.0, 30.0)
+    assert charge_wh < energy.home_wh(32.0, 30.0) + 4.0
+    vehicle = pair.state.vehicles[2]
+    assert vehicle.phase is Phase.GUARDED
+    assert "stayed blocked" in vehicle.note
