@@ -25,6 +25,8 @@ INITIAL_TEMPERATURE = 0.02
 """How much dearer an attempt may make the whole at first."""
 SMALL_TEAM = 4
 """Up to so many robots plan with nooks as if they were ROI: cells between known ones."""
+SOON_COUNTED = 10_000
+"""Up to so many sites times cells it is sooner to count steps than to look up what was counted."""
 DEPTH, OCCUPIED = 0.85, 2.5
 """A robot without a route follows to where it is deep, and not where others go."""
 _MARGIN = 3
@@ -181,6 +183,8 @@ class Sites:
         numbers = np.array([*free.tolist(), *others], np.int32)
         if metric.straight:
             legs = _straight(metric, cells)
+        elif len(numbers) * len(ground.cells) < SOON_COUNTED:
+            legs = kernels.spread(ground.near, numbers)[:, numbers].astype(np.float64)
         else:
             height = ground.picture.size // ground.width
             legs = (table or StepTable()).between(

@@ -52,7 +52,7 @@ def price(
         node = route[place]
         length += legs[last, node]
         if behind[node] > 0.0:
-            cost += share * sixth(length + legs[node, home] + behind[node])
+            cost += share * sixth(length + legs[home, node] + behind[node])
         length += loads[node]
         last = node
     return cost + sixth(length + legs[last, home])
@@ -288,6 +288,7 @@ def improve_alone(
                 + legs[way[right], way[j]]
                 - legs[way[j - 1], way[j]]
             )
+            begin, end = min(i, j), max(last + 1, j)
             if gain < allowed:
                 if turned:
                     way[i : last + 1] = way[i : last + 1][::-1].copy()
@@ -305,11 +306,13 @@ def improve_alone(
                 - legs[way[first - 1], way[first]]
                 - legs[way[last], way[last + 1]]
             )
+            begin, end = first, last + 1
             if gain < allowed:
                 way[first : last + 1] = way[first : last + 1][::-1].copy()
         if gain < allowed:
             length += gain
-            place_of[way[: nodes + 1]] = np.arange(nodes + 1)
+            for place in range(begin, end):
+                place_of[way[place]] = place
     route[:] = way[1 : nodes + 1]
 
 

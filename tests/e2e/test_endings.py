@@ -78,7 +78,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
         assert done.code == 2
         assert done.out == ""
         failed, last = lines(done)
-        assert failed.endswith("it returns by its autopilot")
+        assert failed.endswith("return by its autopilot")
         assert "journal.db cannot be written" in last
         assert f"to go on: uavmap resume {folder}" in done.err
         goes_on(folder, urls)

@@ -189,10 +189,14 @@ def test_what_it_has_taken_over_no_order_takes_back() -> None:
 # --- energy ----------------------------------------------------------------------------------
 @pytest.mark.parametrize("task", [leg(), hold(), Task("land", 0.0, (HOME,), True, 12.0)])
 def test_with_the_last_energy_for_it_it_lands(task: Task) -> None:
-    """Also one that was told to land, and hovers."""
+    """Also one that was told to land, and hovers; but not by a single message that is wrong."""
     need_wh = 1.25 * landing_wh(ENERGY, 12.0)
-    assert Watched(task, replace(IN_AIR, remaining_wh=need_wh + 0.1)).verdicts == []
-    ((_, verdict),) = Watched(task, replace(IN_AIR, remaining_wh=need_wh - 0.1)).verdicts
+    enough = Watched(task, replace(IN_AIR, remaining_wh=need_wh + 0.1))
+    assert enough.pass_time(5) == []
+    spent = Watched(task, replace(IN_AIR, remaining_wh=need_wh - 0.1))
+    assert spent.verdicts == []
+    spent.pass_time(4)
+    ((_, verdict),) = spent.verdicts
     assert verdict.rung == "land"
 
 
