@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -17,6 +17,7 @@ from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
 from missions.units import Cell
 from uavmap.fly.classifier import Classifier
+from uavmap.fly.frames import Frames, suppressed_silence
 from uavmap.fly.picture_pose import pose_of
 from uavmap.link.session import Message, Session
 from uavmap.pictures import read_image
@@ -26,18 +27,8 @@ from vision.look import Frame
 Fetch = Callable[[str], Awaitable[bytes]]
 """From a picture's `file_url` to its bytes. Raises `LinkError`."""
 
-PICTURE_WAIT_S: Final = 3.0
-"""A picture that is late by twice this is given up."""
-
-FIRST_ASK_S: Final = 1.5
-ASK_AGAIN_S: Final = 1.0
-"""An announcement that is so late is asked for, and so often again: a bad link loses those, too."""
-
 START_TRIES: Final = 3
 """How often a camera may reject a start after it was stopped."""
-
-MOST_MISSING: Final = 20
-"""How many announcements are asked for again at once: a camera's count may jump."""
 
 
 class CameraDriver:
@@ -193,154 +184,3 @@ class CameraDriver:
     def lost(self, reason: str) -> FrameLost:
         """A picture that never came."""
         return FrameLost(self._number, round(self._now_s(), 3), reason)
-
-
-@contextlib.contextmanager
-def suppressed_silence() -> Iterator[None]:
-    """Let a camera that does not answer pass, and one that refuses not."""
-    try:
-        yield
-    except CommandRefusedError:
-        raise
-    except LinkError:
-        pass
-
-
-class Frames:
-    """The pictures of one order, as they are announced.
-
-    `most` None: a stream, until it is stopped; else bursts, of so many in all.
-    """
-
-    def __init__(self, camera: CameraDriver, most: int | None, interval_s: float) -> None:
-        self._camera = camera
-        self._most = most
-        self._interval_s = interval_s
-        self._announced: asyncio.Queue[Message] = asyncio.Queue()
-        self._next_index: int | None = None
-        self._seen: set[int] = set()
-        self._pending = 0
-        self._progress = asyncio.Event()
-        self.heard = 0
-        """How many pictures were announced."""
-        self.capturing = False
-
-    def announced(self, message: Message) -> None:
-        """A picture was taken; ask for those between the last one and this."""
-        index = message.image_index
-        if index in self._seen:
-            return
-        if self._next_index is not None:
-            for missing in range(max(self._next_index, index - MOST_MISSING), index):
-                self._camera.ask_again(missing)
-        self._next_index = max(index + 1, self._next_index or 0)
-        self._seen.add(index)
-        self._pending += 1
-        self.heard += 1
-        self._announced.put_nowait(message)
-
-    async def finish(self) -> None:
-        """Take no more, and wait until those announced are judged.
-
-        The first picture is waited for; then for each that is announced, as long as one after the
-        other is judged: a slow link takes its time, a dead one ends the wait.
-        """
-        if self.heard == 0:
-            await self._moved_on()
-        self._camera.stop()
-        self.capturing = False
-        while self._pending and await self._moved_on():
-            pass
-
-    async def _moved_on(self) -> bool:
-        """Whether another picture is judged, or lost, within the time for one."""
-        self._progress.clear()
-        try:
-            async with asyncio.timeout(self._interval_s + PICTURE_WAIT_S):
-                await self._progress.wait()
-        except TimeoutError:
-            return False
-        return True
-
-    def left_over(self) -> list[FrameLost]:
-        """The pictures that were announced and never judged: they are lost, and that is said."""
-        pending, self._pending = self._pending, 0
-        late = "it came too late: the pictures are fetched slower than they are taken"
-        return [self._camera.lost(late) for _ in range(pending)]
-
-    async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameSeen | FrameLost]:
-        """Every picture's verdicts, in the order of their coming."""
-        if self._most is None:
-            while True:
-                yield await self._streamed(vantage)
-        taken = 0
-        while taken < self._most:
-            count = min(self._camera.burst_size, self._most - taken)
-            try:
-                await self._camera.start(self._interval_s, count)
-            except CommandRefusedError:
-                raise
-            except LinkError as silence:  # the link may live, and the camera may wake up
-                taken += count
-                yield self._camera.lost(f"the camera is silent: {silence}")
-                continue
-            whole = True
-            for left in range(count, 0, -1):
-                taken += 1
-                event = await self._next(vantage, left)
-                whole = whole and isinstance(event, FrameSeen)
-                if left == 1:  # before the mission hears of it, and calls us off
-                    self.capturing = False
-                    if whole:
-                        self._camera.ended()
-                yield event
-
-    async def _streamed(self, vantage: Cell | None) -> FrameSeen | FrameLost:
-        """The next picture of a stream; when none comes for long, one is lost, and it is restarted.
-
-        A camera that restarted, or never heard the start, is silent for ever otherwise.
-        """
-        try:
-            async with asyncio.timeout(2.0 * self._interval_s + PICTURE_WAIT_S):
-                message = await self._announced.get()
-        except TimeoutError:
-            if self.capturing:
-                self._camera.uncertain()
-                with suppressed_silence():
-                    await self._camera.start(self._interval_s, 0)
-            return self._camera.lost("the camera is silent: no picture was announced")
-        event = await self._camera.judge(message, vantage)
-        self._judged()
-        return event
-
-    def _judged(self) -> None:
-        self._pending -= 1
-        self._progress.set()
-
-    async def _next(self, vantage: Cell | None, left: int) -> FrameSeen | FrameLost:
-        """The next picture of a burst of which so many are left.
-
-        Its announcement is asked for until it is given up; where none was heard at all, nobody
-        knows what to ask for, and the burst is begun once more.
-        """
-        clock = asyncio.get_running_loop()
-        begin_s = clock.time()
-        due_s = begin_s + 2.0 * (self._interval_s + PICTURE_WAIT_S)
-        wait_s, again = self._interval_s + FIRST_ASK_S, False
-        while (left_s := due_s - clock.time()) > 0.0:
-            try:
-                async with asyncio.timeout(min(wait_s, left_s)):
-                    message = await self._announced.get()
-            except TimeoutError:
-                wait_s = ASK_AGAIN_S
-                if self._next_index is not None:
-                    self._camera.ask_again(self._next_index)
-                elif not again and clock.time() - begin_s >= PICTURE_WAIT_S:
-                    again = True
-                    with suppressed_silence():
-                        await self._camera.start(self._interval_s, left)
-                continue
-            event = await self._camera.judge(message, vantage)
-            self._judged()
-            return event
-        return self._camera.lost("a picture was ordered, but none was announced")

@@ -29,7 +29,8 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
-from uavmap.fly.imaging import CameraDriver, Frames
+from uavmap.fly.frames import Frames
+from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import Reporter
 from uavmap.link.session import Session

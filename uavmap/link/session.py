@@ -273,20 +273,6 @@ class Session:
         """Ask for a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
-    def ask_for_stream(self, message_id: int, rate_hz: float) -> None:
-        """Ask for a stream without waiting for an answer: that it comes is the answer."""
-        self.send(
-            mav.MAVLink_command_long_message(
-                self.view.system_id,
-                self._autopilot,
-                mav.MAV_CMD_SET_MESSAGE_INTERVAL,
-                0,
-                message_id,
-                round(1e6 / rate_hz),
-                *([0.0] * 5),
-            )
-        )
-
     def request(self, message_id: int, param2: float = math.nan) -> None:
         """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
         filler = 0.0 if math.isnan(param2) else param2

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Arrived, FrameLost, FrameSeen, Tracked
 from missions.orders import AwaitBattery, FlyTo, Land, Sweep, TakeOff
@@ -102,12 +103,15 @@ def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(tmp_path
 
 
 @pytest.mark.parametrize("mode", [Mode.STABILIZE, Mode.LOITER])
+@pytest.mark.parametrize("arms", [True, False])
 def test_a_pilot_who_turns_the_switch_on_the_ground_has_the_last_word(
-    mode: Mode, tmp_path: Path
+    mode: Mode, arms: bool, tmp_path: Path
 ) -> None:
-    """Before the first take-off, also back to the mode in which it stood."""
+    """Before the first take-off, also back to the mode in which it stood, while it is armed."""
 
     async def body(flight: Flight, service: Service) -> None:
+        if not arms:
+            flight.vehicle.fail.reject(command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
         await flight.until(lambda: flight.session.view.mode == Mode.GUIDED, 20.0)
         flight.pilot_mode(int(mode))
         await flight.until(lambda: service.state.vehicles[1].phase is Phase.YIELDED, 20.0)
