@@ -140,7 +140,9 @@ def forbidden(flight: Flown) -> frozenset[str]:
     more = set() if spent else {"res"}
     if not flight.name.startswith(UNSEEN):
         more |= {"breach"}
-    return flight.columns & (FORBIDDEN | more)
+    # a slow, steady lie of position and speed alike looks like wind: the map is where GNSS says
+    unseen = {"lie"} if flight.name.startswith("gps_drift") else set()
+    return flight.columns & (FORBIDDEN | more) - unseen
 
 
 def main(arguments: list[str] | None = None) -> int:
