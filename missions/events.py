@@ -93,11 +93,11 @@ class Arrived:
 
 @dataclass(frozen=True, slots=True)
 class FrameSeen:
-    """A picture was taken over `vantage` and judged."""
+    """A picture was judged: taken over `vantage`, or (None) from wherever the vehicle was."""
 
     vehicle: int
     t_s: float
-    vantage: Cell
+    vantage: Cell | None
     votes: tuple[Vote, ...]
     kind: Literal["frame_seen"] = "frame_seen"
 
@@ -263,7 +263,8 @@ def to_json(event: Event) -> str:
     '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'
     """
     try:
-        data = _ADAPTER.dump_json(event, exclude_none=True)
+        # without a vantage is something that a frame says; elsewhere None is what nobody has said
+        data = _ADAPTER.dump_json(event, exclude_none=not isinstance(event, FrameSeen))
         text = data.decode()
     except (PydanticSerializationError, UnicodeError) as error:
         raise EventError(f"{event.kind}: no text of an event: {error}") from None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from missions.motion.trajectory import Trajectory
 from missions.units import Cell, GridPoint
 
 
@@ -37,6 +38,22 @@ class FlyTo:
     cell: Cell | None
     stop: bool
     height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlyPath:
+    """Fly a path without stopping, a frame every so often all along. Ends with `Arrived`, at rest.
+
+    The path says where the vehicle is at each moment of the mission. One that replaces another
+    begins in the future, at a state of the older one, which is flown until then: the vehicle does
+    not halt, and the camera goes on.
+    """
+
+    trajectory: Trajectory
+    height_m: float
+    yaw_deg: float | None
+    """True bearing at which the nose is held; None: as the autopilot chooses."""
+    every_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,4 +90,15 @@ class StandDown:
     """Nothing more to do."""
 
 
-Order = TakeOff | Sweep | FlyTo | Look | Hold | Land | ReturnToLaunch | AwaitBattery | StandDown
+Order = (
+    TakeOff
+    | Sweep
+    | FlyTo
+    | FlyPath
+    | Look
+    | Hold
+    | Land
+    | ReturnToLaunch
+    | AwaitBattery
+    | StandDown
+)

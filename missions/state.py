@@ -5,21 +5,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from missions.energy import EnergyModel
+from shapely.geometry import Point, Polygon
+
+from missions.energy import CLIMB_OVERHEAD_S, CLIMB_SPEED_M_S, EnergyModel
 from missions.explorers import EXPLORERS, Explorer, Memory
 from missions.explorers.metric import Metric
 from missions.ground.fence import Fence
 from missions.ground.grid import Grid
-from missions.ground.lanes import Lane, lanes, share_out
+from missions.ground.lanes import LANE_CELLS, Lane, along_east, lanes, share_out
+from missions.ground.prior import LikelyLane, likely_lanes
+from missions.ground.search_order import Pace, expected_s, plain_blocks, soonest
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
 from missions.mission_file.energy_model import energy_model
+from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
-from missions.orders import FlyTo, Hold, Order, Sweep
+from missions.mission_file.views import path_speed_m_s, rows_across
+from missions.mission_file.whereabouts import prior_of
+from missions.motion.trajectory import LANE_CUTS_M, corner_pause_s
+from missions.orders import FlyPath, FlyTo, Hold, Order, Sweep
+from missions.swath.strategies import NONSTOP
 from missions.units import Cell, GridPoint
 
 _ORIGIN = GridPoint(0.0, 0.0)
@@ -97,6 +107,8 @@ class VehicleState:
     """Lanes in a row that were flown without one frame judged."""
     frames_lost: int = 0
     """Pictures in a row that were lost or cannot be believed."""
+    judged_s: float = 0.0
+    """On a path: when its last picture was judged, or it was given the first path."""
     candidate: Cell | None = None
     vertex: Cell | None = None
     at_target: bool = False
@@ -126,6 +138,16 @@ class VehicleState:
         return self.cruise_altitude_m - self.home_level_m
 
     @property
+    def ended(self) -> bool:
+        """Whether it will do nothing more of its own accord, and is not in the air.
+
+        One that was given up is an exception: nobody knows where it is. One that its pilot keeps
+        on the ground may be given back, but nobody can wait for that.
+        """
+        done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
+        return self.phase is Phase.LOST or (self.phase in done and self.landed)
+
+    @property
     def away(self) -> bool:
         """Whether somebody has to look for it: not on the ground, or on the ground elsewhere."""
         return not self.landed or bool(self.landed_away_m) or self.phase in (Phase.DOWN, Phase.LOST)
@@ -143,7 +165,7 @@ class VehicleState:
     def interrupted(self, t_s: float) -> VehicleState:
         """This vehicle with its order taken back; from a leg it has to come to rest first."""
         moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
-        if moves or isinstance(self.order, FlyTo | Sweep):
+        if moves or isinstance(self.order, FlyTo | Sweep | FlyPath):
             return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
         return replace(self, order=None)
 
@@ -157,7 +179,16 @@ class Setting:
     fence: Fence
     energy: EnergyModel
     explorer: Explorer
+    """Of a strategy that does not stop, the one that is fallen back on: it plans no paths."""
     lanes: tuple[Lane, ...]
+    east_ahead: bool = True
+    """Whether the noses of vehicles that do not stop point along grid east, else along north."""
+    lane_rows: int = LANE_CELLS
+    """How many rows of cells a lane decides."""
+    likely: tuple[LikelyLane, ...] = ()
+    """The lanes with what the prior says of them; empty without a prior."""
+    _shares: list[tuple[tuple[Lane, ...], ...]] = field(default_factory=list)
+    _box_cells: list[Cell] = field(default_factory=list)
 
     @classmethod
     def of(cls, mission: Mission) -> Setting:
@@ -171,14 +202,98 @@ class Setting:
             mission.fence.margin_m,
         )
         box = [grid.fixed(p) for p in positions(mission.search.box)]
+        ahead = along_east(box)
+        nonstop = mission.strategy in NONSTOP
+        rows = rows_across(mission, east_ahead=ahead) if nonstop else LANE_CELLS
+        flown = lanes(box, mission.grid.cell_m, fence, rows)
+        prior = prior_of(mission, grid) if flown else ()
         return cls(
             mission,
             grid,
             fence,
             energy_model(mission),
-            EXPLORERS[mission.strategy],
-            lanes(box, mission.grid.cell_m, fence),
+            EXPLORERS["rdfs" if nonstop else mission.strategy],
+            flown,
+            ahead,
+            rows,
+            likely_lanes(flown, box, prior, mission.grid.cell_m, rows) if prior else (),
         )
+
+    @property
+    def shares(self) -> tuple[tuple[Lane, ...], ...]:
+        """The lanes of each vehicle before take-off, in the order of flight.
+
+        With a prior, so that the region is expected to be seen soonest.
+        """
+        vehicles = len(self.mission.vehicles)
+        if not self.lanes:
+            return ((),) * vehicles
+        if not self.likely:
+            return share_out(self.lanes, vehicles)
+        if not self._shares:
+            blocks = soonest(self.likely, self._pads, self._pace)
+            self._shares.append(tuple(tuple(part.lane for part in block) for block in blocks))
+        return self._shares[0]
+
+    @property
+    def first_sighting_s(self) -> tuple[float, float] | None:
+        """The expected time from lift-off to the first sighting, and the same had the prior not
+        been used; None without one, for then nobody knows.
+
+        Nobody is held up by others, by a battery, or by what lies between two lanes.
+        """
+        if not self.likely:
+            return None
+        parts = [*self.likely, *(part.turned for part in self.likely)]
+        of_lane = {part.lane: part for part in parts}
+        blocks = [tuple(of_lane[lane] for lane in block) for block in self.shares]
+        plain = plain_blocks(self.likely, len(blocks))
+        climb_s = self.mission.altitude_m(0) / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S
+        soon_s, late_s = (expected_s(b, self._pads, self._pace) for b in (blocks, plain))
+        return climb_s + soon_s, climb_s + late_s
+
+    @property
+    def _pads(self) -> list[GridPoint]:
+        return [self.grid.fixed(place) for place in homes(self.mission)]
+
+    @property
+    def _pace(self) -> Pace:
+        """How fast lanes are flown, from the lowest layer."""
+        if self.nonstop:
+            speed_m_s = path_speed_m_s(self.mission, self.mission.altitude_m(0))
+            return Pace(speed_m_s, corner_pause_s(speed_m_s, LANE_CUTS_M[0]))
+        return Pace(self.energy.speed_m_s, self.energy.leg_s(0.0))
+
+    @property
+    def surveys(self) -> bool:
+        """Whether the whole box is judged, wherever the region is."""
+        return self.mission.strategy == "survey"
+
+    @property
+    def box_cells(self) -> tuple[Cell, ...]:
+        """The cells whose centre lies in the search box, at mission time 0."""
+        if not self._box_cells:
+            box = Polygon([self.grid.fixed(p) for p in positions(self.mission.search.box)])
+            cell_m = self.grid.cell_m
+            west, south, east, north = box.bounds
+            columns = range(math.ceil(west / cell_m), math.floor(east / cell_m) + 1)
+            rows = range(math.ceil(south / cell_m), math.floor(north / cell_m) + 1)
+            self._box_cells.extend(
+                Cell(i, j) for i in columns for j in rows
+                if box.covers(Point(i * cell_m, j * cell_m))
+            )  # fmt: skip
+        return tuple(self._box_cells)
+
+    @property
+    def nonstop(self) -> bool:
+        """Whether the strategy plans paths that are flown without stopping."""
+        return self.mission.strategy in NONSTOP
+
+    @property
+    def yaw_deg(self) -> float:
+        """The true bearing at which vehicles that do not stop hold their noses."""
+        grid_deg = 90.0 if self.east_ahead else 0.0
+        return (grid_deg + math.degrees(self.grid.convergence_rad)) % 360.0
 
     @property
     def metric(self) -> Metric:
@@ -215,6 +330,10 @@ class State:
     """Height above the sea of the first home that was told: layers are counted from there."""
     exhausted: bool = False
     """Every lane of the box has its judged frames, and nobody saw the ROI."""
+    falls_back: bool = False
+    """Whether a strategy that does not stop has had its time: the rest is stopped and looked at."""
+    surveyed: bool = False
+    """Of a survey: every cell of the box that can be seen is decided."""
     unreachable_lanes: tuple[Lane, ...] = ()
     """Lanes that no way inside the fence leads to."""
     recalled: bool = False
@@ -234,12 +353,12 @@ class State:
     def initial(cls, setting: Setting) -> State:
         """Before anything has happened: every vehicle offline, with its share of the lanes."""
         mission = setting.mission
-        blocks = share_out(setting.lanes, len(mission.vehicles)) if setting.lanes else ()
+        blocks = setting.shares
         vehicles = {
             number: VehicleState(
                 number,
                 mission.altitude_m(number - 1),
-                lanes=blocks[number - 1] if blocks else (),
+                lanes=blocks[number - 1],
             )
             for number in range(1, len(mission.vehicles) + 1)
         }
@@ -251,14 +370,8 @@ class State:
 
     @property
     def over(self) -> bool:
-        """Whether nobody will do anything more of their own accord, and nobody is in the air.
-
-        A vehicle that was given up is an exception: nobody knows where it is.
-        """
-        ended = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
-        return all(
-            v.phase is Phase.LOST or (v.phase in ended and v.landed) for v in self.vehicles.values()
-        )
+        """Whether nobody will do anything more of their own accord, and nobody is in the air."""
+        return all(v.ended for v in self.vehicles.values())
 
     @property
     def unsearched(self) -> tuple[Lane, ...]:

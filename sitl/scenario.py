@@ -11,7 +11,7 @@ from missions.errors import UavmapError
 from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.autopilot_types import FLAVOURS
-from sitl.camera.render import CameraSpec
+from sitl.camera.pinhole import CameraSpec
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.files import load_ground
 from sitl.world.world import Patch, World, WorldSpec

@@ -20,7 +20,7 @@ from sitl.body.battery import Battery
 from sitl.body.physics import MAX_STEP_S, Body
 from sitl.body.sensors import PositionError
 from sitl.camera.corrupt_images import Spoiler
-from sitl.camera.render import Shot
+from sitl.camera.pinhole import Shot
 from sitl.codec.wire import Message
 from sitl.faults.faults import Faults
 from sitl.faults.injection import SIM_PARAMETERS, inject
@@ -293,14 +293,17 @@ class SimVehicle:
     def _expose(self, index: int) -> Exposure:
         """Note what the camera sees now: truth for the picture, belief for its announcement."""
         body, now = self._body, self._ap.estimate
+        camera, open_s = self.spec.camera, self.spec.camera.exposure_s
         roll, pitch = body.roll_pitch
         shot = Shot(
             body.east,
             body.north,
             body.up,
-            self.spec.camera.attitude(roll, pitch, body.yaw),
+            camera.attitude(roll, pitch, body.yaw),
             self._ap.t_s,
             self.spec.system_id * 1_000_003 + index,
+            (body.v_east * open_s, body.v_north * open_s, body.v_up * open_s),
+            camera.attitude(*body.turned(open_s)),
         )
         return Exposure(
             shot,

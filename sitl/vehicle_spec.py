@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from missions.units import LatLon
-from sitl.camera.render import CameraSpec
+from sitl.camera.pinhole import CameraSpec
 
 
 @dataclass(frozen=True, slots=True)

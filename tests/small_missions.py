@@ -20,6 +20,12 @@ from missions.units import Cell, GridPoint, LatLon
 START = LatLon(48.0, 11.0)
 CELL_M = 4.0
 
+UNKIND_STRATEGIES = (
+    *("rdfs", "greedy", "horizon", "hungarian"),
+    *("swath", "swath", "swath", "swath", "survey"),
+)
+"""Half of them fly without stopping."""
+
 Points = Collection[tuple[float, float]]
 
 
@@ -115,7 +121,7 @@ def mission(box: Points, fence: Points, holes: Collection[Points] = (), **how: A
     return parse_mission(mission_text(box, fence, holes, **how), "test")
 
 
-def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
+def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = None) -> Scenario:
     """A mission by seed: 1 to 4 vehicles, a ROI of 4 to 24 cells that starts in the box.
 
     The hole lies anywhere beyond the row of homes, so it may cut the box or the ROI.
@@ -144,6 +150,10 @@ def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
     away_m = math.hypot(max(abs(west_m), abs(west_m + width_m)) + 20, south_m + depth_m) + 25
     sortie_s = 2.4 * away_m / speed_m_s + 30 + 3 * (12 + 6 * vehicles)
     capacity_wh = sortie_s * 300 / 3600 * 1.15 / 0.85 * float(rng.uniform(1.0, 1.3))
+    drift_m_s = float(rng.uniform(0.05, 0.2)) if drift else 0.0
+    toward_deg = float(rng.uniform(0, 360))
+    paper = str(rng.choice(["rdfs", "rdfs-paper"]))
+    interval_s = float(rng.choice([0.25, 1.0]))
     made = mission(
         square(west_m, south_m, width_m, depth_m),
         fence,
@@ -151,10 +161,11 @@ def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
         vehicles=vehicles,
         capacity_wh=capacity_wh,
         speed_m_s=speed_m_s,
-        drift_m_s=float(rng.uniform(0.05, 0.2)) if drift else 0.0,
-        toward_deg=float(rng.uniform(0, 360)),
-        strategy=str(rng.choice(["rdfs", "rdfs-paper"])),
-        interval_s=float(rng.choice([0.25, 1.0])),
+        drift_m_s=drift_m_s,
+        toward_deg=toward_deg,
+        strategy=strategy or paper,
+        mounting="fixed" if strategy is None else "gimbal",
+        interval_s=interval_s,
     )
     seat = Cell(
         round((west_m + float(rng.uniform(0.2, 0.8)) * width_m) / CELL_M),
@@ -165,21 +176,22 @@ def random_scenario(seed: int, *, drift: bool = False) -> Scenario:
     return Scenario(made, roi)
 
 
-def unkind_scenario(seed: int) -> Scenario:
+def unkind_scenario(seed: int, strategy: str | None = None) -> Scenario:
     """A small mission for a world where things go wrong: a ROI of 4 to 20 cells, seldom none.
 
     One to three vehicles, a hole that may lie beside the homes, a given wind, batteries that last
-    for one sortie or for half of one. What cannot be flown is drawn again.
+    for one sortie or for half of one. What cannot be flown is drawn again. With a `strategy` all
+    but that is as without.
     """
     rng = np.random.default_rng([seed, 7])
     while True:
         try:
-            return _unkind(rng)
+            return _unkind(rng, strategy)
         except MissionFileError:
             continue
 
 
-def _unkind(rng: np.random.Generator) -> Scenario:
+def _unkind(rng: np.random.Generator, strategy: str | None) -> Scenario:
     vehicles = int(rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
     west_m, south_m = float(rng.uniform(-14, 4)), float(rng.uniform(10, 22))
     width_m, depth_m = float(rng.uniform(12, 26)), float(rng.uniform(10, 18))
@@ -202,6 +214,7 @@ def _unkind(rng: np.random.Generator) -> Scenario:
     sortie_s = 2.4 * away_m / speed_m_s + 40 + 3 * (12 + 6 * vehicles)
     capacity_wh = sortie_s * 300 / 3600 * 1.15 / 0.85 * float(rng.uniform(1.05, 2.0))
     drifts = rng.random() < 0.15
+    layer_m, drawn = float(rng.choice([4.5, 6.0])), str(rng.choice(UNKIND_STRATEGIES))
     made = mission(
         square(west_m, south_m, width_m, depth_m),
         fence,
@@ -211,8 +224,8 @@ def _unkind(rng: np.random.Generator) -> Scenario:
         speed_m_s=speed_m_s,
         altitude_m=14.0,
         mounting="gimbal",
-        layer_m=float(rng.choice([4.5, 6.0])),
-        strategy=str(rng.choice(["rdfs", "rdfs", "greedy", "horizon", "hungarian"])),
+        layer_m=layer_m,
+        strategy=strategy or drawn,
         wind_m_s=wind_m_s,
         drift_m_s=float(rng.uniform(0.05, 0.2)) if drifts else 0.0,
         toward_deg=float(rng.uniform(0, 360)),

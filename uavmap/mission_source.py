@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import MissionFileError
-from missions.explorers import EXPLORERS
-from missions.mission_file.checks import parse_mission
+from missions.mission_file.checks import STRATEGIES, parse_mission
 from missions.mission_file.schema import Mission
+from uavmap.prior_file import with_prior
 from uavmap.text_files import read_text
 from vision.detectors import detector_names
 
@@ -27,7 +27,7 @@ class MissionSource:
     def parse(self) -> Mission:
         """The checked mission. Raises `MissionFileError`."""
         return parse_mission(
-            self.text, self.source, strategies=tuple(EXPLORERS), detectors=tuple(detector_names())
+            self.text, self.source, strategies=STRATEGIES, detectors=tuple(detector_names())
         )
 
 
@@ -38,13 +38,16 @@ def shipped_missions() -> list[str]:
 
 
 def load_source(name: str) -> MissionSource:
-    """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`."""
+    """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
+
+    A GeoJSON file that `search.prior` names, beside the mission file, is written into the text.
+    """
     path = Path(name)
     if not path.suffix and name in shipped_missions() and not path.exists():
         text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
         return MissionSource(name, text)
     try:
-        return MissionSource(name, read_text(path, LARGEST_BYTES))
+        text = read_text(path, LARGEST_BYTES)
     except OSError as error:
         raise MissionFileError(
             f"{name}: cannot be read ({error.strerror}); give the path of a mission file, or one "
@@ -52,3 +55,4 @@ def load_source(name: str) -> MissionSource:
         ) from None
     except UnicodeDecodeError:
         raise MissionFileError(f"{name}: not a text file in UTF-8") from None
+    return MissionSource(name, with_prior(text, name, path.parent))

@@ -20,7 +20,7 @@ from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, SimFault, positions
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
-from sitl.camera.render import CameraSpec
+from sitl.camera.pinhole import CameraSpec
 from sitl.faults.faults import Faults
 from sitl.scenario import Home, Setup
 from sitl.sockets.server import serve
@@ -75,6 +75,7 @@ def setup_of(
             fixed=mission.camera.mounting == "fixed",
             yaw_deg=mission.camera.yaw_deg,
             min_interval_s=min(mission.camera.interval_s, 0.2),
+            exposure_s=mission.camera.exposure_s,
         ),
         battery_wh=mission.battery.capacity_wh,
         hover_power_w=mission.battery.hover_power_w,

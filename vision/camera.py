@@ -12,52 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.ground.footprint import Optics
 from missions.ground.grid import Grid
 from missions.units import Pose, Quaternion
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
-    """A pinhole camera with square pixels, its optical axis through the middle of the picture.
-
-    Attributes:
-        hfov_rad: Angle of view across the picture, 0 to pi, open.
-        width_px: Columns of the picture, at least 1.
-        height_px: Rows of the picture, at least 1.
+class Camera(Optics):
+    """A pinhole camera with square pixels, at any pose.
 
     >>> camera = Camera(math.radians(90.0), 640, 480)
-    >>> round(camera.focal_px, 9)
-    320.0
-    >>> across_m, along_m = camera.footprint_m(12.0)
-    >>> round(across_m, 9), round(along_m, 9)
-    (24.0, 18.0)
+    >>> round(camera.footprint(12.0).short_m, 9)
+    18.0
     """
-
-    hfov_rad: float
-    width_px: int
-    height_px: int
-
-    def __post_init__(self) -> None:
-        """Refuse what is not a camera with `ValueError`."""
-        if not 0.0 < self.hfov_rad < math.pi:
-            raise ValueError(f"hfov_rad is {self.hfov_rad:g}, expected 0 to pi, open")
-        if self.width_px < 1 or self.height_px < 1:
-            raise ValueError(f"a picture of {self.width_px} x {self.height_px} px has no pixels")
-
-    @property
-    def focal_px(self) -> float:
-        """Focal length in pixels."""
-        return self.width_px / 2.0 / math.tan(self.hfov_rad / 2.0)
-
-    @property
-    def vfov_rad(self) -> float:
-        """Angle of view along the picture, top to bottom."""
-        return 2.0 * math.atan(self.height_px / 2.0 / self.focal_px)
-
-    def footprint_m(self, height_m: float) -> tuple[float, float]:
-        """Ground metres (across, along) that a level camera pointing down sees from `height_m`."""
-        metres_a_pixel = height_m / self.focal_px
-        return self.width_px * metres_a_pixel, self.height_px * metres_a_pixel
 
     def homography(self, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
         """The 3 x 3 matrix from the grid's moving frame to pixels.
@@ -86,6 +53,33 @@ class Camera:
         )
         matrix: NDArray[np.float64] = pixels_of_camera @ rotation(pose.attitude).T @ ned_of_ground
         return matrix
+
+
+def edges(
+    camera: Optics, matrix: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The picture's rim on the ground: the polygon that it shows, as four half-planes.
+
+    A ground point `p` is `normals @ p + offsets` metres inside of the left, right, upper and lower
+    edge of the picture; what is inside of all four is in the picture, and in front of the camera.
+    An edge whose line lies at infinity (at the horizon) is infinitely far: its offset is +-inf.
+
+    Args:
+        camera: Says the size of the picture.
+        matrix: 3 x 3, from `Camera.homography`.
+
+    Returns:
+        `normals`, shape (4, 2), of length 1 or 0, and `offsets`, shape (4,), metres.
+    """
+    right, low = camera.width_px - 0.5, camera.height_px - 0.5
+    inward = np.array([[1.0, 0.0, 0.5], [-1.0, 0.0, right], [0.0, 1.0, 0.5], [0.0, -1.0, low]])
+    planes = inward @ matrix
+    lengths = np.hypot(planes[:, 0], planes[:, 1])
+    far = lengths < 1e-12
+    scale = np.where(far, 1.0, lengths)
+    normals = np.where(far[:, None], 0.0, planes[:, :2] / scale[:, None])
+    offsets = np.where(far, np.copysign(np.inf, planes[:, 2]), planes[:, 2] / scale)
+    return normals, offsets
 
 
 def rotation(attitude: Quaternion) -> NDArray[np.float64]:

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
+from missions.ground.footprint import TOUCH_M
 from missions.ground.grid import Grid
 from missions.units import Cell, Pose
-from vision.camera import Camera, project
+from vision.camera import Camera, edges, project
 from vision.detectors.interface import Detector
 
 SEEN_SHARE = 0.9
@@ -64,6 +65,7 @@ def look(
     share: float,
     view: Literal["cross", "all"],
     vantage: Cell | None = None,
+    margin_m: float = 0.0,
 ) -> tuple[Verdict, ...]:
     """The verdicts of a frame.
 
@@ -73,11 +75,18 @@ def look(
         detector: Marks the ROI in the picture.
         share: A cell is positive when at least this part of its pixels is ROI, 0 to 1.
         view: `"cross"`: the cell under the camera's *position* and its four neighbours, in the
-            order of `Cell.cross` (the paper's). `"all"`: every cell that the picture shows whole,
-            sorted, within `OBLIQUE_LIMIT`; for recorded pictures from high up.
+            order of `Cell.cross` (the paper's). `"all"`: every cell that lies wholly inside the
+            polygon of ground that the picture shows, sorted, within `OBLIQUE_LIMIT`; for pictures
+            that are taken without a stop, and recorded ones from high up.
         vantage: Of the view `"cross"`, the cell over which the vehicle was told to take the frame;
             by default the one under the camera. Where that cell lies in the picture, the pose
             says. The view `"all"` goes by the pose alone.
+        margin_m: Of the view `"all"`, how far a cell must stay from the rim of that polygon, at
+            least 0. With an error of the pose that moves the polygon by no more than this, every
+            cell that gets a verdict is in the picture wholly. It does not make the verdict itself
+            right: the pixels that are counted for the cell still are those of ground as far off
+            as the error, so a cell at the border of the ROI may gain or lose a strip of that
+            width, a share of up to error / cell edge of its pixels for each of two directions.
 
     Returns:
         One verdict a cell. A cell of which less than `SEEN_SHARE` is inside the picture is absent.
@@ -98,7 +107,7 @@ def look(
     if view == "cross":
         wanted = tuple(c for c in (vantage or below).cross() if _in_front(matrix, grid, c))
     else:
-        wanted = _shown_whole(matrix, grid, frame, below)
+        wanted = _shown_whole(matrix, grid, frame, below, margin_m)
     if not wanted:
         return ()
     shares = _shares(detector.mask(frame.image), matrix, grid, wanted)
@@ -111,16 +120,15 @@ def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
 
 
 def _shown_whole(
-    matrix: NDArray[np.float64], grid: Grid, frame: Frame, below: Cell
+    matrix: NDArray[np.float64], grid: Grid, frame: Frame, below: Cell, margin_m: float
 ) -> tuple[Cell, ...]:
-    """The cells around `below`, sorted, whose four corners lie inside the picture."""
+    """The cells around `below`, sorted, that lie in the picture, so far from its rim."""
     reach = math.ceil(OBLIQUE_LIMIT * frame.pose.height_m / grid.cell_m)
     steps = np.arange(-reach, reach + 2) - 0.5
     lattice = np.stack(np.meshgrid(steps + below.east, steps + below.north, indexing="ij"), axis=-1)
-    pixels, _ = project(matrix, lattice * grid.cell_m)
-    edge = (frame.camera.width_px - 0.5, frame.camera.height_px - 0.5)
-    # NaN, behind the camera, compares false
-    inside: NDArray[np.bool_] = np.logical_and(pixels >= -0.5, pixels <= edge).min(axis=-1)
+    normals, offsets = edges(frame.camera, matrix)
+    least_m = (lattice * grid.cell_m @ normals.T + offsets).min(axis=-1)
+    inside: NDArray[np.bool_] = least_m >= margin_m - TOUCH_M
     whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
     return tuple(
         Cell(below.east - reach + int(i), below.north - reach + int(j))

@@ -18,7 +18,7 @@ from dataclasses import replace
 from missions.flight.lane_progress import lane_left
 from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import route_length_m
-from missions.orders import FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
+from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
@@ -31,6 +31,13 @@ OFF_LAYER_M = 1.5
 """A vehicle that is farther from its layer claims all heights between."""
 WAY_TIMES = (1.5, 2.5, 4.0)
 """How far a vehicle flies to make way, in the distances that claims keep; the nearest first."""
+AHEAD_S = 8.0
+"""Of a path that is flown without stopping the next seconds are claimed: more than it takes to hear
+of another claim and to come to rest."""
+SILENT_AHEAD_S = 12.0
+"""... and of the path of a silent vehicle the seconds after it was heard last: five until its link
+is called lost, one until its stream counts as ended, and what it takes to come to rest."""
+_AHEAD_STEP_S = 0.5
 UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
 """Phases of vehicles that, in the air, cannot be told to make way."""
 
@@ -56,26 +63,32 @@ def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order
 
 def revise(setting: Setting, state: State) -> State:
     """Stop vehicles that fly towards air claimed by one that cannot be told to make way."""
-    untold = [v for v in state.vehicles.values() if v.phase in UNTOLD and not v.landed]
-    if not untold:
-        return state
-    distance_m = _distance_m(setting)
     for vehicle in state.vehicles.values():
         flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
-        if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look):
+        if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look | FlyPath):
             continue
-        here = _here(vehicle)
-        volume = _volume(setting, state, vehicle, vehicle.order)
-        leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
-        end = replace(volume, path=volume.path[-1:])
-        for claim in (c for other in untold for c in _untold_claims(setting, state, other)):
-            inside = here.meets(claim, distance_m)
-            if inside and (leaves or not end.meets(claim, distance_m)):
-                continue
-            if volume.meets(claim, distance_m):
-                state = state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
-                break
+        if leads_into_untold(setting, state, vehicle, vehicle.order):
+            state = state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
     return state
+
+
+def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> bool:
+    """Whether an order leads through air claimed by one that cannot be told to make way.
+
+    Who is in such air already may leave it.
+    """
+    distance_m, here = _distance_m(setting), _here(vehicle)
+    volume = _volume(setting, state, vehicle, order)
+    leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
+    end = replace(volume, path=volume.path[-1:])
+    for other in state.vehicles.values():
+        if other.phase not in UNTOLD or other.landed or other.vehicle == vehicle.vehicle:
+            continue
+        for claim in _untold_claims(setting, state, other):
+            out = here.meets(claim, distance_m) and (leaves or not end.meets(claim, distance_m))
+            if not out and volume.meets(claim, distance_m):
+                return True
+    return False
 
 
 def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
@@ -171,7 +184,24 @@ def _points(setting: Setting, state: State, order: Order | None) -> tuple[GridPo
         return (*order.route, *cell)
     if isinstance(order, Look):
         return (where(setting, state, order.cell),)
+    if isinstance(order, FlyPath):
+        return _next_places(order, state.t_s)
     return ()
+
+
+def _next_places(order: FlyPath, t_s: float, ahead_s: float = AHEAD_S) -> tuple[GridPoint, ...]:
+    """Where a path leads in the next seconds, until it could have come to rest."""
+    path = order.trajectory
+    begin_s = max(t_s, path.begin_s)
+    end_s = max(begin_s, min(begin_s + ahead_s, path.end_s))
+    steps = max(1, round((end_s - begin_s) / _AHEAD_STEP_S))
+    return tuple(path.at(begin_s + (end_s - begin_s) * k / steps).place for k in range(steps + 1))
+
+
+def _last_places(order: FlyPath, silent: VehicleState) -> tuple[GridPoint, ...]:
+    """Where a vehicle may have come along its path since it was heard last: its stream is sent on
+    until its link is called lost, and then it brakes."""
+    return (silent.position, *_next_places(order, silent.tracked_s, SILENT_AHEAD_S))
 
 
 def _volume(setting: Setting, state: State, vehicle: VehicleState, order: Order | None) -> Volume:
@@ -247,6 +277,8 @@ def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[
     column = Volume((other.home,), low_m, top_m)
     if other.phase is Phase.OFFLINE:
         leg = _volume(setting, state, other, order)
+        if isinstance(order, FlyPath):  # its stream ended soon after it was heard last
+            leg = replace(leg, path=_last_places(order, other), stray_m=_stray_m(setting))
         way = Volume((*leg.path, other.home), min(leg.low_m, other.level_m), top_m, leg.stray_m)
         return [leg, way, column]
     if other.returns_by_itself or isinstance(order, ReturnToLaunch):

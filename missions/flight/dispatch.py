@@ -13,9 +13,12 @@ from dataclasses import replace
 
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
+from missions.flight.passes import explore_passes, give_up_rest, search_passes
+from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
 from missions.flight.visiting import mark_unreachable
+from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
 from missions.units import GridPoint
@@ -24,19 +27,21 @@ MOST_FRUITLESS_SORTIES = 3
 """After so many in a row the next place counts as out of reach."""
 FRESH = 0.9
 """From this part of its capacity on a battery counts as fresh."""
-LEAST_HEIGHT_M = 3.0
-"""The least height of a layer above the pad of its vehicle."""
 
 
 def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
     if state.tree is None and setting.lanes:
         done = all(idle_in_search(v) for v in state.vehicles.values())
-        state = replace(state, exhausted=done)
+        if not setting.surveys:  # a survey is done when its cells are decided
+            state = replace(state, exhausted=done)
     state = revise(setting, state)
     for number in sorted(state.vehicles):
         state = turn_back(setting, state, state.vehicles[number])
-    state = explore_moves(setting, state)
+    if setting.nonstop and not state.falls_back:
+        state = explore_passes(setting, keep_clear(setting, state))
+    else:
+        state = explore_moves(setting, state)
     for number in sorted(state.vehicles):
         vehicle = state.vehicles[number]
         if vehicle.idle and vehicle.phase is Phase.AIRBORNE:
@@ -54,9 +59,23 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     given_way = give_way(setting, state, vehicle)
     if given_way is not None:
         return given_way
+    if setting.nonstop and not state.falls_back:
+        return _waiting_for_a_path(setting, state, vehicle)
     if state.tree is None:
         return search(setting, state, vehicle)
     return explore(setting, state, vehicle)
+
+
+def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """A path along the lanes; in an exploration paths are planned for all at once."""
+    inside = come_inside(setting, state, vehicle)
+    if inside is not None:
+        return inside
+    if state.tree is None and vehicle.lanes:
+        return search_passes(setting, state, vehicle)
+    if state.tree is None and not setting.surveys:
+        return search(setting, state, vehicle)  # others have lanes left, or it waits over its pad
+    return hold(state, vehicle)
 
 
 def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -87,11 +106,11 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
             replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=refusal)
         )
     if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
-        return _out_of_reach(state, vehicle)
+        return _out_of_reach(setting, state, vehicle)
     if not has_energy_for(setting, vehicle, target, setting.look_s):
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
-        return _out_of_reach(state, vehicle)
+        return _out_of_reach(setting, state, vehicle)
     return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_height_m))
 
 
@@ -117,13 +136,16 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
     return vehicle.lanes[0][0] if vehicle.lanes else None
 
 
-def _out_of_reach(state: State, vehicle: VehicleState) -> State:
+def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """A full battery does not get there and back: somebody nearer, or nobody, will."""
     alone = not any(
         other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
         for other in state.vehicles.values()
         if other.vehicle != vehicle.vehicle
     )
+    searches = state.tree is None and any(v.lanes for v in state.vehicles.values())
+    if alone and setting.nonstop and not state.falls_back and not searches:
+        return give_up_rest(setting, state)
     if alone and vehicle.vertex is not None:
         return mark_unreachable(state, vehicle, vehicle.vertex)
     note = "its next place is out of reach on a full battery"

@@ -16,12 +16,18 @@ from missions.flight.deconfliction import (
 )
 from missions.flight.lane_progress import lane_left
 from missions.ground.fence import route_length_m
-from missions.orders import FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
+from missions.motion.braking import braked
+from missions.motion.trajectory import ACCELERATION_M_S2
+from missions.orders import FlyPath, FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 
 REACTION_S = 3.0
 """Between two reports of the battery, and until a vehicle has turned round."""
+HEARD_S = 1.0
+"""So long a vehicle flies on along its path before it hears that it has to come home."""
+REST_S = 2.0
+"""Until it is seen to be at rest, and has turned round."""
 OVER_HOME_M = 1.0
 """A vehicle that is nearer to its pad may land."""
 BESIDE_M = 20.0
@@ -45,9 +51,22 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
         wind = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
         return send_home(setting, state, replace(vehicle, note=wind), ReturnReason.FAULT)
-    if not has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S):
+    if not _can_still_turn(setting, vehicle, state.t_s):
         return send_home(setting, state, vehicle, ReturnReason.BATTERY)
     return state
+
+
+def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
+    """Whether the way home may begin later than now.
+
+    A path is flown on until the vehicle has heard of it and come to rest; only there it turns.
+    """
+    if not isinstance(vehicle.order, FlyPath):
+        return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S)
+    path = vehicle.order.trajectory
+    stop = braked(path, max(path.begin_s, t_s + HEARD_S), ACCELERATION_M_S2)
+    place = stop.at(stop.end_s).place
+    return has_energy_for(setting, vehicle, place, hover_s=REST_S)
 
 
 def _call_off(state: State, vehicle: VehicleState) -> State:
@@ -65,9 +84,9 @@ def has_energy_for(
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
     out_m = route_length_m(vehicle.position, there)
     highest_m = max(vehicle.cruise_height_m, vehicle.height_m)
-    need_wh = energy.hover_wh(hover_s, vehicle.drawn_w) + energy.home_wh(
-        route_length_m(target, way_home(setting, target, vehicle.pad)), highest_m, vehicle.drawn_w
-    )
+    home_m = route_length_m(target, way_home(setting, target, vehicle.pad))
+    need_wh = energy.hover_wh(hover_s, vehicle.drawn_w)
+    need_wh += energy.home_wh(home_m, highest_m, vehicle.drawn_w)
     if out_m > 0.0:
         need_wh += energy.leg_wh(out_m, vehicle.drawn_w)
     climb_m = max(vehicle.cruise_height_m - vehicle.height_m, 0.0)

@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from missions.events import FrameSeen
-from missions.flight.lane_progress import lane_seen
-from missions.mapping.belief import Belief, FrameId
+from missions.flight.lane_progress import lane_passed, lane_seen
+from missions.flight.visiting import drifts_out, give_up
+from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.tree import Tree
-from missions.orders import Look
+from missions.orders import FlyTo, Look
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import Cell
 
 
 def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
-    """Count the votes; end a look once everything it can see is decided."""
+    """Count the votes; end a look once everything it can see is decided.
+
+    A frame without a vantage is evidence and no more: it is of no look and of no lane.
+    """
     frame = FrameId(event.vehicle, event.t_s)
     # a late vote must not undo what the tree was grown on
     votes = state.belief.in_time(
         event.vantage, frame, {vote.cell: vote.positive for vote in event.votes}
     )
+    counts = any(state.belief.tally_anywhere(cell).total < state.belief.frames for cell in votes)
     state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
-    vehicle = replace(state.vehicles[event.vehicle], frames_lost=0)
+    vehicle = replace(state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s)
+    if event.vantage is None:
+        if counts:
+            vehicle = replace(vehicle, fruitless_sorties=0)
+        return _seen_in_passing(setting, state, vehicle, event, votes)
     if state.tree is None:
         vehicle = lane_seen(vehicle, setting.grid, event.vantage, event.t_s)
     state = state.with_vehicle(vehicle)
@@ -37,6 +47,42 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
                 vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
             return state.with_vehicle(replace(vehicle, candidate=hint))
     return state
+
+
+def _seen_in_passing(
+    setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen, votes: Verdicts
+) -> State:
+    """What a frame from anywhere changes besides the votes: the lanes, the root, the tree."""
+    if state.tree is not None:
+        tree = grown(state.tree, state.belief, votes)
+        return replace(state, tree=tree).with_vehicle(vehicle)
+    if not setting.nonstop:
+        return state.with_vehicle(vehicle)
+    shown = [vote.cell for vote in event.votes]
+    vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, shown, event.t_s)
+    state = state.with_vehicle(vehicle)
+    roi = [cell for cell in votes if cell in state.belief.roi]
+    if not roi or setting.surveys:
+        return state
+    tree = grown(Tree.rooted(roi[0]), state.belief, votes)
+    return replace(state, tree=tree, found_s=state.t_s, vehicles={
+        number: replace(other, vertex=roi[0], candidate=None, on_lane=False)
+        for number, other in state.vehicles.items()
+    })  # fmt: skip
+
+
+def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
+    """The tree after cells got votes: a vertex whose neighbours are all decided was looked from."""
+    asked = [cell for near in fresh for cell in near.cross()]
+    while asked:
+        cell = asked.pop()
+        if cell not in tree or tree.has_looked(cell):
+            continue
+        if all(belief.verdict(near) is not None for near in cell.neighbours()):
+            roi = [near for near in cell.neighbours() if near in belief.roi]
+            asked.extend(near for near in roi if near not in tree)
+            tree = tree.looked(cell, roi)
+    return tree
 
 
 def _late_positives(tree: Tree, belief: Belief, vantage: Cell) -> Tree:
@@ -73,6 +119,29 @@ def look_ended(state: State, vehicle: VehicleState) -> State:
                 vehicle, order=None, return_reason=ReturnReason.FAULT, note="the camera is silent"
             )
         )
+    return _looked_in_part(state, vehicle, cell)
+
+
+def follow_no_farther(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """End a look at, or a leg to, a cell that drifts out of the fence while it is followed.
+
+    Both were given because the cell would stay inside for as long as they should take; lost
+    pictures or a head wind make them last longer.
+    """
+    order = vehicle.order
+    if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, Look | FlyTo):
+        return state
+    if order.cell is None or not drifts_out(setting, state, order.cell):
+        return state
+    if isinstance(order, FlyTo):  # at rest it is decided anew where to go
+        return state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
+    if state.belief.frames_taken(order.cell) == 0:
+        return give_up(state, vehicle, order.cell)
+    return _looked_in_part(state, vehicle, order.cell)
+
+
+def _looked_in_part(state: State, vehicle: VehicleState, cell: Cell) -> State:
+    """A look is over before the cell and its neighbours have their votes: what there is counts."""
     state = replace(state, undecided=state.undecided | {cell})
     return _looked(state, vehicle, cell)
 

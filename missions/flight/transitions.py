@@ -10,40 +10,43 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     Connected,
-    Crashed,
     Event,
     FrameLost,
     FrameSeen,
-    GivenUp,
     Guarded,
-    Landed,
     LiftedOff,
-    LinkLost,
     LookEnded,
     OrderFailed,
-    Overridden,
     Recalled,
-    Released,
     Resumed,
     Tracked,
 )
+from missions.flight.connections import (
+    LIFTED_M,
+    connected,
+    given_up,
+    levelled,
+    link_lost,
+    overridden,
+    released,
+    resume,
+)
+from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
-from missions.flight.return_home import BESIDE_M
-from missions.flight.sightings import frame_seen, look_ended
-from missions.guardian import PAD_M
-from missions.orders import AwaitBattery, FlyTo, Land, ReturnToLaunch, StandDown, TakeOff
-from missions.state import BRAKING_S, Phase, ReturnReason, Setting, State, VehicleState
+from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
+from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
+from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 
 _DRAW_SMOOTHING_S = 15.0
-LIFTED_M = 1.0
-"""A vehicle that is higher above home has left the ground."""
 REST_M_S = 0.5
 """A vehicle that is slower has come to rest."""
-LEVEL_M = 1.0
-"""Homes that differ less in height count as level: satellite navigation is no better."""
 MOST_FRAMES_LOST = 5
 """After so many lost pictures in a row the vehicle comes home."""
-RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
+MOST_SILENT_S = 10.0
+"""On a path that is flown without stopping it comes home after so long without a picture, if so
+many were lost..."""
+NOTHING_S = 25.0
+"""... and after so long, and twice the time between two, if not even a lost one was told."""
 MOST_EMPTY_PASSES = 2
 """After so many lanes in a row without a judged frame the vehicle comes home."""
 
@@ -54,7 +57,7 @@ def apply(setting: Setting, state: State, event: Event) -> State:
     if isinstance(event, Recalled):
         return replace(state, recalled=True)
     if isinstance(event, Resumed):
-        return _resume(setting, state)
+        return resume(setting, state)
     if isinstance(event, FrameSeen):
         return frame_seen(setting, state, event)
     vehicle = state.vehicles[event.vehicle]
@@ -64,54 +67,9 @@ def apply(setting: Setting, state: State, event: Event) -> State:
         state = replace(state, reference_amsl_m=event.home_amsl_m)
     changed = _changed(event, vehicle, setting)
     if isinstance(event, Connected | Airborne):
-        changed = _levelled(changed, event, state.reference_amsl_m, setting)
-    return state.with_vehicle(changed)
-
-
-def _levelled(
-    vehicle: VehicleState,
-    event: Connected | Airborne,
-    reference_amsl_m: float | None,
-    setting: Setting,
-) -> VehicleState:
-    """The vehicle with the height of its home above the first home that was told.
-
-    A home that is told in the air keeps its level: what it flies at is above the old one.
-    """
-    in_air = isinstance(event, Connected) and event.airborne
-    if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
-        return vehicle
-    level_m = event.home_amsl_m - reference_amsl_m
-    team = setting.mission.team
-    # two that are both taken to be level must still keep their distance
-    level_enough_m = min(LEVEL_M, 0.5 * (team.layer_m - team.separation_m))
-    level = abs(level_m) < level_enough_m
-    return replace(vehicle, home_level_m=0.0 if level else round(level_m, 2))
-
-
-def _resume(setting: Setting, state: State) -> State:
-    """Everybody takes part again; what they carried out died with the process."""
-    root = state.tree.root if state.tree is not None else None
-    vehicles = {
-        number: replace(
-            lane_left(v, setting.grid.cell_m),
-            phase=Phase.OFFLINE,
-            order=None,
-            last_order=None,
-            return_reason=None,
-            over_home=False,
-            spare_pad=None,
-            at_target=False,
-            vertex=v.vertex or root,
-            cleared=v.phase is not Phase.DOWN,  # perhaps nobody has fetched it
-            wind_m_s=0.0,
-            frames_lost=0,
-            empty_passes=0,
-            note="",
-        )
-        for number, v in state.vehicles.items()
-    }
-    return replace(state, recalled=False, vehicles=vehicles)
+        changed = levelled(changed, event, state.reference_amsl_m, setting)
+    state = state.with_vehicle(changed)
+    return follow_no_farther(setting, state, changed) if isinstance(event, Tracked) else state
 
 
 @singledispatch
@@ -120,72 +78,13 @@ def _changed(event: Event, vehicle: VehicleState, setting: Setting) -> VehicleSt
     raise TypeError(f"no rule for {type(event).__name__}")
 
 
-@_changed.register
-def _(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    phase = Phase.GROUNDED
-    if event.airborne:
-        phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
-    connected = replace(
-        lane_left(vehicle, setting.grid.cell_m),
-        phase=phase,
-        tracked_s=event.t_s,
-        home=event.home,
-        position=event.position,
-        height_m=event.height_m,
-        remaining_wh=event.remaining_wh,
-        drawn_w=0.0,
-        landed=not event.airborne,
-        landed_away_m=0.0,
-        order=StandDown() if phase is Phase.YIELDED else None,
-        last_order=None,
-        return_reason=None,
-        over_home=False,
-        at_target=False,
-        braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
-        fruitless_sorties=0,
-        frames_lost=0,
-        returns_by_itself=event.mode == "rtl",
-        note="",
-    )
-    if phase is not Phase.AIRBORNE:
-        return _found_on_the_ground(connected, vehicle)
-    return _on_its_way_home(connected, event, vehicle)
-
-
-def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
-    """A vehicle that has flown, and stands away from its pad now, is down there."""
-    away_m = connected.position.distance_to(connected.home)
-    has_flown = not (before.landed and before.cleared)
-    # one that people put elsewhere starts with a new home; one beside a blocked pad is close
-    near = away_m <= (BESIDE_M if before.landed else PAD_M)
-    if not connected.landed or not has_flown or near:
-        return connected
-    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
-    return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
-
-
-def _on_its_way_home(
-    connected: VehicleState, event: Connected, before: VehicleState
-) -> VehicleState:
-    """A vehicle that was coming home when it fell silent goes on doing so."""
-    reason = before.return_reason
-    if before.phase is Phase.LOST:  # nobody knows what it has been through
-        reason = reason or ReturnReason.BATTERY
-    if event.mode == "rtl":
-        resumed = reason or (None if before.note else ReturnReason.BATTERY)
-        return replace(
-            connected,
-            phase=Phase.GUARDED,
-            order=StandDown(),
-            return_reason=resumed,
-            note=before.note,
-        )
-    if event.mode == "land":
-        # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
-        reason = reason or ReturnReason.BATTERY
-        landing = replace(connected, return_reason=reason, over_home=True, order=Land())
-        return replace(landing, braking_until_s=None, note=before.note)
-    return replace(connected, return_reason=reason)
+_changed.register(connected)
+_changed.register(link_lost)
+_changed.register(given_up)
+_changed.register(overridden)
+_changed.register(released)
+_changed.register(landed)
+_changed.register(crashed)
 
 
 @_changed.register
@@ -233,6 +132,16 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     # (one that was set down elsewhere may stand higher than its home)
     yielded = vehicle.phase is Phase.YIELDED and not vehicle.landed_away_m
     climbing = isinstance(vehicle.order, TakeOff) or yielded
+    blind = (
+        isinstance(vehicle.order, FlyPath)
+        and vehicle.phase is Phase.AIRBORNE
+        and vehicle.return_reason is None
+        and event.t_s - vehicle.judged_s >= _nothing_s(setting)
+    )
+    if blind:
+        note = "the camera is silent: no picture of its path was judged"
+        vehicle = _blind(vehicle, event.t_s, setting, note)
+        braking_until_s = vehicle.braking_until_s
     return replace(
         vehicle,
         landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),
@@ -250,11 +159,14 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
 def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
         return replace(vehicle, position=event.position)
-    stopped = isinstance(vehicle.order, FlyTo) and vehicle.order.stop
+    on_path = isinstance(vehicle.order, FlyPath)
+    stopped = on_path or (isinstance(vehicle.order, FlyTo) and vehicle.order.stop)
     passed_s = None if stopped else event.t_s
     arrived = replace(vehicle, position=event.position, order=None, passed_s=passed_s)
     if vehicle.return_reason is not None:
         return replace(arrived, over_home=True)
+    if on_path and not vehicle.on_lane:
+        return arrived
     near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there
     cell = vehicle.vertex if vehicle.candidate is None else vehicle.candidate
     if cell is not None:
@@ -275,63 +187,27 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
 def _(event: FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
     lost = replace(vehicle, frames_lost=vehicle.frames_lost + 1, note=event.reason)
     exploring = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
-    if lost.frames_lost < MOST_FRAMES_LOST or not exploring:
+    # a look's frames are as many, and seconds apart; on a path several are lost in a second, or
+    # one in several
+    silent_s = event.t_s - vehicle.judged_s
+    soon = isinstance(vehicle.order, FlyPath) and silent_s < MOST_SILENT_S
+    nothing = isinstance(vehicle.order, FlyPath) and silent_s >= _nothing_s(setting)
+    if not exploring or soon or (lost.frames_lost < MOST_FRAMES_LOST and not nothing):
         return lost
     note = f"{lost.frames_lost} pictures in a row were lost: {event.reason}"
-    left = lane_left(lost.interrupted(event.t_s), setting.grid.cell_m)
+    return _blind(lost, event.t_s, setting, note)
+
+
+def _nothing_s(setting: Setting) -> float:
+    """How long a camera may be silent on a path, seconds."""
+    return NOTHING_S + 2.0 * setting.mission.camera.interval_s
+
+
+def _blind(lost: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
+    """A vehicle without pictures comes home, and takes no further part."""
+    left = lane_left(lost.interrupted(t_s), setting.grid.cell_m)
     return replace(left, return_reason=ReturnReason.FAULT, over_home=False, at_target=False,
                    note=note)  # fmt: skip
-
-
-@_changed.register
-def _(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    position = vehicle.position if event.position is None else event.position
-    landed = replace(
-        lane_left(vehicle, setting.grid.cell_m),
-        landed=True,
-        braking_until_s=None,
-        position=position,
-        height_m=0.0,
-        remaining_wh=event.remaining_wh,
-        over_home=False,
-        at_target=False,
-        spare_pad=None,
-    )
-    away_m = position.distance_to(vehicle.pad)
-    if vehicle.phase is Phase.YIELDED:
-        if away_m <= PAD_M:
-            return landed
-        # it stays whose it is; but somebody has to know, also where all is explored without it
-        note = f"{vehicle.note}; it landed {away_m:.0f} m from its pad"
-        return replace(landed, landed_away_m=away_m, note=note)
-    if away_m > PAD_M or vehicle.phase is Phase.DOWN:
-        away = f"it landed {away_m:.0f} m from its pad"
-        note = f"{vehicle.note}; {away}" if vehicle.note else away
-        return replace(landed, phase=Phase.DOWN, order=StandDown(), note=note)
-    if vehicle.return_reason is ReturnReason.BATTERY:
-        return replace(landed, phase=Phase.GROUNDED, order=AwaitBattery())
-    if vehicle.return_reason in (ReturnReason.DONE, ReturnReason.RECALLED):
-        return replace(landed, phase=Phase.FINISHED, order=StandDown(), vertex=None)
-    if vehicle.phase is Phase.GUARDED:
-        return replace(landed, phase=Phase.FAILED, order=StandDown())
-    note = vehicle.note or "landed unexpectedly (no land command was sent)"
-    return replace(landed, phase=Phase.FAILED, order=StandDown(), note=note)
-
-
-@_changed.register
-def _(event: Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    return replace(
-        lane_left(vehicle, setting.grid.cell_m),
-        phase=Phase.DOWN,
-        order=StandDown(),
-        position=event.position,
-        landed=True,
-        return_reason=None,
-        over_home=False,
-        at_target=False,
-        braking_until_s=None,
-        note=f"it is down: {event.reason}",
-    )
 
 
 @_changed.register
@@ -362,56 +238,6 @@ def _(event: BatterySwapped, vehicle: VehicleState, setting: Setting) -> Vehicle
         return_reason=None,
         cleared=True,
     )
-
-
-@_changed.register
-def _(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    return replace(
-        lane_left(vehicle, setting.grid.cell_m),
-        phase=Phase.YIELDED,
-        order=StandDown(),
-        return_reason=None,
-        over_home=False,
-        at_target=False,
-        returns_by_itself=event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode,
-        note=f"yielded to {event.mode}",
-    )
-
-
-@_changed.register
-def _(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    airborne = event.height_m > LIFTED_M or not vehicle.landed
-    return replace(
-        vehicle,
-        phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,
-        position=event.position,
-        height_m=event.height_m,
-        landed=not airborne,
-        landed_away_m=0.0,
-        order=None,
-        braking_until_s=event.t_s + BRAKING_S if airborne else None,
-        fruitless_sorties=0,
-        frames_lost=0,
-        note="",
-    )
-
-
-@_changed.register
-def _(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    if vehicle.phase is Phase.OFFLINE:
-        return vehicle
-    return replace(
-        lane_left(vehicle, setting.grid.cell_m),
-        phase=Phase.OFFLINE,
-        order=StandDown(),
-        last_order=vehicle.order,
-        note="link lost",
-    )
-
-
-@_changed.register
-def _(event: GivenUp, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    return replace(vehicle, phase=Phase.LOST, order=StandDown(), note=event.reason)
 
 
 @_changed.register

@@ -31,7 +31,7 @@ def visit(
         if off_m > setting.grid.cell_m / 4:
             return _fly_to_cell(setting, state, replace(vehicle, at_target=False), cell, stop=stop)
         if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
-            return _give_up(state, vehicle, cell)
+            return give_up(state, vehicle, cell)
     if not stop or _someone_looks(state, vehicle, cell):
         return hold(state, vehicle)
     frames = EXTRA_FRAMES * setting.mission.votes.frames
@@ -44,7 +44,7 @@ def _fly_to_cell(
     target = where(setting, state, cell)
     route = setting.fence.route(vehicle.position, target)
     if route is None or not _stays_inside(setting, state, vehicle, route, cell, look=stop):
-        return _give_up(state, vehicle, cell)
+        return give_up(state, vehicle, cell)
     if not has_energy_for(setting, vehicle, target, setting.look_s if stop else REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
     order = FlyTo(route[:-1], cell, stop=stop, height_m=vehicle.cruise_height_m)
@@ -72,8 +72,17 @@ def _stays_inside(
     return setting.fence.allows_leg(route[-1], then)
 
 
-def _give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """Nobody may fly there now."""
+def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
+    """Whether a drifting cell is, or within `REACTION_S` will be, where the fence allows nobody."""
+    if setting.grid.drift_speed_m_s == 0.0:
+        return False
+    now = where(setting, state, cell)
+    soon = setting.grid.to_fixed(setting.grid.centre_of(cell), state.t_s + REACTION_S)
+    return not setting.fence.allows_leg(now, soon)
+
+
+def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
+    """Nobody may fly there now: the vehicle waits where it is."""
     if state.tree is None:
         return hold(state, replace(vehicle, candidate=None, at_target=False))
     state = mark_unreachable(state, vehicle, cell)

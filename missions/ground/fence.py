@@ -35,6 +35,7 @@ class Fence:
     corners: tuple[GridPoint, ...]
     _seen: dict[tuple[GridPoint, GridPoint], bool] = field(default_factory=dict)
     """Which corners see each other, as far as anybody has asked."""
+    _shrunk: dict[float, shapely.Geometry] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -56,6 +57,14 @@ class Fence:
         for part in (outer, inner):
             shapely.prepare(part)
         return cls(outer, inner, corners)
+
+    def shrunk(self, by_m: float) -> shapely.Geometry:
+        """What is left of the inside of the margin so far from its rim, prepared."""
+        found = self._shrunk.get(by_m)
+        if found is None:
+            found = self._shrunk[by_m] = self.inner.buffer(-by_m, join_style="mitre")
+            shapely.prepare(found)
+        return found
 
     def contains(self, point: GridPoint) -> bool:
         """Whether a point is inside the fence itself, margin or not."""

@@ -25,10 +25,18 @@ LANE_CELLS = 3
 Lane = tuple[GridPoint, GridPoint]
 
 
-def lanes(box: Sequence[GridPoint], cell_m: float, fence: Fence) -> tuple[Lane, ...]:
+def along_east(box: Sequence[GridPoint]) -> bool:
+    """Whether the lanes of a box lie along grid east, else along grid north: its longer side."""
+    west, south, east, north = Polygon(box).bounds
+    return bool(east - west >= north - south)
+
+
+def lanes(
+    box: Sequence[GridPoint], cell_m: float, fence: Fence, rows: int = LANE_CELLS
+) -> tuple[Lane, ...]:
     """The lanes over a box, in the order and direction of flight, inside the fence.
 
-    Points are in the fixed frame. A lane is as long as the box is anywhere in the three rows that
+    Points are in the fixed frame. A lane is as long as the box is anywhere in the `rows` rows that
     it judges, so a slanting rim leaves no gap; lanes are cut where the fence forbids them.
 
     >>> box = [GridPoint(0, 0), GridPoint(40, 0), GridPoint(40, 20), GridPoint(0, 20)]
@@ -38,12 +46,12 @@ def lanes(box: Sequence[GridPoint], cell_m: float, fence: Fence) -> tuple[Lane, 
     """
     polygon = Polygon(box)
     west, south, east, north = polygon.bounds
-    along_east = east - west >= north - south
-    low, high = (south, north) if along_east else (west, east)
+    eastward = along_east(box)
+    low, high = (south, north) if eastward else (west, east)
     flown: list[Lane] = []
-    for k, offset in enumerate(_offsets(low, high, cell_m)):
-        near, far = offset - LANE_CELLS / 2 * cell_m, offset + LANE_CELLS / 2 * cell_m
-        if along_east:
+    for k, offset in enumerate(_offsets(low, high, cell_m, rows)):
+        near, far = offset - rows / 2 * cell_m, offset + rows / 2 * cell_m
+        if eastward:
             parts = polygon.intersection(rectangle(west - 1, near, east + 1, far))
             spans = [(part.bounds[0], part.bounds[2]) for part in _pieces(parts)]
             line = unary_union([LineString([(a, offset), (b, offset)]) for a, b in spans])
@@ -63,8 +71,8 @@ def lanes(box: Sequence[GridPoint], cell_m: float, fence: Fence) -> tuple[Lane, 
     return tuple(flown)
 
 
-def _offsets(low: float, high: float, cell_m: float) -> list[float]:
-    """Centre lines of cells, three cells apart, so that every row of cells is judged.
+def _offsets(low: float, high: float, cell_m: float, rows: int) -> list[float]:
+    """Where lanes lie that judge so many rows each, so that every row of cells is judged.
 
     The first lane judges the outermost row whose centre is in the box.
     """
@@ -72,10 +80,15 @@ def _offsets(low: float, high: float, cell_m: float) -> list[float]:
     last = math.floor(high / cell_m + 1e-9)
     if last < first:  # narrower than a cell: one lane through the middle
         return [(low + high) / 2]
-    rows = list(range(first + 1, last + 1, LANE_CELLS)) or [first]
-    if rows[-1] + 1 < last:
-        rows.append(last)
-    return [row * cell_m for row in rows]
+    if rows == LANE_CELLS:  # on rows, as ever
+        on = list(range(first + 1, last + 1, LANE_CELLS)) or [first]
+        if on[-1] + 1 < last:
+            on.append(last)
+        return [row * cell_m for row in on]
+    beside = (rows - 1) / 2
+    if last - first + 1 <= rows:
+        return [(first + last) / 2 * cell_m]
+    return [min(row + beside, last - beside) * cell_m for row in range(first, last + 1, rows)]
 
 
 def _pieces(shape: BaseGeometry) -> list[BaseGeometry]:

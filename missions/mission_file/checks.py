@@ -17,8 +17,10 @@ from missions.explorers import EXPLORERS
 from missions.ground.grid import Grid
 from missions.mission_file import flyable, places
 from missions.mission_file.schema import Mission, parse_fields
+from missions.mission_file.whereabouts import prior_faults
+from missions.swath.strategies import NONSTOP
 
-STRATEGIES = tuple(EXPLORERS)
+STRATEGIES = (*NONSTOP, *EXPLORERS)
 DETECTORS = ("threshold", "paved")
 
 
@@ -69,6 +71,7 @@ def check(
         where = list(places.polygons(mission, grid)) or [
             *places.inside_fence(mission, grid),
             *places.homes_apart(mission, grid),
+            *prior_faults(mission, grid),
         ]
         if not where:
             where = list(flyable.search(mission, grid))

@@ -20,9 +20,10 @@ from missions.ground.fence import Fence, route_length_m
 from missions.ground.grid import Grid
 from missions.ground.lanes import LANE_CELLS, Lane, lanes
 from missions.mission_file.energy_model import energy_model
+from missions.mission_file.height_and_speed import altitude_reason, layer_faults, picture_warnings
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.places import drawn
-from missions.mission_file.schema import Mission, positions
+from missions.mission_file.schema import AUTO, Mission, positions
 from missions.units import GridPoint
 
 SEEN_SHARE = 0.9
@@ -43,8 +44,8 @@ _TOUCH_M = 0.01
 
 # --- values ----------------------------------------------------------------------------------
 def values(mission: Mission) -> Iterator[str]:
-    """Faults of wind and camera."""
-    too_strong = list(_wind(mission))
+    """Faults of wind, height and camera."""
+    too_strong = [*_wind(mission), *layer_faults(mission)]
     yield from too_strong or _camera(mission)
 
 
@@ -80,18 +81,18 @@ def _camera(mission: Mission) -> Iterator[str]:
     that may be missing is all corner then.
     """
     camera, cell_m = mission.camera, mission.grid.cell_m
-    height_m = min(mission.altitude_m(i) for i in range(len(mission.vehicles)))
-    across_m = 2 * height_m * math.tan(math.radians(camera.hfov_deg) / 2)
-    along_m = across_m * camera.height_px / camera.width_px
+    height_m = mission.altitude_m(0)
+    across_m, along_m = camera.optics.footprint(height_m)
     half_rad, lean = math.atan(min(across_m, along_m) / 2 / height_m), lean_rad(mission)
     reach_m = height_m * math.tan(max(half_rad - lean, 0.0)) - POSITION_ERROR_M
     need_m = (0.5 + SEEN_SHARE) * cell_m
     if reach_m >= need_m:
+        yield from _pose_error(mission, min(across_m, along_m))
         return
     remedies = []
     if half_rad > lean:
         enough_m = (need_m + POSITION_ERROR_M) / math.tan(half_rad - lean)
-        remedies.append(f"raise flight.altitude_m to {_up(enough_m)}")
+        remedies.append(_higher(mission, enough_m))
     wider_rad = math.atan((need_m + POSITION_ERROR_M) / height_m) + lean
     if wider_rad < math.radians(85):
         ratio = across_m / min(across_m, along_m)
@@ -107,6 +108,28 @@ def _camera(mission: Mission) -> Iterator[str]:
         f"reaches {max(reach_m, 0.0):.1f} m to its nearest edge, but to judge 3 x 3 cells of "
         f"{cell_m:g} m it needs {need_m:.1f} m; {', or '.join(remedies)}"
     )
+
+
+def _pose_error(mission: Mission, short_m: float) -> Iterator[str]:
+    """With a margin for the error of the pose, a picture must still hold a cell."""
+    error_m, cell_m = mission.camera.pose_error_m, mission.grid.cell_m
+    if short_m - 2 * error_m < cell_m:
+        yield (
+            f"camera.pose_error_m = {error_m:g}: from {mission.altitude_m(0):g} m a frame shows "
+            f"{short_m:.1f} m, which less such an error at either edge holds no cell of "
+            f"{cell_m:g} m; lower it, or fly higher"
+        )
+
+
+def _higher(mission: Mission, lowest_m: float) -> str:
+    """How the lowest layer comes to be so high."""
+    if mission.flight.altitude_m != AUTO:
+        return f"raise flight.altitude_m to {_up(lowest_m)}"
+    top_m = lowest_m + mission.altitude_m(len(mission.vehicles) - 1) - mission.altitude_m(0)
+    if altitude_reason(mission) == "fence.ceiling_m":
+        return f"raise fence.ceiling_m to {_up(top_m)}"
+    pixels = mission.camera.optics.pixels_per_cell(top_m + 0.1, mission.grid.cell_m)
+    return f"lower camera.pixels_per_cell to {math.floor(pixels)}"
 
 
 def _up(value: float) -> str:
@@ -174,7 +197,7 @@ def search(mission: Mission, grid: Grid) -> Iterator[str]:
             "part of it that a vehicle can fly over; move the box, widen the fence or lower the "
             "margin"
         )
-    if not list(_wind(mission)):
+    if not list(_wind(mission)) and not list(layer_faults(mission)):
         yield from _battery(mission, grid)
 
 
@@ -254,6 +277,7 @@ def warnings(mission: Mission, grid: Grid) -> list[str]:
             f"is farthest from vehicles[{corner.vehicle}], {corner.away_m:.0f} m, costs "
             f"{corner.sortie_wh:.1f} Wh with the reserve: it will not be reached"
         )
+    found.extend(picture_warnings(mission))
     if mission.sim.sensor_noise == 0.0 and not mission.camera.noiseless:
         found.append(
             "sim.sensor_noise = 0: pictures that are uniform or repeat are taken for those of a "

@@ -29,6 +29,11 @@ def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
     yield "fence.polygon", mission.fence.polygon
     for i, hole in enumerate(mission.fence.holes):
         yield f"fence.holes[{i}]", hole
+    for i, place in enumerate(mission.search.prior):
+        if place.polygon is not None:
+            yield f"search.prior[{i}].polygon", place.polygon
+        for k, hole in enumerate(place.holes):
+            yield f"search.prior[{i}].holes[{k}]", hole
     for i, region in enumerate(mission.sim.roi):
         yield f"sim.roi[{i}].polygon", region.polygon
         for k, hole in enumerate(region.holes):
@@ -47,6 +52,11 @@ def positions_near(mission: Mission) -> Iterator[str]:
         (f"vehicles[{i}].home", (vehicle.home,))
         for i, vehicle in enumerate(mission.vehicles)
         if vehicle.home is not None
+    ]
+    named += [
+        (f"search.prior[{i}].position", (place.position,))
+        for i, place in enumerate(mission.search.prior)
+        if place.position is not None
     ]
     for key, ring in named:
         for vertex in ring:

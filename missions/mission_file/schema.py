@@ -12,21 +12,27 @@ Positions are written `[latitude, longitude]` in degrees, as in a QGroundControl
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
     ValidationError,
+    ValidatorFunctionWrapHandler,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, core_schema
 
 from missions.errors import MissionFileError
+from missions.ground.footprint import Optics
 from missions.mission_file.messages import explain
 from missions.units import LatLon
 
@@ -42,7 +48,24 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 HostName = Annotated[
     str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
 ]
+AUTO: Final = "auto"
+
+
+def _number_or_auto(value: object, number: ValidatorFunctionWrapHandler) -> object:
+    if isinstance(value, str) and value != AUTO:
+        raise PydanticCustomError("altitude", 'must be a number or "auto"')
+    return value if value == AUTO else number(value)
+
+
+def _altitude_schema(_: object, schema_of: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    number = schema_of.generate_schema(Annotated[Number, Field(gt=0, le=1000)])
+    return core_schema.no_info_wrap_validator_function(_number_or_auto, number)
+
+
+# not a union: its messages would speak of both kinds at once
+Altitude = Annotated[float | Literal["auto"], GetPydanticSchema(_altitude_schema)]
 MAX_VEHICLES = 50
+MAX_PRIOR_PLACES = 1000
 Vertex = tuple[Latitude, Longitude]
 Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
 
@@ -89,10 +112,54 @@ class Start(_Section):
     amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
 
 
+class PriorPlace(_Section):
+    """One of the places where the ROI may be: a point with a spread, or a polygon."""
+
+    position: Vertex | None = None
+    spread_m: Positive | None = None
+    """Standard deviation around `position`; without it half of the box's shorter side."""
+    polygon: Ring | None = None
+    holes: tuple[Ring, ...] = ()
+    """Of the polygon."""
+    weight: Positive = 1.0
+    """How probable it is, beside the other places."""
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> PriorPlace:
+        if (self.position is None) == (self.polygon is None):
+            raise ValueError("give it either a position or a polygon")
+        if self.polygon is not None and self.spread_m is not None:
+            raise ValueError("spread_m belongs to a position; a polygon is as wide as it is")
+        if self.polygon is None and self.holes:
+            raise ValueError("holes belong to a polygon")
+        return self
+
+
+def _prior_places(value: object) -> object:
+    """A single position is a list of one place."""
+    if isinstance(value, str):
+        raise PydanticCustomError(
+            "prior_path",
+            "a GeoJSON file is read only beside the mission file that names it; write the places "
+            "here: [latitude, longitude], or [{{position = [...]}}, {{polygon = [...]}}]",
+        )
+    if isinstance(value, list | tuple) and len(value) == 2:
+        numbers = [isinstance(part, int | float) for part in value]
+        return [{"position": value}] if all(numbers) else value
+    return value
+
+
 class Search(_Section):
-    """The box that holds at least a part of the ROI."""
+    """The box that holds at least a part of the ROI, and where in it the ROI probably is."""
 
     box: Ring
+    prior: Annotated[
+        tuple[PriorPlace, ...],
+        Field(min_length=1, max_length=MAX_PRIOR_PLACES),
+        BeforeValidator(_prior_places),
+    ] = ()
+    """Orders the lanes so that the ROI is expected to be seen soonest. Without it they are flown
+    one beside the other."""
 
 
 class Fence(_Section):
@@ -102,6 +169,8 @@ class Fence(_Section):
     holes: tuple[Ring, ...] = ()
     margin_m: NotNegative = 2.0
     """Legs are planned this far inside of the fence."""
+    ceiling_m: Annotated[Number, Field(gt=0, le=1000)] = 120.0
+    """No layer is higher above the start; the default is the limit of most countries."""
 
 
 class GridSection(_Section):
@@ -113,7 +182,9 @@ class GridSection(_Section):
 class Flight(_Section):
     """How the vehicles fly. `speed_m_s` is over ground."""
 
-    altitude_m: Annotated[Number, Field(gt=0, le=1000)] = 12.0
+    altitude_m: Altitude = 12.0
+    """Of the lowest layer, above the start. "auto": so that the highest layer is as high as
+    `camera.pixels_per_cell` and `fence.ceiling_m` allow (`Mission.altitude_m`)."""
     speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
     settle_m_s: Positive = 0.5
     """A frame is taken once the vehicle is slower than this."""
@@ -131,10 +202,25 @@ class CameraSection(_Section):
     yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
     interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
     """Time between two frames of a cell."""
+    pixels_per_cell: Positive = 80.0
+    """How many pixels the edge of a cell must have for the detector, from the highest layer."""
+    pose_error_m: NotNegative = 0.5
+    """How far off its place on the ground the rim of a picture may be. Frames that judge all they
+    show (`detector.view`) leave out the cells that come nearer than this to the rim."""
+    exposure_s: Annotated[Number, Field(gt=0, le=1)] = 0.002
+    """How long the shutter is open; the default is 1/500 s, for daylight."""
+    max_blur_px: Positive = 1.5
+    """What the motion of the vehicle may blur a picture by that still is evidence: it spreads the
+    border of the ROI over so many pixels, which the detector's dilations must be well above."""
     hosts: tuple[HostName, ...] = ()
     """From where pictures may be fetched, besides the host at the other end of the link."""
     noiseless: bool = False
     """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
+
+    @property
+    def optics(self) -> Optics:
+        """The pinhole that is reckoned with."""
+        return Optics(math.radians(self.hfov_deg), self.width_px, self.height_px)
 
 
 class DetectorSection(_Section):
@@ -334,8 +420,18 @@ class Mission(_Section):
         return LatLon(*self.start.position)
 
     def altitude_m(self, vehicle: int) -> float:
-        """The layer of a vehicle (from 0) above home."""
-        return self.flight.altitude_m + vehicle * self.team.layer_m
+        """The layer of a vehicle (from 0, the lowest) above home.
+
+        With `flight.altitude_m = "auto"` the highest layer is at the greatest height, in tenths of
+        a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
+        others lie below it. A checked mission has room for all of them.
+        """
+        lowest_m, layer_m = self.flight.altitude_m, self.team.layer_m
+        if lowest_m == AUTO:
+            fine_m = self.camera.optics.height_m(self.grid.cell_m, self.camera.pixels_per_cell)
+            top_m = math.floor(min(fine_m, self.fence.ceiling_m) * 10.0 + 1e-9) / 10.0
+            return round(top_m - (len(self.vehicles) - 1 - vehicle) * layer_m, 6)
+        return lowest_m + vehicle * layer_m
 
 
 def parse_toml(text: str, source: str) -> Mapping[str, Any]:

@@ -10,8 +10,10 @@ from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import UNARMABLE, Mode, Phase
+from sitl.copter.motion import Place
 from sitl.copter.params import Parameters
 from sitl.copter.route import Progress
+from sitl.copter.streaming import Setpoint
 from sitl.copter.tuning import CopterTuning
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
@@ -52,6 +54,7 @@ class Autopilot(Aircraft):
         self.failsafes = Failsafes()
         self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START
+        self._submode = ""  # of GUIDED: which kind of target is flown
 
     @property
     def navigating(self) -> bool:
@@ -122,7 +125,8 @@ class Autopilot(Aircraft):
         if self.airborne and not force:
             return "Disarm: vehicle is flying"
         self.armed = self.body.motors_on = False
-        self.target = self.velocity_target = None
+        self.target = None
+        self.stop_stream()
         self.route.reset()
         self._mission_started = False
         self._enter(Phase.LANDED)
@@ -139,8 +143,10 @@ class Autopilot(Aircraft):
             self.route.stop()
         self.mode = mode
         self.mode_changed = True
-        self.target = self.velocity_target = None
+        self.target = None
+        self.stop_stream()
         self._speeds.clear()
+        self._submode = ""
         self._limits_version = -1
         if self.phase == Phase.SPOOL:
             self._enter(Phase.LANDED)
@@ -212,6 +218,7 @@ class Autopilot(Aircraft):
             return False
         if self.fence.violations(self.parameters, self.home, place):
             return False
+        self._enter_submode("place")
         self.fly_to(place, yaw_rad)
         return True
 
@@ -219,12 +226,31 @@ class Autopilot(Aircraft):
         """A guided velocity, m/s, kept for GUID_TIMEOUT; False when it is dropped."""
         if self.mode != Mode.GUIDED or not self.airborne:
             return False
-        self.velocity_target = (v_east, v_north, v_up)
-        self.target = None
-        self._velocity_until_s = self.t_s + self.parameters["GUID_TIMEOUT"]
-        if self.phase == Phase.CLIMB:
-            self._enter(Phase.FLY)
+        self._enter_submode("velocity")
+        self.follow(Setpoint(None, (v_east, v_north, v_up)), self._stream_ends_s)
         return True
+
+    def go_along(self, place: Place, velocity: Place, yaw_rad: float | None = None) -> bool:
+        """A guided place and velocity, kept for GUID_TIMEOUT; False when it is dropped."""
+        if self.mode != Mode.GUIDED or not self.airborne:
+            return False
+        if self.fence.violations(self.parameters, self.home, place):
+            return False
+        self._enter_submode("place and velocity")
+        self.follow(Setpoint(place, velocity), self._stream_ends_s, yaw_rad)
+        return True
+
+    @property
+    def _stream_ends_s(self) -> float:
+        return self.t_s + self.parameters["GUID_TIMEOUT"]
+
+    def _enter_submode(self, submode: str) -> None:
+        """What a speed was changed to is lost with a change: WPNAV_SPEED is read then."""
+        if submode == self._submode:
+            return
+        self._submode = submode
+        self._speeds.pop("speed_m_s", None)
+        self._limits_version = -1
 
     def turn_to(self, yaw_rad: float) -> bool:
         """Turn the nose to a true bearing, flying in GUIDED or AUTO."""

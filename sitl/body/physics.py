@@ -65,7 +65,9 @@ class Body:
         "north",
         "on_ground",
         "thrust_east",
+        "thrust_east_rate",
         "thrust_north",
+        "thrust_north_rate",
         "thrust_up",
         "up",
         "v_east",
@@ -79,6 +81,7 @@ class Body:
         self.east, self.north, self.up = east_m, north_m, 0.0
         self.v_east = self.v_north = self.v_up = 0.0
         self.thrust_east = self.thrust_north = 0.0
+        self.thrust_east_rate = self.thrust_north_rate = 0.0  # m/s^3, in the last step
         self.thrust_up = -GRAVITY_M_S2
         self.drag_east = self.drag_north = 0.0
         self.air_speed_m_s = 0.0
@@ -100,11 +103,14 @@ class Body:
     @property
     def roll_pitch(self) -> tuple[float, float]:
         """Roll (right side down) and pitch (nose up), radians, from the thrust's tilt."""
-        sin_yaw, cos_yaw = math.sin(self.yaw), math.cos(self.yaw)
-        forward = self.thrust_north * cos_yaw + self.thrust_east * sin_yaw
-        right = self.thrust_east * cos_yaw - self.thrust_north * sin_yaw
-        pitch = -math.atan2(forward, GRAVITY_M_S2)
-        return math.atan2(right * math.cos(pitch), GRAVITY_M_S2), pitch
+        return _roll_pitch(self.thrust_east, self.thrust_north, self.yaw)
+
+    def turned(self, after_s: float) -> tuple[float, float, float]:
+        """Roll, pitch and yaw a little later, if it goes on turning as it does; radians."""
+        yaw = self.yaw + self.yaw_rate * after_s
+        east = self.thrust_east + self.thrust_east_rate * after_s
+        north = self.thrust_north + self.thrust_north_rate * after_s
+        return *_roll_pitch(east, north, yaw), yaw
 
     def step(self, command: Command, wind: tuple[float, float], dt_s: float) -> None:
         """Advance by `dt_s` (at most `MAX_STEP_S`) in `wind` m/s (east, north)."""
@@ -179,8 +185,10 @@ class Body:
             east *= self.max_tilt_m_s2 / wanted
             north *= self.max_tilt_m_s2 / wanted
         tilt = self._tilt_share
-        self.thrust_east += (east - self.thrust_east) * tilt
-        self.thrust_north += (north - self.thrust_north) * tilt
+        east_step, north_step = (east - self.thrust_east) * tilt, (north - self.thrust_north) * tilt
+        self.thrust_east += east_step
+        self.thrust_north += north_step
+        self.thrust_east_rate, self.thrust_north_rate = east_step / dt_s, north_step / dt_s
         self.thrust_up += (up - self.thrust_up) * self._thrust_share
         self.yaw_rate += (yaw_rate - self.yaw_rate) * self._yaw_share
         if not (self.on_ground and self.thrust_up <= 0.0):
@@ -194,4 +202,14 @@ class Body:
         self.up = 0.0
         self.v_east = self.v_north = self.v_up = 0.0
         self.thrust_east = self.thrust_north = 0.0
+        self.thrust_east_rate = self.thrust_north_rate = 0.0
         self.on_ground = True
+
+
+def _roll_pitch(east_m_s2: float, north_m_s2: float, yaw_rad: float) -> tuple[float, float]:
+    """The tilt that gives a horizontal thrust."""
+    sin_yaw, cos_yaw = math.sin(yaw_rad), math.cos(yaw_rad)
+    forward = north_m_s2 * cos_yaw + east_m_s2 * sin_yaw
+    right = east_m_s2 * cos_yaw - north_m_s2 * sin_yaw
+    pitch = -math.atan2(forward, GRAVITY_M_S2)
+    return math.atan2(right * math.cos(pitch), GRAVITY_M_S2), pitch

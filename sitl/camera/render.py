@@ -1,15 +1,12 @@
-"""What a camera on a tilted vehicle sees of the world: an own pinhole model, rendered as JPEG.
+"""What a camera on a tilted vehicle sees of the world, rendered as JPEG.
 
-Frames: NED (true north, true east, down) with its origin on the ground; the camera's axes are
-forward (optical axis), right, down (lower edge of the picture). Pixels: u to the right, v down,
-(0, 0) the centre of the upper left pixel, the optical axis at ((width - 1) / 2, (height - 1) / 2).
+Frames and pixels are those of `sitl.camera.pinhole`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -18,96 +15,26 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from missions.units import Quaternion
+from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, image_motion_px
 from sitl.world.orthophoto import Matrix, Orthophoto, Picture
 from sitl.world.texture import METRES_PER_PIXEL, TILE_M, TILE_PX, Gray
 from sitl.world.world import World
 
 _JPEG_QUALITY = 90
-_LENS_OVER_GROUND_M = 0.1  # of a landed vehicle
-_MAX_HALF_DIAGONAL_DEG = 55.0  # with the tilt limit this keeps the horizon out of the picture
 _SHIFT = 4  # binary digits of a pixel's fraction in polygon filling
 _NOISE_MARGIN_PX = 97
 _NOISE_SEED = 5
+_SHARP_PX = 0.5  # a picture that moves by less is not blurred by what anybody could see
+_SMEAR_SAMPLES = 4  # for each pixel of the way of a point during the exposure
 # Brightness of blue, green, red over gray for grass; 0.114 b + 0.587 g + 0.299 r stays 1
 _GRASS_BGR = (0.80, 1.06, 0.9603)
-
-
-@dataclass(frozen=True, slots=True)
-class CameraSpec:
-    """A camera on a multicopter, looking down.
-
-    `hfov_deg` is the horizontal field of view over the whole width. `fixed`: bolted to the body,
-    so it tilts along; else a gimbal holds it at nadir and only the heading turns it. `yaw_deg`:
-    bearing of the picture's upper edge relative to the nose. `min_interval_s`: shortest time
-    between two pictures.
-    """
-
-    hfov_deg: float = 70.0
-    width_px: int = 640
-    height_px: int = 480
-    fixed: bool = True
-    yaw_deg: float = 0.0
-    min_interval_s: float = 0.2
-
-    def __post_init__(self) -> None:
-        if not (self.width_px >= 16 and self.height_px >= 16 and 5.0 <= self.hfov_deg <= 105.0):
-            raise ValueError(f"a camera that cannot be simulated: {self}")
-        diagonal = math.hypot(self.width_px, self.height_px) / 2.0
-        if math.degrees(math.atan2(diagonal, self.focal_px)) > _MAX_HALF_DIAGONAL_DEG:
-            raise ValueError(f"the field of view reaches the horizon when it tilts: {self}")
-
-    @property
-    def focal_px(self) -> float:
-        """Focal length in pixels.
-
-        >>> round(CameraSpec(hfov_deg=90.0, width_px=640).focal_px, 9)
-        320.0
-        """
-        return self.width_px / 2.0 / math.tan(math.radians(self.hfov_deg) / 2.0)
-
-    def attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-        """Camera axes to NED for the body's attitude, as in CAMERA_IMAGE_CAPTURED."""
-        mounting = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
-        turned = Quaternion.from_euler(0.0, 0.0, math.radians(self.yaw_deg))
-        if not self.fixed:
-            roll_rad = pitch_rad = 0.0
-        body = Quaternion.from_euler(roll_rad, pitch_rad, yaw_rad)
-        return _product(body, _product(turned, mounting))
-
-
-@dataclass(frozen=True, slots=True)
-class Shot:
-    """The true moment of an exposure: place in the world's plane, attitude, time."""
-
-    east_m: float
-    north_m: float
-    height_m: float
-    attitude: Quaternion
-    t_s: float
-    noise_seed: int
-
-
-def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
-    """The homography from ground (east, north, 1), metres *relative to the camera's foot point*,
-    to homogeneous pixels.
-
-    The point's pixel is the first two components divided by the third, which is its depth.
-    """
-    rotation = _matrix(shot.attitude)  # columns: forward, right, down of the camera in NED
-    height = max(shot.height_m, 0.0) + _LENS_OVER_GROUND_M
-    # a ground point (east, north) is (north, east, height) from the lens, in NED
-    to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, height]])
-    focal = camera.focal_px
-    centre_u, centre_v = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
-    to_pixel = np.array([[centre_u, focal, 0.0], [centre_v, 0.0, focal], [1.0, 0.0, 0.0]])
-    return np.asarray(to_pixel @ rotation.T @ to_ned, dtype=np.float64)
 
 
 def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
     """The JPEG that the camera takes; the same arguments give the same bytes."""
     homography = ground_to_pixel(camera, shot)
     view = _paint(world, camera, shot, homography)
+    view = _smeared(view, *image_motion_px(camera, shot))
     gain = world.illumination_at(shot.t_s)
     view = np.asarray(cv2.convertScaleAbs(view, alpha=gain), dtype=np.uint8)
     if world.spec.sensor_noise > 0.0:
@@ -120,6 +47,27 @@ def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
     if not done:
         raise RuntimeError("OpenCV could not encode a rendered frame")
     return bytes(data)
+
+
+def _smeared(picture: Picture, right_px: float, down_px: float) -> Picture:
+    """A picture that has moved so far, evenly, while the shutter was open."""
+    length_px = math.hypot(right_px, down_px)
+    if length_px < _SHARP_PX:
+        return picture
+    reach = math.ceil(length_px / 2.0) + 1
+    kernel = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
+    samples = _SMEAR_SAMPLES * math.ceil(length_px)
+    shares = (np.arange(samples) + 0.5) / samples - 0.5
+    u, v = reach + shares * right_px, reach + shares * down_px
+    column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+    right, low = u - column, v - row  # each sample is shared out among the four pixels around it
+    np.add.at(kernel, (row, column), (1 - low) * (1 - right))
+    np.add.at(kernel, (row, column + 1), (1 - low) * right)
+    np.add.at(kernel, (row + 1, column), low * (1 - right))
+    np.add.at(kernel, (row + 1, column + 1), low * right)
+    kernel /= kernel.sum()
+    smeared = cv2.filter2D(picture, -1, kernel, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(smeared, dtype=np.uint8)
 
 
 def _coloured(world: World, gray: Gray) -> Picture:
@@ -267,25 +215,3 @@ def _palette(roi_intensity: float, ground_intensity: float) -> Gray:
     grass = np.clip((levels - roi_intensity) / (span if abs(span) > 1.0 else 1.0), 0.0, 1.0)
     tint = 1.0 + grass[:, None] * (np.array(_GRASS_BGR)[None, :] - 1.0)
     return np.clip(np.round(levels[:, None] * tint), 0, 255).astype(np.uint8)[:, None, :]
-
-
-def _matrix(q: Quaternion) -> Matrix:
-    """Rotation matrix of a unit quaternion."""
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """First `b`, then `a`."""
-    return Quaternion(
-        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
-        a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
-        a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
-    )

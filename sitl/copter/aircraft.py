@@ -14,7 +14,7 @@ from sitl.body.physics import Body, Command
 from sitl.body.sensors import PositionError
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import Item
-from sitl.copter.motion import Motion
+from sitl.copter.motion import Motion, Place
 from sitl.copter.params import Parameters
 from sitl.copter.route import Route
 from sitl.copter.transfer import Plans
@@ -138,6 +138,10 @@ class Aircraft(Motion, ABC):
         """A velocity by SET_POSITION_TARGET_*, m/s; False when it is dropped."""
 
     @abstractmethod
+    def go_along(self, place: Place, velocity: Place, yaw_rad: float | None = None) -> bool:
+        """A place and the velocity there by SET_POSITION_TARGET_*; False when it is dropped."""
+
+    @abstractmethod
     def mission_done(self) -> None:
         """The last item of the mission is behind it."""
 
@@ -169,6 +173,7 @@ class Aircraft(Motion, ABC):
             self.say(SEVERITY_CRITICAL, "Battery 1 is empty")
         command = self._decide(dt_s)
         self.body.step(command, wind, dt_s)
+        self._look()  # what is told from here on is of this moment, as the picture that is taken
         if self.armed and not self.body.motors_on and self.body.on_ground:
             self.disarm(force=True)
 

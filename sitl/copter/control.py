@@ -15,7 +15,7 @@ from sitl.copter.params import Parameters
 
 _VELOCITY_GAIN_1_S = 2.0
 _CLIMB_GAIN_1_S = 3.0
-_WIND_TAU_S = 0.5
+WIND_TAU_S = 0.5
 _YAW_GAIN_1_S = 2.0
 _MAX_VERTICAL_M_S2 = 3.0
 # The velocity loop and the tilt lag behind; braking planned a little softer than permitted
@@ -124,8 +124,12 @@ class Controller:
         climb_m_s: float,
         limits: Limits,
         dt_s: float,
+        wind_tau_s: float = WIND_TAU_S,
     ) -> Command:
-        """Thrust and turn rate for a wanted velocity; `body` gives what an IMU measures."""
+        """Thrust and turn rate for a wanted velocity; `body` gives what an IMU measures.
+
+        What the air does to it is made up for after some `wind_tau_s`.
+        """
         east, north, up = self._ref_east, self._ref_north, self._ref_up
         d_east, d_north = velocity[0] - east, velocity[1] - north
         step = math.hypot(d_east, d_north)
@@ -137,7 +141,7 @@ class Controller:
         self._ref_east, self._ref_north, self._ref_up = east, north, up = (
             east + d_east, north + d_north, up + d_up,
         )  # fmt: skip
-        learn = -math.expm1(-dt_s / _WIND_TAU_S)
+        learn = -math.expm1(-dt_s / wind_tau_s)
         wind_east, wind_north = self._wind_east, self._wind_north
         self._wind_east = wind_east = wind_east + (body.drag_east - wind_east) * learn
         self._wind_north = wind_north = wind_north + (body.drag_north - wind_north) * learn

@@ -7,10 +7,11 @@ from dataclasses import replace
 from enum import IntEnum
 
 from sitl.body.physics import Body, Command
-from sitl.copter.control import Controller, Estimate
+from sitl.copter.control import WIND_TAU_S, Controller, Estimate
 from sitl.copter.modes import Mode, Phase
 from sitl.copter.params import Parameters
-from sitl.copter.trajectory import Shaper
+from sitl.copter.streaming import Setpoint
+from sitl.copter.trajectory import Shaper, shaping_jerk
 from sitl.copter.tuning import Tuning
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
@@ -50,7 +51,7 @@ class Motion:
         self.home: Place = (body.east, body.north, 0.0)
         self.rally: tuple[Place, ...] = ()
         self.target: Place | None = None
-        self.velocity_target: Place | None = None
+        self.stream: Setpoint | None = None
         self.hold: Place = (body.east, body.north, 0.0)
         self._airframe = (max_speed_m_s, max_accel_m_s2)
         self._limits = tuning.limits(*self._airframe)
@@ -61,7 +62,8 @@ class Motion:
         self._shaper = Shaper()
         self._since_s = 0.0  # when the present phase began
         self._contact_s = 0.0
-        self._velocity_until_s = 0.0
+        self._follower = tuning.follower()
+        self._stream_until_s = 0.0
         self._return_to = self.home
 
     @property
@@ -105,14 +107,36 @@ class Motion:
             self._control.yaw_target = yaw_rad
         elif math.hypot(east, north) > _TURN_TO_TARGET_M and self.tuning.turns_nose:
             self._control.yaw_target = math.atan2(east, north)
+        self.stop_stream()
         self.target = self.hold = place
-        self.velocity_target = None
         if self.airborne and self.phase is not _FLY:
             self._enter(_FLY)
 
+    def follow(self, setpoint: Setpoint, until_s: float, yaw_rad: float | None = None) -> None:
+        """Fly a setpoint of a stream, in the air; after `until_s` without a further one stop."""
+        if yaw_rad is not None:
+            self._control.yaw_target = yaw_rad
+        v_east, v_north, v_up = setpoint.velocity
+        scale = min(1.0, self._airframe[0] / max(1e-9, math.hypot(v_east, v_north)))
+        setpoint = Setpoint(setpoint.place, (v_east * scale, v_north * scale, v_up))
+        if yaw_rad is None and self.tuning.turns_nose and scale * math.hypot(v_east, v_north) > 1.0:
+            self._control.yaw_target = math.atan2(v_east, v_north)
+        self.target = None
+        self.stream, self._stream_until_s = setpoint, until_s
+        self._follower.hear(setpoint, self.t_s)
+        if self.phase is not _FLY:
+            self._enter(_FLY)
+
+    def stop_stream(self) -> None:
+        """Whatever is flown now, it is no stream."""
+        if self.stream is not None:
+            self.stream = None
+            self._follower.stop()
+
     def stay(self) -> None:
         """Stop here, in the air."""
-        self.target = self.velocity_target = None
+        self.target = None
+        self.stop_stream()
         self.hold = self._stopping_point()
         self._enter(_FLY)
 
@@ -188,9 +212,9 @@ class Motion:
         elif phase is _RTL_HOLD:
             if self.t_s - self._since_s >= self.tuning.return_hover_s:
                 self._end_return()
-        elif self.velocity_target is not None and self.t_s >= self._velocity_until_s:
-            self.velocity_target = None
-            self.hold = self._stopping_point()
+        elif self.stream is not None and self.t_s >= self._stream_until_s:
+            self.stream = Setpoint(self.stream.place, (0.0, 0.0, 0.0))
+            self._stream_until_s = math.inf
 
     def _end_return(self) -> None:
         final_m = self.tuning.return_final_m
@@ -206,17 +230,18 @@ class Motion:
             self._refresh_limits()
         now, limits, hold = self.estimate, self._limits, self.hold
         jerk_m_s3 = self.tuning.jerk_m_s3
-        if self.velocity_target is not None or jerk_m_s3 <= 0.0 or not position:
+        if self.stream is not None or jerk_m_s3 <= 0.0 or not position:
             self._shaper.active = False
-        if self.velocity_target is not None:
-            v_east, v_north, climb = self.velocity_target
-            scale = min(1.0, limits.speed_m_s / max(1e-9, math.hypot(v_east, v_north)))
-            velocity = (v_east * scale, v_north * scale)
+        if self.stream is not None:
+            velocity = self._follower.velocity(self.stream, now, limits, self.t_s, dt_s)
+            climb = self.stream.velocity[2]
+            if self.stream.place is not None:
+                climb += self._control.climb_towards(self.stream.place[2] - now.up, limits)
             climb = max(-limits.descent_m_s, min(limits.climb_m_s, climb))
         else:
             if jerk_m_s3 > 0.0 and position:
                 velocity = self._shaper.velocity_towards(
-                    (hold[0], hold[1]), now, limits, _shaping_jerk(jerk_m_s3), dt_s
+                    (hold[0], hold[1]), now, limits, shaping_jerk(jerk_m_s3), dt_s
                 )
             else:
                 velocity = self._control.velocity_towards(
@@ -227,8 +252,9 @@ class Motion:
             climb = -self.tuning.landing_m_s(limits, now.up - self.home[2])
         elif self.mode == _LOITER:
             climb = -limits.descent_m_s  # no radio control: its throttle reads zero
-        chase = self._chase if self._shaper.active else limits
-        command = self._control.command(now, self.body, velocity, climb, chase, dt_s)
+        chase = self._chase if self._shaper.active or self.stream is not None else limits
+        tau_s = WIND_TAU_S if self.stream is None else self._follower.wind_tau_s
+        command = self._control.command(now, self.body, velocity, climb, chase, dt_s, tau_s)
         if position:
             return command
         self.hold = (now.east, now.north, hold[2])  # no way back to where it once was
@@ -244,7 +270,7 @@ class Motion:
         now = self.estimate
         up = now.up + now.v_up * abs(now.v_up) / (2.0 * self._limits.accel_z_m_s2)
         if self._shaper.active:
-            jerk_m_s3 = _shaping_jerk(self.parameters["PSC_JERK_XY"])
+            jerk_m_s3 = shaping_jerk(self.parameters["PSC_JERK_XY"])
             return (*self._shaper.stopping_point(self._limits, jerk_m_s3), up)
         lag_s = math.hypot(now.v_east, now.v_north) / (2.0 * self._limits.accel_m_s2) + 0.3
         return now.east + now.v_east * lag_s, now.north + now.v_north * lag_s, up
@@ -253,8 +279,3 @@ class Motion:
         self.phase = phase
         self._since_s = self.t_s
         self._contact_s = 0.0
-
-
-def _shaping_jerk(parameter: float) -> float:
-    """PSC_JERK_XY, held to a range in which flying is possible."""
-    return max(1.0, min(20.0, parameter))

@@ -15,6 +15,14 @@ _BRAKING_SHARE = 0.8  # of the acceleration: the rest is for the jerk
 _PLACE_SHARE, _SPEED_SHARE = 0.42, 0.85  # of jerk over acceleration, as gains
 
 
+MOST_JERK_M_S3 = 20.0
+
+
+def shaping_jerk(parameter: float) -> float:
+    """PSC_JERK_XY, held to a range in which flying is possible."""
+    return max(1.0, min(MOST_JERK_M_S3, parameter))
+
+
 def _held(east: float, north: float, most: float) -> tuple[float, float]:
     """A vector of at most this length."""
     length = math.hypot(east, north)

@@ -7,6 +7,8 @@ from typing import Protocol
 from sitl.copter.control import Limits
 from sitl.copter.modes import landing_speed, return_height
 from sitl.copter.params import Parameters
+from sitl.copter.streaming import Follower, ShapedFollower
+from sitl.copter.trajectory import MOST_JERK_M_S3, shaping_jerk
 
 
 class Tuning(Protocol):
@@ -47,6 +49,9 @@ class Tuning(Protocol):
     @property
     def mission_restarts(self) -> bool:
         """Whether a mission that was left begins anew."""
+
+    def follower(self) -> Follower:
+        """What follows a stream of setpoints."""
 
     def limits(self, max_speed_m_s: float, max_accel_m_s2: float) -> Limits:
         """Speeds and accelerations, held to the airframe's own."""
@@ -108,6 +113,10 @@ class CopterTuning:
     def mission_restarts(self) -> bool:
         """MIS_RESTART."""
         return self._get["MIS_RESTART"] != 0.0
+
+    def follower(self) -> Follower:
+        """PSC_JERK_XY; 0 leaves it to what the vehicle can do."""
+        return ShapedFollower(lambda: shaping_jerk(self._get["PSC_JERK_XY"] or MOST_JERK_M_S3))
 
     def limits(self, max_speed_m_s: float, max_accel_m_s2: float) -> Limits:
         """WPNAV_* and PSC_*."""

@@ -16,7 +16,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon, Quaternion
 from sitl.camera.exif import EPOCH_UTC_S, Geotag, tagged
-from sitl.camera.render import CameraSpec, Shot, render
+from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.render import render
 from sitl.codec.wire import Message
 from sitl.mavlink.telemetry import Telemetry
 from sitl.world.world import World

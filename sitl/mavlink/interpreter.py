@@ -143,8 +143,13 @@ class Interpreter:
         if not m.type_mask & NO_POSITION:
             target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
             yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
-            if target is not None:
+            velocity = (m.vy, m.vx, -m.vz)
+            if target is None:
+                pass
+            elif m.type_mask & NO_VELOCITY:
                 self._ap.go_to(*target, yaw)
+            elif all(map(math.isfinite, velocity)):
+                self._ap.go_along(target, velocity, yaw)
         elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self._ap.go_with(m.vy, m.vx, -m.vz)
         return b""

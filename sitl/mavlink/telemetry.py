@@ -35,6 +35,7 @@ _EKF_READY = layouts.ekf_status_report(0x33F, *_SMALL)
 _EKF_CONSTANT_POSITION = layouts.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
 _TARGET_POSITION_ONLY = 0xFDF8
 _TARGET_VELOCITY_ONLY = 0xFDC7
+_TARGET_BOTH = 0xFDC0
 _CAPABILITIES = (
     mav.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
     | mav.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
@@ -268,10 +269,15 @@ class Telemetry:
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
                 self._amsl_m + ap.target[2], *([0.0] * 8),
             )  # fmt: skip
-        if ap.velocity_target is not None:
-            east, north, up = ap.velocity_target
+        if ap.stream is not None:
+            place, (east, north, up) = ap.stream
+            lat, lon, amsl_m = 0, 0, 0.0
+            if place is not None:
+                lat, lon, _ = self.place(*place)
+                amsl_m = self._amsl_m + place[2]
+            mask = _TARGET_VELOCITY_ONLY if place is None else _TARGET_BOTH
             return layouts.position_target_global_int(
-                self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_VELOCITY_ONLY, 0, 0, 0.0,
+                self.boot_ms, mav.MAV_FRAME_GLOBAL, mask, lat, lon, amsl_m,
                 north, east, -up, *([0.0] * 5),
             )  # fmt: skip
         return None

@@ -5,7 +5,9 @@ from __future__ import annotations
 from sitl.body.physics import IDLE, Command
 from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
+from sitl.copter.motion import Place
 from sitl.copter.route import Progress
+from sitl.copter.streaming import Setpoint
 from sitl.px4.commander import Commander, Wish
 from sitl.px4.modes import Px4Mode
 
@@ -98,12 +100,22 @@ class Px4Autopilot(Commander):
             if self.phase == Phase.LANDED and v_up > 0.0:
                 self.climb_to(self.estimate.up + _OFFBOARD_CLIMB_M)
             return True
-        self.velocity_target = (v_east, v_north, v_up)
-        self.target = None
-        self._velocity_until_s = self.t_s + self.parameters["COM_OF_LOSS_T"]
-        if self.phase == Phase.CLIMB:
-            self._enter(Phase.FLY)
+        self.follow(Setpoint(None, (v_east, v_north, v_up)), self._stream_ends_s)
         return True
+
+    def go_along(self, place: Place, velocity: Place, yaw_rad: float | None = None) -> bool:
+        """A setpoint of place and velocity; False when it is dropped."""
+        if not self.airborne:
+            return self.go_to(*place, yaw_rad)
+        if self.mode != Px4Mode.OFFBOARD:
+            return False
+        yaw_rad = self.yaw_goal if yaw_rad is None else yaw_rad
+        self.follow(Setpoint(place, velocity), self._stream_ends_s, yaw_rad)
+        return True
+
+    @property
+    def _stream_ends_s(self) -> float:
+        return self.t_s + self.parameters["COM_OF_LOSS_T"]
 
     # --- missions -------------------------------------------------------------------------------
 

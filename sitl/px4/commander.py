@@ -123,7 +123,8 @@ class Commander(Aircraft):
 
     def _stop_motors(self, why: str) -> None:
         self.armed = self.body.motors_on = False
-        self.target = self.velocity_target = None
+        self.target = None
+        self.stop_stream()
         self._climbs_first = False
         self._take_off_to = (None, None, None)
         self.route.stop()
@@ -170,7 +171,8 @@ class Commander(Aircraft):
             self.route.stop()
         self.mode = mode
         self.mode_changed = True
-        self.target = self.velocity_target = None
+        self.target = None
+        self.stop_stream()
         self._climbs_first = False
         self._speeds.clear()
         self._limits_version = -1

@@ -2,8 +2,9 @@
 
 Battery (COM_LOW_BAT_ACT), ground station (NAV_DLL_ACT), radio control (NAV_RCL_ACT), position,
 geofence (GF_ACTION), a lost stream of setpoints (COM_OBL_RC_ACT). What is more than Hold waits in
-Hold for COM_FAIL_ACT_T first; a mode that the pilot asks for meanwhile calls it off. The vehicle
-stays in the mode of a failsafe until it is asked for another. All times are the vehicle's own.
+Hold for COM_FAIL_ACT_T first, but for a lost stream; a mode that the pilot asks for meanwhile calls
+it off. The vehicle stays in the mode of a failsafe until it is asked for another. All times are the
+vehicle's own.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ _MOTORS_OFF = -1
 _LINK_ACTIONS = {
     1: Px4Mode.HOLD, 2: Px4Mode.RTL, 3: Px4Mode.LAND, 5: _MOTORS_OFF, 6: _MOTORS_OFF,
 }  # fmt: skip
-# without a radio control the modes by hand (0 to 2) fall back to Hold
-_OFFBOARD_ACTIONS = {3: Px4Mode.RTL, 4: Px4Mode.LAND, 6: _MOTORS_OFF, 7: _MOTORS_OFF}
+# without a radio control there are no modes by hand (0 to 2): it returns
+_OFFBOARD_ACTIONS = {4: Px4Mode.LAND, 5: Px4Mode.HOLD, 6: _MOTORS_OFF, 7: _MOTORS_OFF}
 _FENCE_ACTIONS = {2: Px4Mode.HOLD, 3: Px4Mode.RTL, 4: _MOTORS_OFF, 5: Px4Mode.LAND}
 _SEVERITY_ORDER = (Px4Mode.HOLD, Px4Mode.RTL, Px4Mode.LAND, _MOTORS_OFF)
 _RADIO_EXCEPT = {Px4Mode.MISSION: 1, Px4Mode.HOLD: 2, Px4Mode.OFFBOARD: 4}
@@ -188,11 +189,12 @@ class Px4Failsafes:
             return
         craft.say(_CRITICAL, "Offboard control lost")
         wanted = int(craft.parameters["COM_OBL_RC_ACT"])
-        self._act(craft, "offboard", _OFFBOARD_ACTIONS.get(wanted, Px4Mode.HOLD))
+        action = _OFFBOARD_ACTIONS.get(wanted, Px4Mode.RTL)
+        self._act(craft, "offboard", action, at_once=True)
 
     # --- what follows ---------------------------------------------------------------------------
 
-    def _act(self, craft: Craft, cause: str, action: int | None) -> None:
+    def _act(self, craft: Craft, cause: str, action: int | None, *, at_once: bool = False) -> None:
         """Begin an action, unless a graver one is on."""
         if action is None or not craft.armed:
             return
@@ -203,7 +205,8 @@ class Px4Failsafes:
             craft.disarm()
             return
         delay_s = craft.parameters["COM_FAIL_ACT_T"]
-        if action in (Px4Mode.RTL, Px4Mode.LAND) and delay_s > 0.0 and not self._landing(craft):
+        waits = action in (Px4Mode.RTL, Px4Mode.LAND) and not (at_once or self._landing(craft))
+        if waits and delay_s > 0.0:
             craft.say(_CRITICAL, f"Failsafe {cause}: Hold, then {Px4Mode(action).name}")
             self._carry_out(craft, Px4Mode.HOLD)
             self._action, self._due = action, (craft.t_s + delay_s, action)

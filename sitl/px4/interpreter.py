@@ -77,7 +77,11 @@ class Px4Interpreter(Interpreter):
             if m.coordinate_frame == mav.MAV_FRAME_LOCAL_NED:
                 east, north, up = self._telemetry.origin
                 yaw = None if m.type_mask & NO_YAW else m.yaw
-                self._ap.go_to(east + m.y, north + m.x, up - m.z, yaw)
+                place = (east + m.y, north + m.x, up - m.z)
+                if m.type_mask & NO_VELOCITY:
+                    self._ap.go_to(*place, yaw)
+                else:
+                    self._ap.go_along(place, (m.vy, m.vx, -m.vz), yaw)
         elif not m.type_mask & NO_VELOCITY:
             v_north, v_east = m.vx, m.vy
             if m.coordinate_frame == mav.MAV_FRAME_BODY_NED:

@@ -6,9 +6,12 @@ import math
 
 from sitl.copter.control import Limits
 from sitl.copter.params import Parameters
+from sitl.copter.streaming import DelayedFollower, Follower
 
 _NOSE_FORWARD = (0, 3, 4)  # MPC_YAW_MODE
 _ANYWHERE_M = 0.0
+# A stream of places and velocities at 10 Hz was followed 0.17 to 0.19 s late
+_SETPOINT_DELAY_S = 0.18
 
 
 class Px4Tuning:
@@ -51,6 +54,10 @@ class Px4Tuning:
     def arrival_m(self) -> float:
         """NAV_ACC_RAD."""
         return self._get.positive("NAV_ACC_RAD", 0.05, 200.0)
+
+    def follower(self) -> Follower:
+        """Offboard flight."""
+        return DelayedFollower(_SETPOINT_DELAY_S)
 
     def limits(self, max_speed_m_s: float, max_accel_m_s2: float) -> Limits:
         """MPC_*, held to what can be flown."""

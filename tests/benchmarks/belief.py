@@ -4,8 +4,9 @@
     python -m tests.benchmarks.belief --cells 500 5000   other sizes
 
 Medians of CPU time in microseconds: of `Belief.with_frame`, of `FrameSeen` through
-`missions.step.step` in a search and in an exploration, and of the other events of the exploration
-(a vehicle arrives, the strategy decides where it goes next).
+`missions.step.step` in a search and in an exploration, of a `FrameSeen` from anywhere that shows
+15 cells, and of the other events of the exploration (a vehicle arrives, the strategy decides where
+it goes next).
 """
 
 from __future__ import annotations
@@ -56,6 +57,20 @@ def frame(t_s: float, vantage: Cell, *positive: Cell) -> FrameSeen:
     """A picture over a vantage that shows the cell and its neighbours."""
     votes = tuple(Vote(cell, cell in positive, float(cell in positive)) for cell in vantage.cross())
     return FrameSeen(1, t_s, vantage, votes)
+
+
+def frame_from_anywhere(t_s: float, corner: Cell) -> FrameSeen:
+    """A picture without a vantage that shows five by three cells from their south-west corner."""
+    shown = [Cell(corner.east + e, corner.north + n) for e in range(5) for n in range(3)]
+    return FrameSeen(1, t_s, None, tuple(Vote(cell, True, 1.0) for cell in shown))
+
+
+def seen_openly(cells: list[Cell]) -> Belief:
+    """A belief with a frame from anywhere that showed each of the cells alone."""
+    belief = Belief(5, 3)
+    for number, cell in enumerate(cells):
+        belief = belief.with_frame(None, FrameId(2, -1.0 - number), {cell: True})
+    return belief
 
 
 class Flight:
@@ -160,6 +175,13 @@ def search_frames(flight: Flight) -> Iterator[float]:
         yield flight.post(frame(flight.next_s(), Cell(cell.east + number, cell.north)))
 
 
+def open_frames(flight: Flight, cells: int) -> Iterator[float]:
+    """Microseconds of each frame from anywhere over a map of so many cells."""
+    flight.state = replace(flight.state, belief=seen_openly(block(cells)))
+    for number in range(LOOKS):
+        yield flight.post(frame_from_anywhere(flight.next_s(), Cell(number, 10)))
+
+
 def exploration(flight: Flight, looks: int = LOOKS) -> Iterator[tuple[bool, float]]:
     """Whether it was a frame, and the microseconds that it took, along the corridor."""
     for _ in range(looks):
@@ -179,14 +201,21 @@ def main() -> None:
     parser.add_argument("--cells", type=int, nargs="+", default=SIZES)
     options = parser.parse_args()
     print("CPU microseconds, medians")
-    print(f"{'cells':>7}{'with_frame':>12}{'search':>9}{'exploration':>13}{'other events':>14}")
+    print(
+        f"{'cells':>7}{'with_frame':>12}{'search':>9}{'anywhere':>10}{'exploration':>13}"
+        f"{'other events':>14}"
+    )
     for cells in options.cells:
         alone = statistics.median(frames_alone(cells))
         search = statistics.median(search_frames(searching(cells)))
+        anywhere = statistics.median(open_frames(searching(cells), cells))
         times = list(exploration(exploring(cells)))
         explored = statistics.median(us for is_frame, us in times if is_frame)
         other = statistics.median(us for is_frame, us in times if not is_frame)
-        print(f"{cells:7}{alone:12.1f}{search:9.1f}{explored:13.1f}{other:14.1f}", flush=True)
+        print(
+            f"{cells:7}{alone:12.1f}{search:9.1f}{anywhere:10.1f}{explored:13.1f}{other:14.1f}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

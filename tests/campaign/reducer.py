@@ -27,10 +27,10 @@ def plan_of(seed: int) -> Plan:
     return plan(seed, KINDS, PHASES)
 
 
-def fleet_of(flight: Plan) -> Fleet:
+def fleet_of(flight: Plan, strategy: str | None = None) -> Fleet:
     """The fleet of a flight, before anything has happened."""
     rng = random.Random(flight.seed)
-    scenario = unkind_scenario(flight.seed)
+    scenario = unkind_scenario(flight.seed, strategy)
     setting = Setting.of(scenario.mission)
     vehicles = len(scenario.mission.vehicles)
     given = setting.energy.wind_m_s
@@ -73,10 +73,10 @@ def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
     return troubles
 
 
-def fly(seed: int, *, verbose: bool = False) -> Outcome:
+def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Outcome:
     """Fly the flight of a seed to its end."""
     flight = plan_of(seed)
-    fleet = fleet_of(flight)
+    fleet = fleet_of(flight, strategy)
     fleet.start()
     try:
         fleet.run(LIMIT_S)

@@ -72,7 +72,7 @@ def fault_of(kind: str, phase: str, rng: random.Random) -> dict[str, Any]:
     return fault | values.get(kind, {})
 
 
-def text_of(flight: Plan) -> str:
+def text_of(flight: Plan, strategy: str | None = None) -> str:
     """The mission file of a flight: a dark square of four cells, and what goes wrong."""
     rng = random.Random(flight.seed)
     vehicles = rng.choice([1, 1, 2])
@@ -85,6 +85,7 @@ def text_of(flight: Plan) -> str:
         mounting="gimbal",
         capacity_wh=rng.choice([14.0, 25.0]),
         wind_m_s=rng.choice([0.0, 3.0]),
+        strategy=strategy or rng.choice(["rdfs", "swath"]),
     )
     autopilot = rng.choice(["ardupilot", "px4"])
     text += f'\n[sim]\nautopilot = "{autopilot}"\nswap_s = 15.0\ngps_sigma_m = 0.1\n'
@@ -151,10 +152,10 @@ def _blind(text: str, flight: Plan) -> bool:
     )
 
 
-def fly(seed: int, *, verbose: bool = False) -> Outcome:
+def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Outcome:
     """Fly the flight of a seed to its end."""
     flight = plan_of(seed)
-    text = text_of(flight)
+    text = text_of(flight, strategy)
     witness = Witness()
     found: list[tuple[str, str]] = []
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:

@@ -25,6 +25,8 @@ MISSIONS = ROOT / "tests" / "data"
 SHARED = ROOT / "../shared/data"
 LOOPBACK = "127.0.0.1"
 PATIENCE_S = 60.0
+ROI_STATES = ("explored", "under exploration", "unexplored")
+"""Of a cell in a map that belongs to the region."""
 """For what takes a few seconds on an idle machine."""
 
 
@@ -131,7 +133,7 @@ def roi_cells(folder: Path) -> set[tuple[int, int]]:
     return {
         (feature["properties"]["column"], feature["properties"]["row"])
         for feature in found["features"]
-        if feature["properties"]["kind"] == "cell" and feature["properties"]["state"] != "non-roi"
+        if feature["properties"]["kind"] == "cell" and feature["properties"]["state"] in ROI_STATES
     }
 
 

@@ -88,7 +88,7 @@ def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     whole = bodies(speck.folder)
     folder = tmp_path / "out"
     # paced, so that it is still in the air when the signal comes
-    stopped = begin_and_stop(folder, len(whole) // 2, signal.SIGINT, "--speedup", 40)
+    stopped = begin_and_stop(folder, len(whole) // 2, signal.SIGINT, "--speedup", 15)
     assert stopped is not None
     assert stopped.code == 130
     assert stopped.out == ""

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from shapely.geometry import shape
 
-from tests.e2e.rig import LOOPBACK, SHARED, free_ports, mission, simulator, uavmap
+from tests.e2e.rig import LOOPBACK, ROI_STATES, SHARED, free_ports, mission, simulator, uavmap
 from uavmap.cli import main
 from uavmap.mission_source import shipped_missions
 
@@ -33,7 +33,7 @@ def test_photographs_make_a_map_of_the_road(tmp_path):
     assert done.summary["iou_cells"] is None
     found = json.loads((tmp_path / "map" / "map.geojson").read_text("utf-8"))["features"]
     cells = [f for f in found if f["properties"]["kind"] == "cell"]
-    roi = [f for f in cells if f["properties"]["state"] != "non-roi"]
+    roi = [f for f in cells if f["properties"]["state"] in ROI_STATES]
     assert len(roi) == done.summary["cells_roi"]
     assert 0.02 < len(roi) / len(cells) < 0.5  # a road between grass and trees
     (outline,) = (f for f in found if f["properties"]["kind"] == "outline")
@@ -80,6 +80,65 @@ def test_the_shipped_missions_are_sound(name, capsys):
     assert "nothing wrong" in out
     assert "search_length_m" in out
     assert err == ""
+
+
+AUTO = ("altitude_m = 12.0", 'altitude_m = "auto"')
+FAST = ("speed_m_s = 5.0", "speed_m_s = 25.0")
+SLOW_SHUTTER = ("interval_s = 0.25", "interval_s = 0.25\nexposure_s = 0.005\npixels_per_cell = 60")
+PAIR = ("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
+LAYERS = {
+    "given": (
+        (),
+        "flight.altitude_m sets the height",
+        "12 m: a picture shows 20.1 m x 15.1 m, 3.1 cm a pixel, 127.1 pixels a cell; "
+        "without stopping up to 5 m/s (flight.speed_m_s)",
+    ),
+    "auto": (
+        (AUTO,),
+        "camera.pixels_per_cell sets the height",
+        "19 m: a picture shows 31.9 m x 23.9 m, 5.0 cm a pixel, 80.3 pixels a cell; "
+        "without stopping up to 5 m/s (flight.speed_m_s)",
+    ),
+    "below a ceiling": (
+        (AUTO, FAST, ("[grid]", "ceiling_m = 18.0\n[grid]")),
+        "fence.ceiling_m sets the height",
+        "18 m: a picture shows 30.2 m x 22.7 m, 4.7 cm a pixel, 84.7 pixels a cell; "
+        "without stopping up to 14.1 m/s (votes.frames)",
+    ),
+    "two layers": (
+        (AUTO, FAST, SLOW_SHUTTER, PAIR),
+        "camera.pixels_per_cell sets the height",
+        "19.4 m: a picture shows 32.6 m x 24.4 m, 5.1 cm a pixel, 78.6 pixels a cell; "
+        "without stopping up to 15.2 m/s (camera.max_blur_px)",
+        "25.4 m: a picture shows 42.6 m x 32 m, 6.7 cm a pixel, 60.1 pixels a cell; "
+        "without stopping up to 19.9 m/s (camera.max_blur_px)",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LAYERS)
+def test_check_says_how_high_and_how_fast_and_why(case, tmp_path, capsys):
+    changes, reason, *rows = LAYERS[case]
+    text = Path(mission("tiny")).read_text("utf-8")
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after, 1)
+    file = tmp_path / "high.toml"
+    file.write_text(text, "utf-8")
+    assert main(["check", str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    at = lines.index(f"  height and speed of each layer; {reason}:")
+    assert lines[at + 1 : at + 1 + len(rows)] == [f"    {row}" for row in rows]
+    assert not lines[at + 1 + len(rows)].startswith("    ")
+
+
+def test_check_tells_the_layers_to_programs_too(tmp_path):
+    found = uavmap("check", "spill", "--json", cwd=tmp_path).summary
+    assert found["altitude_set_by"] == "flight.altitude_m"
+    assert [layer["altitude_m"] for layer in found["layers"]] == [12.0, 18.0, 24.0]
+    assert found["layers"][2]["footprint_m"] == [40.3, 30.2]
+    assert found["layers"][2]["pixels_per_cell"] == 63.6
+    assert {layer["speed_set_by"] for layer in found["layers"]} == {"flight.speed_m_s"}
 
 
 # --- bad input: a line, exit code 2 ------------------------------------------------------------

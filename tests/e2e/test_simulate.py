@@ -55,3 +55,14 @@ def test_horizon_plans_the_same_compiled_or_not(monkeypatch):
         row.pop("lower_bound_wall_s")
         found.append(row)
     assert found[0] == found[1]
+
+
+def test_swath_plans_the_same_compiled_or_not(monkeypatch):
+    arguments = ["simulate", "--roi", "eden:3:1", "--strategy", "swath", "--robots", 2, "--json"]
+    found = []
+    for plain in "01":
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", plain)
+        (row,) = uavmap(*arguments).summary["rois"]
+        row.pop("wall_s")
+        found.append(row)
+    assert found[0] == found[1]

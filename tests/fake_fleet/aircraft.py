@@ -30,6 +30,10 @@ LIFTED_M = 0.3
 NOISE_TAU_S = 20.0
 AIRSPEED_DRAW = 0.1
 """So much more than hovering does flying at 12 m/s draw."""
+STREAM_TIMEOUT_S = 1.0
+"""It brakes when a stream of setpoints has been silent for so long."""
+STREAM_GAIN_1_S = 0.6
+"""How eagerly it makes up for being off a streamed place."""
 
 
 @dataclass(slots=True)
@@ -55,6 +59,9 @@ class Aircraft:
     """It returns or lands by a failsafe of its own."""
     target: GridPoint | None = None
     target_height_m: float = 0.0
+    streamed: tuple[GridPoint, Vector] | None = None
+    """Place and velocity that were told last, while it follows a stream."""
+    streamed_s: float = 0.0
     return_height_m: float = 15.0
     returning: str = ""
     crashed: bool = False
@@ -102,19 +109,32 @@ class Aircraft:
         if not self.armed:
             self.armed, self._armed_s = True, self.clock_s
         self.mode, self.target, self.target_height_m = "follow", self.believed, height_m
+        self.streamed = None
 
     def aim(self, point: GridPoint, height_m: float) -> bool:
         """Fly to a point; refused unless it follows."""
         if self.mode != "follow" or not self.armed:
             return False
-        self.target, self.target_height_m = point, height_m
+        self.target, self.target_height_m, self.streamed = point, height_m, None
         return True
+
+    def stream(self, place: GridPoint, velocity_m_s: Vector, height_m: float) -> None:
+        """Be at a place with a velocity now; ignored unless it follows."""
+        if self.mode == "follow" and self.armed:
+            self.streamed, self.streamed_s = (place, velocity_m_s), self.clock_s
+            self.target_height_m = height_m
+
+    def brake(self) -> None:
+        """Come to rest where that is, after a stream."""
+        if self.streamed is not None:
+            self.streamed_s = -math.inf
 
     def switch(self, mode: Mode) -> None:
         """Another mode; returning and landing begin where it is."""
         if mode == self.mode:
             return
         self.mode, self.target, self.target_height_m = mode, self.believed, self.height_m
+        self.streamed = None
         if mode == "rtl":
             self.returning = "climb"
             self.target_height_m = max(self.height_m, self.return_height_m)
@@ -187,16 +207,29 @@ class Aircraft:
         elif self.returning == "fly" and self.believed.distance_to(self.home) <= STOP_M:
             self.returning = "land"
 
-    def _fly(self, dt_s: float, wind: Vector) -> None:
-        """Towards the target at no more than its speed, as far as the wind lets it."""
+    def _wanted(self, dt_s: float) -> Vector:
+        """The velocity over ground that it would have: along its stream, or towards its target."""
         here, target = self.believed, self.target
         east = north = 0.0
+        if self.streamed is not None:
+            if self.clock_s - self.streamed_s > STREAM_TIMEOUT_S:
+                if self.ground_speed_m_s < 0.3:
+                    self.streamed, self.target = None, here
+                return 0.0, 0.0
+            place, (east, north) = self.streamed
+            off_e, off_n = place.east_m - here.east_m, place.north_m - here.north_m
+            return east + STREAM_GAIN_1_S * off_e, north + STREAM_GAIN_1_S * off_n
         if target is not None:
             east, north = target.east_m - here.east_m, target.north_m - here.north_m
             gap_m = math.hypot(east, north)
             if gap_m > 1e-9:
                 speed = min(self.speed_m_s, math.sqrt(1.4 * ACCEL_M_S2 * gap_m), gap_m / dt_s)
                 east, north = east * speed / gap_m, north * speed / gap_m
+        return east, north
+
+    def _fly(self, dt_s: float, wind: Vector) -> None:
+        """As it would, at no more than its speed and as far as the wind lets it."""
+        east, north = self._wanted(dt_s)
         east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
         east, north = _through_air(east, north, wind)
         ve, vn = self.velocity_m_s

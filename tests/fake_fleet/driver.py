@@ -35,8 +35,10 @@ from missions.events import (
     Vote,
 )
 from missions.guardian import QUICK_M, Guard, Limits, Mode, Seen, Task, watch
+from missions.motion.course import Course
 from missions.orders import (
     AwaitBattery,
+    FlyPath,
     FlyTo,
     Hold,
     Land,
@@ -54,6 +56,11 @@ from .air import Vector
 from .aircraft import LIFTED_M, Aircraft
 
 TRACK_S = 1.0
+PATH_TRACK_S = 0.4
+"""On a path that is flown without stopping."""
+LEAD_S = 0.3
+"""Velocities are told for so long ahead, which leaves it half a metre off its path, as a real one
+is."""
 LINK_LOST_S = 5.0
 PATIENCE_S = 120.0
 """How long the crew waits for a silent vehicle that stands on the ground."""
@@ -122,6 +129,11 @@ class Driver:
     clock_s: float = 0.0
     frames: int = 0
     begun: bool = False
+    course: Course | None = None
+    """While it flies a path."""
+    photographed_s: float = 0.0
+    """When the next picture on a path is due."""
+    tracked_s: float = -math.inf
     way: list[GridPoint] = field(default_factory=list)
     guard: Guard = field(default_factory=Guard)
     connected: bool = False
@@ -174,6 +186,10 @@ class Driver:
     # --- orders ----------------------------------------------------------------------------
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
+        if isinstance(order, FlyPath):
+            self._given_path(order)
+        else:
+            self.course = None
         if isinstance(order, StandDown):
             self.order = order  # whatever it flies now it flies on, and the guardian stays with it
             return
@@ -187,6 +203,14 @@ class Driver:
             self.guard = self.guard.released()
         else:
             self.guard = self.guard.told(self._task(order, t_s))
+
+    def _given_path(self, order: FlyPath) -> None:
+        """After a path it goes on with this one from its beginning on; else it begins at rest."""
+        if self.course is not None and isinstance(self.order, FlyPath):
+            self.course = self.course.then(order.trajectory, self.around.t_s)
+        else:
+            self.course = Course((order.trajectory,))
+            self.photographed_s = self.around.t_s
 
     def _points(self, order: Order) -> list[GridPoint]:
         if isinstance(order, FlyTo):
@@ -214,6 +238,11 @@ class Driver:
             return Task(
                 "leg", t_s, path, homeward, order.height_m, estimate_s, drift_m_s, name=name
             )
+        if isinstance(order, FlyPath):
+            return Task(
+                "path", t_s, homeward=homeward, height_m=order.height_m, drift_m_s=drift_m_s,
+                name=name, course=self.course,
+            )  # fmt: skip
         if isinstance(order, Look):
             return Task(
                 "hold", t_s, (self._over(order.cell),), homeward, order.height_m,
@@ -234,7 +263,10 @@ class Driver:
         elif isinstance(order, ReturnToLaunch):
             craft.switch("rtl")
         elif isinstance(order, Hold) and craft.armed:
-            craft.aim(craft.believed, craft.height_m)
+            if craft.streamed is not None:
+                craft.brake()
+            else:
+                craft.aim(craft.believed, craft.height_m)
 
     def carry_out(self, dt_s: float) -> None:
         """Go on with the present order."""
@@ -248,7 +280,7 @@ class Driver:
         if not self.hears:
             return
         refused = type(order).__name__ in self.refuses or (
-            isinstance(order, FlyTo | Sweep | Look) and self.craft.mode != "follow"
+            isinstance(order, FlyTo | FlyPath | Sweep | Look) and self.craft.mode != "follow"
         )
         if not self.begun and not refused and self.obeys:
             self._begin()
@@ -266,7 +298,7 @@ class Driver:
 
     def _fail(self, reason: str) -> None:
         name = type(self.order).__name__
-        self.order = None
+        self.order = self.course = None
         self.around.post(OrderFailed(self.number, self.around.now_s, name, reason))
 
     def _progress(self, order: Order) -> None:
@@ -281,6 +313,8 @@ class Driver:
                 )
         elif isinstance(order, FlyTo):
             self._fly(order)
+        elif isinstance(order, FlyPath):
+            self._along_path(order)
         elif isinstance(order, Sweep):
             self._sweep(order)
         elif isinstance(order, Look):
@@ -325,6 +359,27 @@ class Driver:
             self.order = None
             self.around.post(Arrived(self.number, self.around.now_s, self.position))
 
+    def _along_path(self, order: FlyPath) -> None:
+        """Stream setpoints and take pictures until at rest at the end."""
+        course, craft, t_s = self.course, self.craft, self.around.t_s
+        assert course is not None
+        ahead = course.at(t_s + LEAD_S)
+        if self.obeys:
+            craft.stream(
+                course.at(t_s).place, (ahead.v_east_m_s, ahead.v_north_m_s), order.height_m
+            )
+        if t_s >= self.photographed_s:
+            self.photographed_s = max(self.photographed_s + order.every_s, t_s)
+            self._frame(None)
+        end = course.at(t_s).place
+        slow_m_s = SLOW_M_S + self.around.setting.grid.drift_speed_m_s
+        there = craft.believed.distance_to(end) <= STOP_M
+        at_rest = there and craft.ground_speed_m_s <= slow_m_s
+        if self.order is order and t_s >= course.end_s and at_rest:
+            self.order, self.course = None, None
+            craft.brake()
+            self.around.post(Arrived(self.number, self.around.now_s, self.position))
+
     def _look(self, order: Look) -> None:
         self._aim(self._over(order.cell), order.height_m)
         interval_s = self.around.setting.mission.camera.interval_s
@@ -336,8 +391,11 @@ class Driver:
                 self.around.post(LookEnded(self.number, self.around.now_s))
 
     # --- the camera ------------------------------------------------------------------------
-    def _frame(self, vantage: Cell) -> None:
-        """Take a picture: it shows the ground below, and is filed under where it seems to be."""
+    def _frame(self, vantage: Cell | None) -> None:
+        """Take a picture: it shows the ground below, and is filed under where it seems to be.
+
+        Without a vantage it judges every cell that it shows whole.
+        """
         now_s, rng = self.around.now_s, self.around.rng
         if self.camera == "silent":
             return
@@ -350,7 +408,8 @@ class Driver:
             self.misplaced = True
         roi = self.around.roi
         votes = []
-        for cell in vantage.cross():
+        shown = self._shown() if vantage is None else vantage.cross()
+        for cell in shown:
             positive = Cell(cell.east + east, cell.north + north) in roi
             votes.append(Vote(cell, positive, float(positive)))
         event = FrameSeen(self.number, now_s, vantage, tuple(votes))
@@ -359,6 +418,15 @@ class Driver:
             self.late.append((self.around.t_s + rng.uniform(0.5, 6.0), event))
         else:
             self.around.post(event)
+
+    def _shown(self) -> tuple[Cell, ...]:
+        """The cells that a picture of now shows whole, by what the vehicle believes."""
+        setting, craft = self.around.setting, self.craft
+        camera, grid = setting.mission.camera, setting.grid
+        yaw_rad = math.radians(setting.yaw_deg + camera.yaw_deg) - grid.convergence_rad
+        below = grid.to_moving(craft.believed, self.around.t_s)
+        footprint = camera.optics.footprint(max(craft.height_m, 0.1))
+        return footprint.whole_cells(below, yaw_rad, grid.cell_m, camera.pose_error_m)
 
     def deliver_late(self) -> None:
         """Hand over the pictures that have been fetched by now."""
@@ -375,7 +443,7 @@ class Driver:
         self.was_airborne = craft.flying
         ours = craft.mode != "other" and not craft.failsafe
         self.overridden = craft.flying and not ours
-        self.order = None
+        self.order = self.course = None
         if not craft.flying:
             self.guard = self.guard.released()
         action = self.guard.action
@@ -450,7 +518,7 @@ class Driver:
 
     def track(self) -> None:
         """Once a second: where it is, and whether all is well."""
-        craft = self.craft
+        craft, self.tracked_s = self.craft, self.around.t_s
         measures = craft.flying and craft.height_m > 2.0
         self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
         wind_m_s = self._measured_m_s()
@@ -484,7 +552,7 @@ class Driver:
             return False
         if verdict.rung == "report":
             name = self.guard.task.name
-            self.order = None
+            self.order = self.course = None
             self.around.post(OrderFailed(self.number, now_s, name, verdict.reason))
         elif verdict.rung == "crashed":
             self.order, self.was_airborne = None, False

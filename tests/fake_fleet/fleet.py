@@ -25,7 +25,7 @@ from missions.units import Cell, GridPoint
 
 from .air import Air
 from .aircraft import Aircraft
-from .driver import Driver, Surroundings
+from .driver import PATH_TRACK_S, TRACK_S, Driver, Surroundings
 from .pilot import Pilot
 from .referee import Referee
 from .troubles import ACTS, LASTING, Trouble, in_phase
@@ -148,7 +148,7 @@ class Fleet:
             self.referee.note(self.t_s, "fold", "the journal tells another state")
         self.dead, self.back_s = False, math.inf
         for driver in self.drivers.values():
-            driver.order, driver.guard, driver.late = None, Guard(), []
+            driver.order, driver.course, driver.guard, driver.late = None, None, Guard(), []
             driver.connected, driver.given_up = False, False
         self.post(Resumed(self.around.now_s))
         for driver in self.drivers.values():
@@ -206,12 +206,12 @@ class Fleet:
         self.referee.check(self)
 
     def _drive(self) -> None:
-        for number, driver in self.drivers.items():
+        for driver in self.drivers.values():
             driver.listen(TICK_S)
             driver.deliver_late()
             if driver.connected and driver.hears:
                 driver.carry_out(TICK_S)
-                if abs(self.t_s % 1.0 - TICK_S * (number % 4)) < 1e-6 and not self.dead:
+                if self._due(driver) and not self.dead:
                     driver.track()
             elif not driver.connected:
                 driver.carry_out(TICK_S)
@@ -221,6 +221,12 @@ class Fleet:
         ours = any(d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values())
         if not self.state.over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
+
+    def _due(self, driver: Driver) -> bool:
+        """Whether a vehicle tells where it is: each second, or faster along a path."""
+        if driver.course is None:
+            return abs(self.t_s % TRACK_S - TICK_S * (driver.number % 4)) < 1e-6
+        return self.t_s - driver.tracked_s >= PATH_TRACK_S - 1e-6
 
     def _ground_m(self, craft: Aircraft) -> float:
         """The ground below a vehicle, above its home: level, but for the places of homes."""

@@ -282,13 +282,18 @@ class Referee:
 
     def _map(self, fleet: Fleet) -> Iterator[str]:
         state, setting, roi = fleet.state, fleet.setting, fleet.roi
+        if setting.surveys:
+            if missing := {cell for cell in setting.box_cells if cell in roi} - state.belief.roi:
+                yield f"surveyed without {sorted(missing)}"
+            return
         if state.tree is None:
             yield from _unseen_lanes(fleet)
             return
         root = state.tree.root
         if root not in roi:
             yield f"the root {root} is no ROI"
-        elif setting.grid.drift_speed_m_s > 0.0:
+        elif setting.grid.drift_speed_m_s > 0.0 or setting.nonstop:
+            # (who does not stop judges cells from beside, over which the fence allows nobody)
             if missing := component(roi, root) - state.belief.roi:
                 yield f"completed without {sorted(missing)}"
         else:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from missions.orders import AwaitBattery, FlyTo, Land, Look, Sweep, TakeOff
+from missions.orders import AwaitBattery, FlyPath, FlyTo, Land, Look, Sweep, TakeOff
 from missions.state import Phase
 from missions.units import GridPoint
 
@@ -53,17 +53,18 @@ def in_phase(fleet: Fleet, trouble: Trouble) -> bool:
     """Whether the trouble's vehicle is in the trouble's phase of flight."""
     vehicle = fleet.state.vehicles[trouble.vehicle]
     order, home = vehicle.order, vehicle.return_reason is not None
+    found = fleet.state.tree is not None
     if vehicle.phase in (Phase.YIELDED, Phase.GUARDED, Phase.OFFLINE):
         return False
     match trouble.phase:
         case "take-off":
             return isinstance(order, TakeOff)
         case "search":
-            return isinstance(order, Sweep)
+            return isinstance(order, Sweep) or (isinstance(order, FlyPath) and not found)
         case "look":
-            return isinstance(order, Look)
+            return isinstance(order, Look) or (isinstance(order, FlyPath) and found)
         case "explore":
-            return isinstance(order, FlyTo) and fleet.state.tree is not None and not home
+            return isinstance(order, FlyTo | FlyPath) and found and not home
         case "way home":
             return isinstance(order, FlyTo) and home
         case "landing":
@@ -269,7 +270,14 @@ def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Tr
         case "link failsafe":
             return replace(made, size=rng.uniform(5, 30), for_s=rng.choice([short, math.inf]))
         case "order refused":
-            names = ["FlyTo Sweep", "Look", "Land", "TakeOff", "ReturnToLaunch", "FlyTo Land"]
+            names = [
+                "FlyTo Sweep FlyPath",
+                "Look FlyPath",
+                "Land",
+                "TakeOff",
+                "ReturnToLaunch",
+                "FlyTo Land",
+            ]
             return replace(made, word=rng.choice(names), for_s=short)
         case "camera silent" | "camera lost" | "camera slow" | "camera drops":
             return replace(made, word=kind.removeprefix("camera "), for_s=short)

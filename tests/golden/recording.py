@@ -1,34 +1,86 @@
-"""The recorded flight: its mission, its events, and what must come out of them."""
+"""The recorded flights: their missions, their events, and what must come out of them."""
 
 from __future__ import annotations
 
+import gzip
 import json
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from missions.events import Event
 from missions.mission_file.checks import parse_mission
 from missions.state import Setting
+from uavmap.mission_source import load_source
 from uavmap.results.figures import figures, summary
 
 HERE: Final = Path(__file__).parent
-MISSION: Final = HERE / "mission.toml"
-EVENTS: Final = HERE / "events.jsonl"
-OUTCOME: Final = HERE / "outcome.json"
-SEED: Final = 11
 
 
-def setting() -> Setting:
-    return Setting.of(parse_mission(MISSION.read_text("utf-8"), str(MISSION)))
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A flight in the simulator."""
+
+    name: str
+    mission: str
+    """A shipped mission, or the path of one."""
+    strategy: str
+    seed: int
+
+    @property
+    def events(self) -> Path:
+        """Its journal, an event a line; of a long flight compressed."""
+        plain = HERE / f"{self.name}.jsonl"
+        return plain if plain.exists() else HERE / f"{self.name}.jsonl.gz"
+
+    @property
+    def outcome(self) -> Path:
+        return HERE / f"{self.name}.outcome.json"
+
+    def lines(self) -> list[str]:
+        """The texts of its events."""
+        path = self.events
+        data = path.read_bytes()
+        return (gzip.decompress(data) if path.suffix == ".gz" else data).decode().splitlines()
+
+    def write(self, bodies: Sequence[str], values: dict[str, Any]) -> None:
+        data = ("\n".join(bodies) + "\n").encode()
+        # without a time in it: the same events are the same file
+        self.events.write_bytes(
+            gzip.compress(data, mtime=0) if self.events.suffix == ".gz" else data
+        )
+        text = json.dumps(values, indent=1)
+        text = re.sub(r"\[[^][{}]*\]", lambda found: " ".join(found[0].split()), text)
+        self.outcome.write_text(text + "\n", "utf-8")
+
+    def setting(self) -> Setting:
+        source = load_source(self.mission)
+        mission = parse_mission(source.text, source.source)
+        return Setting.of(mission.model_copy(update={"strategy": self.strategy}))
+
+    def recorded(self) -> dict[str, Any]:
+        values: dict[str, Any] = json.loads(self.outcome.read_text("utf-8"))
+        return values
 
 
-def outcome(events: Sequence[Event]) -> dict[str, Any]:
+STOPS: Final = Recording("stops", str(HERE / "mission.toml"), "rdfs", 11)
+"""Looks from every cell, with a battery that has to be changed."""
+PASSES: Final = Recording("passes", str(HERE / "mission.toml"), "swath", 11)
+RUNWAY: Final = Recording("runway", "runway", "swath", 1)
+SPILL: Final = Recording("spill", "spill", "swath", 1)
+"""Three vehicles, and a region that drifts."""
+RECORDINGS: Final = (STOPS, PASSES, RUNWAY, SPILL)
+
+
+def outcome(recording: Recording, events: Sequence[Event]) -> dict[str, Any]:
     """The figures and the ROI cells of a journal, as JSON keeps them."""
-    state, found = figures(setting(), events)
+    setting = recording.setting()
+    state, found = figures(setting, events)
     tree = state.tree
     values = {
-        "summary": summary(setting(), state, found, SEED),
+        "summary": summary(setting, state, found, recording.seed),
         "roi": sorted([cell.east, cell.north] for cell in state.belief.roi),
         "tree": sorted([cell.east, cell.north, tree.state(cell).value] for cell in tree.vertices)
         if tree is not None

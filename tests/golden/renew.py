@@ -1,30 +1,33 @@
-"""Fly the golden mission anew and record its events: `python -m tests.golden.renew`.
+"""Fly the golden missions anew and record their events: `python -m tests.golden.renew [NAME ...]`.
 
 To be done when the service is meant to act differently, never to make a test pass: look at the
-difference of `outcome.json` before it is committed.
+difference of the outcomes before they are committed.
 """
 
 from __future__ import annotations
 
-import json
+import argparse
 import tempfile
 from pathlib import Path
 
-from tests.golden.recording import EVENTS, MISSION, OUTCOME, SEED, outcome
+from missions.events import from_json
+from tests.golden.recording import RECORDINGS, Recording, outcome
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Silent
+from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
 
 
-def flown(folder: Path) -> list[str]:
-    """The texts of the events of the golden mission, flown now."""
+def flown(recording: Recording, folder: Path) -> list[str]:
+    """The texts of the events of a golden mission, flown now."""
+    source = load_source(recording.mission)
     plan = FlightPlan(
-        str(MISSION),
-        MISSION.read_text("utf-8"),
-        strategy=None,
+        source.source,
+        source.text,
+        strategy=recording.strategy,
         vehicles=None,
-        seed=SEED,
+        seed=recording.seed,
         urls=(),
         speedup=None,
         epoch_utc_s=SIM_EPOCH_UTC_S,
@@ -35,13 +38,17 @@ def flown(folder: Path) -> list[str]:
 
 
 def main() -> None:
-    """Write `events.jsonl` and `outcome.json`."""
-    with tempfile.TemporaryDirectory() as folder:
-        bodies = flown(Path(folder) / "flight")
-        with Journal.open(Path(folder) / "flight" / JOURNAL) as journal:
-            events = list(journal.events())
-    EVENTS.write_text("\n".join(bodies) + "\n", "utf-8")
-    OUTCOME.write_text(json.dumps(outcome(events), indent=1) + "\n", "utf-8")
+    """Write events and outcomes."""
+    parser = argparse.ArgumentParser(description="Fly the golden missions anew.")
+    parser.add_argument("names", nargs="*", choices=[[], *(r.name for r in RECORDINGS)])
+    names = parser.parse_args().names
+    for recording in RECORDINGS:
+        if names and recording.name not in names:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            bodies = flown(recording, Path(folder) / "flight")
+        recording.write(bodies, outcome(recording, [from_json(body) for body in bodies]))
+        print(recording.name, len(bodies), "events", recording.events.stat().st_size, "bytes")
 
 
 if __name__ == "__main__":

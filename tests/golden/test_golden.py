@@ -1,59 +1,88 @@
-"""A recorded flight, folded again: `step` must say today what it said then.
+"""Recorded flights, folded again: `step` must say today what it said then.
 
-How to renew the recording, and when: see `tests/golden/renew.py`.
+How to renew the recordings, and when: see `tests/golden/renew.py`.
 """
 
 from __future__ import annotations
 
-import json
+from dataclasses import dataclass
 
 import pytest
 
 from missions.events import Event, from_json, to_json
-from missions.state import State
+from missions.kernels.jit import COMPILED
+from missions.orders import FlyPath, Look
+from missions.state import Setting, State
 from missions.step import fold, step
-from tests.golden.recording import EVENTS, OUTCOME, outcome, setting
+from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome
 
 
-@pytest.fixture(scope="module")
-def events() -> list[Event]:
-    return [from_json(line) for line in EVENTS.read_text("utf-8").splitlines()]
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A recording with what was read of it."""
+
+    recording: Recording
+    lines: list[str]
+    events: list[Event]
+    setting: Setting
 
 
-def test_the_recording_is_a_whole_flight(events: list[Event]) -> None:
-    kinds = {event.kind for event in events}
-    assert {"connected", "airborne", "tracked", "arrived", "frame_seen"} <= kinds
-    assert {"landed", "battery_swapped"} <= kinds
-    assert EVENTS.stat().st_size < 60_000
+@pytest.fixture(scope="module", params=RECORDINGS, ids=lambda recording: recording.name)
+def told(request: pytest.FixtureRequest) -> Told:
+    recording: Recording = request.param
+    if recording.strategy == "swath" and not COMPILED:
+        pytest.skip("numba is not installed: plans are shorter searches, and others")
+    lines = recording.lines()
+    return Told(recording, lines, [from_json(line) for line in lines], recording.setting())
 
 
-def test_the_text_of_an_event_is_stable(events: list[Event]) -> None:
-    assert [to_json(event) for event in events] == EVENTS.read_text("utf-8").splitlines()
+def test_the_recording_is_a_whole_flight(told: Told) -> None:
+    kinds = {event.kind for event in told.events}
+    assert {"connected", "airborne", "tracked", "frame_seen", "landed"} <= kinds
+    assert told.recording.events.stat().st_size < 120_000
+    if told.recording is STOPS:
+        assert {"arrived", "battery_swapped"} <= kinds
 
 
-def test_the_outcome_is_the_recorded_one(events: list[Event]) -> None:
-    recorded = json.loads(OUTCOME.read_text("utf-8"))
+def test_the_text_of_an_event_is_stable(told: Told) -> None:
+    assert [to_json(event) for event in told.events] == told.lines
+
+
+def test_the_outcome_is_the_recorded_one(told: Told) -> None:
+    recorded = told.recording.recorded()
     assert recorded["summary"]["completed"]
-    assert recorded["summary"]["sorties"] >= 2
-    assert outcome(events) == recorded
+    assert outcome(told.recording, told.events) == recorded
+    if told.recording is STOPS:
+        assert recorded["summary"]["sorties"] >= 2
 
 
-def test_any_prefix_folds_to_the_state_that_was_held_then(events: list[Event]) -> None:
+def test_any_prefix_folds_to_the_state_that_was_held_then(told: Told) -> None:
     """What a resume after a kill relies on."""
-    state = State.initial(setting())
-    for number, event in enumerate(events, start=1):
-        state, _ = step(setting(), state, event)
-        if number % 40 == 0:
-            assert fold(setting(), events[:number]) == state
+    state = State.initial(told.setting)
+    every = max(40, len(told.events) // 8)
+    for number, event in enumerate(told.events, start=1):
+        state, _ = step(told.setting, state, event)
+        if number % every == 0:
+            assert fold(told.setting, told.events[:number]) == state
     assert state.over
     assert state.completed
 
 
-def test_the_order_of_the_frames_does_not_change_the_map(events: list[Event]) -> None:
-    recorded = json.loads(OUTCOME.read_text("utf-8"))
-    frames = [event for event in events if event.kind == "frame_seen"]
-    belief = State.initial(setting()).belief
+def test_the_order_of_the_frames_does_not_change_the_map(told: Told) -> None:
+    frames = [event for event in told.events if event.kind == "frame_seen"]
+    belief = State.initial(told.setting).belief
     for event in reversed(frames):
-        state, _ = step(setting(), State.initial(setting()), event)
+        state, _ = step(told.setting, State.initial(told.setting), event)
         belief = belief.join(state.belief)
-    assert sorted([c.east, c.north] for c in belief.roi) == recorded["roi"]
+    assert sorted([c.east, c.north] for c in belief.roi) == told.recording.recorded()["roi"]
+
+
+@pytest.mark.parametrize(("recording", "stops"), [(STOPS, True), (PASSES, False)])
+def test_who_stops_looks_and_who_does_not_flies_paths(recording: Recording, stops: bool) -> None:
+    setting = recording.setting()
+    state, kinds = State.initial(setting), set[type]()
+    for line in recording.lines():
+        state, orders = step(setting, state, from_json(line))
+        kinds.update(type(order) for _, order in orders)
+    assert (Look in kinds) is stops
+    assert (FlyPath in kinds) is not stops

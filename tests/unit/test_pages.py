@@ -200,16 +200,22 @@ def test_the_figures_of_the_page_on_safety_are_those_of_the_code(said: str, name
     assert float(number[0]) == value * (100 if unit == "%" else 1)
 
 
+def defined_in(module: str) -> set[str]:
+    """The names that a module, or a module of a package, gives a value at its top level."""
+    path = ROOT.joinpath(*module.split("."))
+    files = sorted(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
+    return {
+        target.id
+        for file in files
+        for node in ast.parse(file.read_text("utf-8")).body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        if isinstance(target, ast.Name)
+    }
+
+
 def test_the_figures_are_constants() -> None:
     """A figure that the program changes while it runs could not be told by a page."""
     for _, name in FIGURES:
         module, _, constant = name.rpartition(".")
-        source = ROOT.joinpath(*module.split(".")).with_suffix(".py").read_text("utf-8")
-        names = {
-            target.id
-            for node in ast.parse(source).body
-            if isinstance(node, ast.Assign | ast.AnnAssign)
-            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-            if isinstance(target, ast.Name)
-        }
-        assert constant in names, f"{name} is imported there, not defined"
+        assert constant in defined_in(module), f"{name} is imported there, not defined"

@@ -2,6 +2,7 @@
 
 from uavmap.animation.film import Film
 from uavmap.animation.of_flight import film_of_flight
+from uavmap.animation.of_nonstop import film_of_nonstop
 from uavmap.animation.of_run import film_of_run
 from uavmap.animation.terminal import live
 from uavmap.animation.tree_picture import draw_tree
@@ -14,6 +15,7 @@ __all__ = [
     "check_path",
     "draw_tree",
     "film_of_flight",
+    "film_of_nonstop",
     "film_of_run",
     "live",
     "write_film",

@@ -14,7 +14,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from missions.units import Cell
-from uavmap.results.model import State
+from uavmap.results.model import NOT_ROI, State
 
 FPS: Final = 20
 """Frames a second: a GIF counts in hundredths of a second, so 20 is exact."""
@@ -67,7 +67,8 @@ class Film:
     `roi` are the true cells, shown faintly until they are known; empty where nobody knows them.
     `changes` are in the order of time, and so are the fixes of each robot, of which there is at
     least one. `radius` is that of a robot's disc, in cells. `start` is where all begin, moving with
-    `start_drift` cells per unit of time.
+    `start_drift` cells per unit of time. `footprint` is what a frame of a robot shows that flies
+    without stopping, in cells east and north.
     """
 
     title: str
@@ -79,6 +80,7 @@ class Film:
     start: Place
     start_drift: Place = _AT_REST
     radius: float = 0.3
+    footprint: Place | None = None
 
     def fix(self, robot: int, t: float) -> Fix:
         """Where a robot is at a time: on the straight line between two fixes."""
@@ -128,7 +130,7 @@ class Film:
     def cells(self) -> int:
         """How many ROI cells there are in the end, known or not."""
         last = {change.cell: change.state for change in self.changes}
-        return len(self.roi | {cell for cell, state in last.items() if state != "non-roi"})
+        return len(self.roi | {cell for cell, state in last.items() if state not in NOT_ROI})
 
     def times(self) -> list[float]:
         """The times of the frames, evenly spaced from 0 to the end.

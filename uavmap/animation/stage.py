@@ -15,8 +15,9 @@ from PIL import Image, ImageDraw
 from missions.errors import OutputError
 from missions.units import Cell
 from uavmap.animation.film import FPS, Film, Place, Reel, Unit
+from uavmap.results.model import NOT_ROI, State
 from uavmap.results.palette import STATES, Colour, track_colour
-from uavmap.results.picture import FAINT, INK, PAPER, font
+from uavmap.results.picture import FAINT, INK, NAMES, PAPER, font
 
 OVERSAMPLING: Final = 3
 MARGIN_PX: Final = 16
@@ -29,6 +30,14 @@ _WIDEST_CELL_PX: Final = 40
 _TRAIL_S: Final = 0.8
 """Seconds of the film that a trail shows."""
 _TRAIL_PARTS: Final = 4
+
+_STATES_OF_A_TREE: Final[dict[State, str]] = {
+    state: state for state in STATES if state not in NOT_ROI
+}
+_STATES_IN_FLIGHT: Final[dict[State, str]] = {
+    "explored": "decided",
+    "under exploration": "majority so far",
+}
 
 Box = tuple[int, int, int, int]
 """Left, top, right and bottom in pixels of the frame; the last two are outside."""
@@ -92,6 +101,8 @@ class Stage:
                 scene.paste(self._ground.crop(large), large)
             moved = [self._caption(pen, t), self._start(pen, t)]
             moved += [self._trail(pen, robot, t) for robot in self._film.tracks]
+            if self._film.footprint is not None:
+                moved += [self._frame(pen, robot, t) for robot in self._film.tracks]
             moved += [self._robot(pen, robot, t) for robot in self._film.tracks]
             for box in dict.fromkeys([*stale, *moved]):
                 picture.paste(scene.reduce(OVERSAMPLING, _large(box)), box)
@@ -167,6 +178,18 @@ class Stage:
             pen.line(points, fill=track_colour(robot), width=max(round(width), 2), joint="curve")
         return self._box(pixels, self._radius() / OVERSAMPLING + 1.0)
 
+    def _frame(self, pen: ImageDraw.ImageDraw, robot: int, t: float) -> Box:
+        """The outline of what a robot sees."""
+        place, (east, north) = self._film.fix(robot, t).place, self._film.footprint or Place(0, 0)
+        corners = [
+            Place(place.east - east / 2, place.north + north / 2),
+            Place(place.east + east / 2, place.north - north / 2),
+        ]
+        low, high = (self._at(corner) for corner in corners)
+        width = 2 * OVERSAMPLING
+        pen.rectangle((*low, *high), outline=track_colour(robot), width=width)
+        return self._box([self.pixel(corner) for corner in corners], width / OVERSAMPLING + 1.0)
+
     def _robot(self, pen: ImageDraw.ImageDraw, robot: int, t: float) -> Box:
         """A disc with a rim; white inside while the robot is on the ground."""
         fix, radius = self._film.fix(robot, t), self._radius()
@@ -218,11 +241,10 @@ class Stage:
     def _legend(self) -> None:
         k, letters = OVERSAMPLING, font(12 * OVERSAMPLING)
         x, y = float(MARGIN_PX * k), (self.size[1] - LEGEND_PX / 2) * k
-        entries: list[tuple[str, Colour]] = [
-            (state, colour) for state, colour in STATES.items() if state != "non-roi"
-        ]
-        if any(change.state == "non-roi" for change in self._film.changes):
-            entries.append(("not region", STATES["non-roi"]))
+        names = _STATES_IN_FLIGHT if self._film.footprint is not None else _STATES_OF_A_TREE
+        entries = [(name, STATES[state]) for state, name in names.items()]
+        seen = {change.state for change in self._film.changes} & NOT_ROI
+        entries += [(NAMES[s], colour) for s, colour in STATES.items() if s in seen]
         if self._film.roi:
             entries.append(("not seen yet", HIDDEN))
         for name, colour in entries:
@@ -241,6 +263,9 @@ def caption(film: Film, reel: Reel, t: float) -> str:
     """How far it has come, in words."""
     visited = reel.count("under exploration", "explored")
     known = visited + reel.count("unexplored")
+    if film.footprint is not None:
+        decided = reel.count("explored")
+        return f"{_time(film, t)}   ·   {known} of {len(film.roi)} cells seen, {decided} decided"
     of_all = f" of {len(film.roi)}" if film.unit is Unit.STEPS else " ROI"
     return f"{_time(film, t)}   ·   {known}{of_all} cells known, {visited} visited"
 

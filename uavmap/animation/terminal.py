@@ -77,7 +77,15 @@ def grid_of(film: Film, reel: Reel, t: float, columns: int, lines: int) -> Pixel
 
 def _cells(film: Film, reel: Reel, t: float) -> Iterator[tuple[Cell, Colour]]:
     """The colours of cells, what is urgent last: it covers what came before."""
-    for state in ("non-roi", None, "explored", "under exploration", "unexplored"):
+    for state in (
+        "provisional non-roi",
+        "non-roi",
+        "provisional",
+        None,
+        "explored",
+        "under exploration",
+        "unexplored",
+    ):
         if state is None:
             yield from ((cell, HIDDEN) for cell in film.roi if cell not in reel.states)
         else:

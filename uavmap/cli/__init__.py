@@ -1,8 +1,8 @@
 """The command `uavmap`.
 
 Exit codes: 0 done and complete; 2 something is wrong with the input or the link, said in a line;
-3 the flight is over, but the mission incomplete; 4 an aircraft is down away from its pad, or was
-left to its autopilot; 130 interrupted.
+3 the flight is over, but the mission incomplete; 4 an aircraft is down, or was left to its
+autopilot, whether the mission is complete or not; 130 interrupted.
 """
 
 from __future__ import annotations

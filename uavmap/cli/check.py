@@ -9,8 +9,9 @@ import sys
 from typing import Any
 
 from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
-from missions.ground.lanes import search_length_m, share_out
+from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
+from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
 from missions.state import Setting
 from missions.units import GridPoint
 from uavmap.mission_source import load_source
@@ -36,6 +37,10 @@ def run(options: argparse.Namespace) -> int:
     figures = estimate(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)
     if options.json:
+        if setting.first_sighting_s is not None:
+            soon_s, late_s = setting.first_sighting_s
+            figures["first_sighting_s"] = round(soon_s, 1)
+            figures["first_sighting_without_prior_s"] = round(late_s, 1)
         figures["warnings"] = warnings
         json.dump(figures, sys.stdout, indent=2)
         sys.stdout.write("\n")
@@ -43,6 +48,21 @@ def run(options: argparse.Namespace) -> int:
     print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
     for warning in warnings:
         print(f"  {warning}")
+    reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
+    print(f"  height and speed of each layer; {reason} sets the height:")
+    for layer in rows:
+        across_m, along_m = layer["footprint_m"]
+        print(
+            f"    {layer['altitude_m']:g} m: a picture shows {across_m:g} m x {along_m:g} m, "
+            f"{100 * layer['gsd_m']:.1f} cm a pixel, {layer['pixels_per_cell']:g} pixels a cell; "
+            f"without stopping up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
+        )
+    if setting.first_sighting_s is not None:
+        soon_s, late_s = setting.first_sighting_s
+        print(
+            f"  expected first sighting after about {soon_s:.0f} s "
+            f"(without the prior {late_s:.0f} s)"
+        )
     width = max(map(len, figures))
     for key, value in figures.items():
         print(f"  {key:{width}}  {value}")
@@ -58,7 +78,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
     and back, and a look there.
     """
     mission, energy = setting.mission, setting.energy
-    blocks = share_out(setting.lanes, len(mission.vehicles)) if setting.lanes else ()
+    blocks = setting.shares
     home = GridPoint(0.0, 0.0)
     lengths = [search_length_m(block, home) for block in blocks]
     longest_m = max(lengths, default=0.0)
@@ -67,7 +87,6 @@ def estimate(setting: Setting) -> dict[str, Any]:
     legs = 2 * max((len(block) for block in blocks), default=0) + 1
     search_s = longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
     usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
-    across_m, along_m = _footprint(setting)
     area = flyable.search_area(mission, setting.grid)
     corner = flyable.farthest_corner(mission, setting.grid)
     corner_layer_m = mission.altitude_m(corner.vehicle)
@@ -88,7 +107,8 @@ def estimate(setting: Setting) -> dict[str, Any]:
         "exploration_s_per_cell": round(
             2.0 * mission.grid.cell_m / energy.speed_m_s + setting.look_s, 1
         ),
-        "footprint_m": [round(across_m, 1), round(along_m, 1)],
+        "altitude_set_by": altitude_reason(mission),
+        "layers": [_figures(layer) for layer in layers(mission)],
         "turn_back_reserve_wh": round(energy.reserve_wh, 2),
         "sortie_wh": round(energy.capacity_wh - aside_wh, 2),
         "farthest_corner_m": round(corner.away_m, 1),
@@ -96,7 +116,17 @@ def estimate(setting: Setting) -> dict[str, Any]:
     }
 
 
-def _footprint(setting: Setting) -> tuple[float, float]:
-    camera = setting.mission.camera
-    across_m = 2.0 * setting.mission.altitude_m(0) * math.tan(math.radians(camera.hfov_deg) / 2.0)
-    return across_m, across_m * camera.height_px / camera.width_px
+def _figures(layer: Layer) -> dict[str, Any]:
+    """What follows from the height of a layer; `speed_m_s` is for pictures without a stop."""
+    across_m, along_m = layer.footprint
+    speeds = layer.speeds
+    return {
+        "altitude_m": round(layer.altitude_m, 1),
+        "footprint_m": [round(across_m, 1), round(along_m, 1)],
+        "gsd_m": round(layer.gsd_m, 4),
+        "pixels_per_cell": round(layer.pixels_per_cell, 1),
+        "speed_m_s": math.floor(speeds.least_m_s * 10.0) / 10.0,
+        "speed_set_by": speeds.reason,
+        "speed_without_blur_m_s": round(speeds.blur_m_s, 1),
+        "speed_with_enough_frames_m_s": round(speeds.frames_m_s, 1),
+    }

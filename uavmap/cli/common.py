@@ -18,11 +18,22 @@ from missions.errors import JournalError, OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
 from uavmap.fly.progress import PipeConsole
 from uavmap.record.flight_plan import JOURNAL
+from uavmap.results.atomic import write_text
+from uavmap.results.summary import encode
 
 INCOMPLETE: Final = 3
 AIRCRAFT_DOWN: Final = 4
 INTERRUPTED: Final = 130
 RESULTS: Final = "results"
+EXIT_CODES: Final = """\
+exit codes:
+  0    the mission is complete, everybody is at home
+  2    something is wrong with the input, the link or a file; a line says what
+  3    the flight is over, the mission is not complete
+  4    an aircraft is down, or was left to its autopilot; a line says where. Also where the map is
+       complete: "mission completed: yes" may come with it
+  130  interrupted
+"""
 
 _SHOWN: Final = {
     "completed": "mission completed",
@@ -173,6 +184,22 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"--out {folder} cannot be made: {error.strerror}") from None
+
+
+def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:
+    """Figures as JSON into a file, where there is one, and on standard output, where asked for.
+
+    Returns whether they were printed. Raises `OutputError` when the disk refuses.
+    """
+    text = encode(figures) + "\n"
+    if out is not None:
+        try:
+            write_text(out, text)
+        except OSError as error:
+            raise OutputError(f"{out} cannot be written: {error.strerror}") from None
+    if as_json:
+        sys.stdout.write(text)
+    return as_json
 
 
 def complain(line: str) -> None:

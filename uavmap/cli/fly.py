@@ -7,8 +7,15 @@ import time
 from typing import Any
 
 from missions.errors import LinkError, MissionFileError
-from missions.explorers import EXPLORERS
-from uavmap.cli.common import report, results_folder, seed_number, speedup, vehicle_count
+from missions.mission_file.checks import STRATEGIES
+from uavmap.cli.common import (
+    EXIT_CODES,
+    report,
+    results_folder,
+    seed_number,
+    speedup,
+    vehicle_count,
+)
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
@@ -33,7 +40,7 @@ def add_parser(commands: Any) -> None:
         "fly",
         help="fly a mission, simulated or real",
         description="Fly a mission: search the box, explore the region, come home, write the map.",
-        epilog=_EXAMPLES,
+        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
@@ -55,7 +62,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--vehicles", metavar="N", type=vehicle_count, help="fly with so many vehicles"
     )
-    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(EXPLORERS)}")
+    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(STRATEGIES)}")
     parser.add_argument(
         "--seed", metavar="S", type=seed_number, default=1, help="of the simulation (default 1)"
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from uavmap.cli.common import report
+from uavmap.cli.common import EXIT_CODES, report
 from uavmap.fly.flight import resume
 from uavmap.fly.progress import Terminal
 from uavmap.record.flight_plan import JOURNAL
@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> None:
         "resume",
         help="go on with an interrupted mission",
         description="Go on with the mission of a results folder from its last committed event.",
-        epilog=_EXAMPLES,
+        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")

@@ -18,6 +18,7 @@ from missions.arena.run import Comms
 from missions.errors import OutputError, RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS, Explorer
 from missions.explorers.metric import Metric
+from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.animation import film_of_run
 from uavmap.cli.common import (
@@ -26,8 +27,10 @@ from uavmap.cli.common import (
     number_type,
     overwrite_nothing,
     pair,
+    print_figures,
     seed_number,
 )
+from uavmap.cli.nonstop_options import add_nonstop_options, refuse_nonstop_options
 from uavmap.cli.pictures import (
     add_picture_options,
     check_pictures,
@@ -37,8 +40,6 @@ from uavmap.cli.pictures import (
 from uavmap.notices import tell_if_uncompiled
 from uavmap.offline.roi_files import load_rois
 from uavmap.offline.trials import Terms, Trial, explored, means, trials
-from uavmap.results.atomic import write_text
-from uavmap.results.summary import encode
 
 MAX_ROBOTS: Final = 1000
 REPORT_S: Final = 2.0
@@ -53,10 +54,13 @@ examples:
   uavmap simulate --roi eden:120:7 --drift 0.4,90 --speed 1 --comms meeting
   uavmap simulate --roi eden:300:2 --robots 5 --animate five.gif --tree five.svg
 
+  uavmap simulate --generate ragged --strategy swath,survey --robots 3 --footprint 20,15
+
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
 Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
-which V cells are flown. wall_s (what the run took) and lower_bound_wall_s (what the lower bound
-took, once for all strategies) alone are not the same from run to run.
+which V cells are flown. swath and survey do not stop over cells: their times are seconds, and
+their speed and cells are in metres. wall_s (what the run took) and lower_bound_wall_s (what the
+lower bound took, once for all strategies) alone are not the same from run to run.
 """
 
 
@@ -79,7 +83,12 @@ def add_parser(commands: Any) -> None:
     add("--count", metavar="K", type=count, help=f"how many to grow (default {_COUNT})")
     add("--seed", metavar="S", type=seed_number, help=f"of the first (default {_SEED}); then S + 1")
     cell_m = number_type(float, 0.01, 10_000.0)
-    add("--cell-m", metavar="M", type=cell_m, help="cell size for GeoJSON (default 4)")
+    add(
+        "--cell-m",
+        metavar="M",
+        type=cell_m,
+        help="cell size for GeoJSON, swath and survey (default 4)",
+    )
     add("--start", metavar="LAT,LON", help="where to start, for GeoJSON (default: its west end)")
     add(
         "--strategy",
@@ -88,14 +97,15 @@ def add_parser(commands: Any) -> None:
         help="one or, with commas or given again, several (default rdfs); see uavmap strategies",
     )
     add("--robots", metavar="R", type=number_type(int, 1, MAX_ROBOTS), default=1, help="default 1")
-    add("--speed", metavar="V", type=number_type(float, 1e-3, 1e3), default=1.0, help="default 1")
+    speed = number_type(float, 1e-3, 1e3)
+    add("--speed", metavar="V", type=speed, help="default 1; of swath and survey m/s, default 6")
     add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
     add(
         "--comms",
         choices=[c.value for c in Comms],
-        default=Comms.SHARED.value,
         help="who knows what the others saw: all at once, or only who meets (default shared)",
     )
+    add_nonstop_options(parser)
     add_picture_options(parser, several=True)
     add("--out", metavar="DIR", help=f"write {_SUMMARY} into this folder, too")
     add("--json", action="store_true", help="print the figures as JSON")
@@ -104,13 +114,26 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate."""
-    explorers = _explorers(options.strategy)
-    terms = Terms(options.robots, _metric(options.speed, options.drift), Comms(options.comms))
+    names = _names(options.strategy)
+    nonstop = [NONSTOP[name] for name in names if name in NONSTOP]
+    if nonstop and len(nonstop) < len(names):
+        raise StrategyError(
+            f"--strategy: {', '.join(NONSTOP)} count in seconds, the others in steps; they cannot "
+            "be compared in one table"
+        )
     out = _free(options.out)
     check_pictures(options)
+    if nonstop:
+        # its kernels take a second to load
+        from uavmap.cli.nonstop import run_nonstop  # noqa: PLC0415
+
+        rois = _rois(options, nonstop=True)
+        return run_nonstop(options, rois, nonstop, out)
+    refuse_nonstop_options(options)
+    explorers = [EXPLORERS[name] for name in names]
+    metric = _metric(options.speed or 1.0, options.drift)
+    terms = Terms(options.robots, metric, Comms(options.comms or Comms.SHARED))
     rois = _rois(options)
-    if options.index >= len(rois):
-        raise RoiError(f"--index {options.index}: there are {len(rois)} ROIs, counted from 0")
     if out is not None:
         make_folder(out.parent)  # before anything is computed
     tell_if_uncompiled((e.name for e in explorers), lambda text: print(text, file=sys.stderr))
@@ -124,15 +147,7 @@ def run(options: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         code = INTERRUPTED
-    text = encode(_figures(done, explorers)) + "\n"
-    if out is not None:
-        try:
-            write_text(out, text)
-        except OSError as error:
-            raise OutputError(f"{out} cannot be written: {error.strerror}") from None
-    if options.json:
-        sys.stdout.write(text)
-    else:
+    if not print_figures(_figures(done, explorers), out, as_json=options.json):
         _table(done, explorers, terms)
     if wants_pictures(options) and code == 0:
         _pictures(options, rois[options.index], explorers[0], terms)
@@ -159,14 +174,13 @@ def _run(
             print(f"{len(done)} of {len(rois) * len(explorers)} runs", file=sys.stderr)
 
 
-def _explorers(wanted: Sequence[str] | None) -> list[Explorer]:
+def _names(wanted: Sequence[str] | None) -> list[str]:
     names = [name for part in wanted or ["rdfs"] for name in part.split(",")]
     for name in names:
-        if name not in EXPLORERS:
-            raise StrategyError(
-                f"--strategy {name!r} is not known; choose one of {', '.join(EXPLORERS)}"
-            )
-    return [EXPLORERS[name] for name in dict.fromkeys(names)]
+        if name not in EXPLORERS and name not in NONSTOP:
+            known = ", ".join([*EXPLORERS, *NONSTOP])
+            raise StrategyError(f"--strategy {name!r} is not known; choose one of {known}")
+    return list(dict.fromkeys(names))
 
 
 def _metric(speed: float, drift: str | None) -> Metric:
@@ -179,9 +193,18 @@ def _metric(speed: float, drift: str | None) -> Metric:
     return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
 
 
-def _rois(options: argparse.Namespace) -> list[Roi]:
+def _rois(options: argparse.Namespace, *, nonstop: bool = False) -> list[Roi]:
+    found = _read_or_grown(options, nonstop=nonstop)
+    if options.index >= len(found):
+        raise RoiError(f"--index {options.index}: there are {len(found)} ROIs, counted from 0")
+    return found
+
+
+def _read_or_grown(options: argparse.Namespace, *, nonstop: bool) -> list[Roi]:
     if options.generate is not None:
-        _refuse(options, ("cell_m", "start"), "is for --roi with GeoJSON")
+        _refuse(
+            options, ("start",) if nonstop else ("cell_m", "start"), "is for --roi with GeoJSON"
+        )
         seed = _SEED if options.seed is None else options.seed
         cells = options.cells or _CELLS
         return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]

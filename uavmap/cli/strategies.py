@@ -5,19 +5,38 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.table import Table
 
 from missions.explorers import EXPLORERS
+from missions.swath.strategies import NONSTOP
 
 _EXAMPLES = """\
 examples:
   uavmap strategies
   uavmap fly runway --sim --strategy rdfs
   uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
+  uavmap simulate --generate eden --strategy swath,survey --robots 3
 """
+
+
+class _Shown(Protocol):
+    """What is shown of a strategy."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def guarantee(self) -> str: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def when(self) -> str: ...
+
+
+_EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *NONSTOP.values())
 
 
 def add_parser(commands: Any) -> None:
@@ -38,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         listed = [
             {"name": e.name, "guarantee": e.guarantee, "source": e.source, "when": e.when}
-            for e in EXPLORERS.values()
+            for e in _EVERY
         ]
         json.dump(listed, sys.stdout, indent=2)
         sys.stdout.write("\n")
@@ -46,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     table = Table(show_lines=True)
     for title in ("strategy", "use it when", "promises", "source"):
         table.add_column(title, no_wrap=title == "strategy")
-    for explorer in EXPLORERS.values():
+    for explorer in _EVERY:
         table.add_row(explorer.name, explorer.when, explorer.guarantee, explorer.source)
     Console().print(table)
     return 0

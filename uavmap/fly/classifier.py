@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 from missions.errors import ImageError
 from missions.events import Vote
@@ -33,11 +33,8 @@ class Classifier:
     @classmethod
     def of(cls, mission: Mission, grid: Grid, height_m: float | None = None) -> Classifier:
         """The classifier that a mission file describes, for a vehicle that flies at a height."""
-        camera = Camera(
-            math.radians(mission.camera.hfov_deg),
-            mission.camera.width_px,
-            mission.camera.height_px,
-        )
+        optics = mission.camera.optics
+        camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)
         lowest_m = mission.altitude_m(0)
         return cls(mission, grid, camera, detector_of(mission, (height_m or lowest_m) / lowest_m))
 
@@ -47,15 +44,33 @@ class Classifier:
         Raises `ImageError` for a picture that is no evidence (`vision.plausible`), or not of the
         camera's size.
         """
+        here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
+        return here, self._judged(frame, self.mission.detector.view, here)
+
+    def votes_anywhere(self, frame: Frame) -> tuple[Vote, ...]:
+        """What a frame says of every cell that it shows whole, wherever it was taken.
+
+        Whatever `detector.view` says; `camera.pose_error_m` from the rim of the picture. Raises
+        `ImageError` as `votes` does.
+        """
+        return self._judged(frame, "all", None)
+
+    def _judged(
+        self, frame: Frame, view: Literal["cross", "all"], vantage: Cell | None
+    ) -> tuple[Vote, ...]:
         last, self._last = self._last, frame.image
         if reason := implausible(frame.image, last, noiseless=self.mission.camera.noiseless):
             raise ImageError(reason)
-        section = self.mission.detector
-        here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
         verdicts = look(
-            frame, self.grid, self.detector, share=section.share, view=section.view, vantage=here
+            frame,
+            self.grid,
+            self.detector,
+            share=self.mission.detector.share,
+            view=view,
+            vantage=vantage,
+            margin_m=self.mission.camera.pose_error_m,
         )
-        return here, tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
+        return tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
 
 
 def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
-import signal
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from missions.errors import JournalError, LinkError, OutputError
 from missions.events import Event, Resumed
@@ -22,18 +19,13 @@ from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
-from uavmap.fly.classifier import Classifier
+from uavmap.fly.fleet import Link, each_its_own, opened_links, vehicles_of
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.http_pictures import PictureFetcher
-from uavmap.fly.imaging import CameraDriver, Fetch
+from uavmap.fly.interrupts import interrupts
 from uavmap.fly.progress import Progress
-from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.service import Service
-from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
+from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
-from uavmap.link.identity import same_aircraft
-from uavmap.link.session import ACK_WAIT_S, Session
-from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
 from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
 from uavmap.record.journal import Journal
@@ -44,15 +36,6 @@ from uavmap.results.write_results import write_results
 
 if TYPE_CHECKING:
     from uavmap.simulation import Truth
-
-LINK_LOST_WALL_S: Final = 2.0
-BATTERY_STALE_WALL_S: Final = 5.0
-SLACK_WALL_S: Final = 2.0
-"""On a clock that runs fast, a busy machine must not look like an aircraft in trouble."""
-ACK_WAIT_WALL_S: Final = 0.3
-
-
-_ENDED: Final = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
 
 
 def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
@@ -207,112 +190,57 @@ class _Flight:
         simulation = Simulation(self._setting, self._plan.seed, start_s=self._start_s)
         self._truth = simulation.truth
         with self._log() as log:
-            sessions = [
-                simulation.open_session(index, log.record)
-                for index in range(len(simulation.names()))
+            links = [
+                Link(name, simulation.open_session(index, log.record), simulation.fetch)
+                for index, name in enumerate(simulation.names())
             ]
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(simulation.run())
-                fetches = [simulation.fetch] * len(sessions)
-                await self._serve(simulation.names(), sessions, fetches)
+                await self._serve(links)
                 world.cancel()
 
     # --- connected -------------------------------------------------------------------------
     async def _fly_connected(self) -> None:
-        async with contextlib.AsyncExitStack() as stack:
-            log = stack.enter_context(self._log())
-            ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (self._plan.speedup or 1.0))
-            opened = [
-                await stack.enter_async_context(
-                    _connected(url, log.record, ack_wait_s, self._progress.say)
-                )
-                for url in self._plan.urls
-            ]
-            fetches = [self._fetcher(transport) for _, transport in opened]
-            await self._serve(list(self._plan.urls), [session for session, _ in opened], fetches)
-
-    def _fetcher(self, transport: Transport) -> PictureFetcher:
-        """For the pictures of the vehicle at the other end of a link."""
-        named = self._setting.mission.camera.hosts
-        return PictureFetcher(lambda: (*named, transport.peer_host or ""))
-
-    def _link_lost_s(self) -> float:
-        """On a clock that runs fast, a busy machine must not look like a lost link."""
-        if self._plan.simulated:
-            return LINK_LOST_S
-        return max(LINK_LOST_S, LINK_LOST_WALL_S * (self._plan.speedup or 1.0))
-
-    def _classifier(self, number: int) -> Classifier:
-        mission = self._setting.mission
-        return Classifier.of(mission, self._setting.grid, mission.altitude_m(number - 1))
+        plan, setting, say = self._plan, self._setting, self._progress.say
+        with self._log() as log:
+            async with opened_links(plan, setting, log.record, say) as links:
+                await self._serve(links)
 
     # --- both ------------------------------------------------------------------------------
-    def _vehicles(
-        self, names: list[str], sessions: list[Session], fetches: Sequence[Fetch], crew: Crew
-    ) -> dict[int, MavlinkVehicle]:
-        """The driver of each vehicle, by number."""
-        at_a_terminal = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
-        speedup = max(self._plan.speedup or 1.0, 1.0)
-        stale_s = BATTERY_STALE_S
-        if not self._plan.simulated:
-            stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
-        for number, session in enumerate(sessions, start=1):
-            session.view.expect_near(self._setting.mission.home)
-            session.view.gate.say = partial(_say_of, self._progress, number)
-        return {
-            number: MavlinkVehicle(
-                number,
-                name,
-                session,
-                CameraDriver(number, session, self._classifier(number), fetch, self._now_s),
-                self._setting,
-                self._now_s,
-                crew.swap,
-                self._link_lost_s(),
-                battery_stale_s=stale_s,
-                ground_patience_s=None if at_a_terminal else ON_GROUND_S,
-                slack_s=0.0 if self._plan.simulated else SLACK_WALL_S * (speedup - 1.0),
-                tell=self._progress.say,
-            )
-            for number, (name, session, fetch) in enumerate(
-                zip(names, sessions, fetches, strict=True), start=1
-            )
-        }
-
-    async def _serve(
-        self, names: list[str], sessions: list[Session], fetches: Sequence[Fetch]
-    ) -> None:
+    async def _serve(self, links: Sequence[Link]) -> None:
         """Fly the mission, and look after the aircraft however that ends."""
         automatic = self._plan.simulated or self._plan.auto_swap
-        crew = Crew(self._progress.say, automatic=automatic)
-        vehicles = self._vehicles(names, sessions, fetches, crew)
+        say = self._progress.say
+        crew = Crew(say, automatic=automatic)
+        vehicles = vehicles_of(self._plan, self._setting, links, crew, self._now_s, say)
 
         def observe(event: Event, state: State) -> None:
             if self._marks is not None:
                 self._marks.note(self._now_s())
             self._progress.update(event, state, again=self._journal.expected)
             if crew.absent and _all_wait(state, crew.waiting):
-                self._progress.say(
-                    f"swap the batteries, then `uavmap resume {self._folder}` goes on"
-                )
+                say(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
-        service = Service(
-            self._setting, self._journal, vehicles, self._state, observe, self._progress.say
-        )
+        service = Service(self._setting, self._journal, vehicles, self._state, observe, say)
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
+        # a simulated flight just stops when it is interrupted: nobody is in the air
+        may_stop = self._plan.simulated
         try:
-            with self._interrupts(service):
+            with contextlib.nullcontext() if may_stop else interrupts(service, say):
                 self._state = await watched_over(
-                    guardians, self._fly(vehicles, service), leave=not self._plan.simulated
+                    guardians, self._fly(vehicles, service), leave=not may_stop
                 )
         except BaseException:
             with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                 if len(self._journal):
-                    self._progress.say(f"to go on: uavmap resume {self._folder}")
+                    say(f"to go on: uavmap resume {self._folder}")
             raise
         finally:
+            for vehicle in vehicles.values():
+                with contextlib.suppress(LinkError):
+                    await vehicle.leave_as_found()
             self._progress.end()
 
     async def _fly(self, vehicles: dict[int, MavlinkVehicle], service: Service) -> State:
@@ -326,7 +254,7 @@ class _Flight:
             before = self._left[number]
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
-        _each_its_own(vehicles)
+        each_its_own(vehicles)
         self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
         if self._resumed:
             if not self._plan.simulated:
@@ -334,82 +262,12 @@ class _Flight:
             service.post(Resumed(round(self._now_s(), 3)))
         return await service.fly()
 
-    @contextlib.contextmanager
-    def _interrupts(self, service: Service) -> Any:
-        """Ctrl-C once brings real aircraft home; a second time their autopilots do.
-
-        A simulated flight just stops: nobody is in the air.
-        """
-        if self._plan.simulated:
-            yield
-            return
-        loop = asyncio.get_running_loop()
-        task = asyncio.current_task()
-        presses = 0
-
-        def interrupted() -> None:
-            nonlocal presses
-            presses += 1
-            if presses == 1 and service.flying:
-                self._progress.say(
-                    "coming home and landing; press Ctrl-C again to leave that to the autopilots"
-                )
-                service.recall()
-            elif task is not None:
-                task.cancel()
-
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        for number in numbers:
-            loop.add_signal_handler(number, interrupted)
-        try:
-            yield
-        except asyncio.CancelledError:
-            raise KeyboardInterrupt from None
-        finally:
-            for number in numbers:
-                loop.remove_signal_handler(number)
-
-
-def _each_its_own(vehicles: dict[int, MavlinkVehicle]) -> None:
-    """Raise `LinkError` where two links lead to one aircraft: it would be told two things at once.
-
-    Seen after both have answered; a router that forwards several vehicles may do that.
-    """
-    for (_, one), (_, other) in itertools.combinations(vehicles.items(), 2):
-        if same_aircraft(one.view, other.view):
-            raise LinkError(
-                f"{one.name} and {other.name} lead to the same aircraft (system "
-                f"{one.view.system_id}); give every vehicle a link and a system id of its own"
-            )
-
 
 def _all_wait(state: State, waiting: set[int]) -> bool:
     """Whether everybody who is not done waits for a battery that nobody here will announce."""
     return bool(waiting) and all(
-        number in waiting or v.phase in _ENDED for number, v in state.vehicles.items()
+        number in waiting or v.ended for number, v in state.vehicles.items()
     )
-
-
-def _say_of(progress: Progress, number: int, text: str) -> None:
-    """A line about one vehicle."""
-    progress.say(f"vehicle {number}: {text}")
-
-
-@contextlib.asynccontextmanager
-async def _connected(
-    url: str, record: Callable[[bytes], None], ack_wait_s: float, say: Callable[[str], None]
-) -> AsyncIterator[tuple[Session, Transport]]:
-    """A session over the transport that a URL names."""
-    opened: list[Transport] = []
-
-    def send(frame: bytes) -> None:
-        for transport in opened:
-            transport.send(frame)
-
-    session = Session(send, record, ack_wait_s)
-    async with open_transport(parse_url(url), session.feed, say) as transport:
-        opened.append(transport)
-        yield session, transport
 
 
 def _results(

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 PICTURE_WAIT_S: Final = 3.0
 """A picture that is late by twice this is given up."""
 
+MOST_WAITING: Final = 4
+"""So many pictures of a stream may wait to be judged, before older ones are left out."""
+
 FIRST_ASK_S: Final = 1.5
 ASK_AGAIN_S: Final = 1.0
 """An announcement that is so late is asked for, and so often again: a bad link loses those, too."""
@@ -40,11 +43,20 @@ def suppressed_silence() -> Iterator[None]:
 class Frames:
     """The pictures of one order, as they are announced.
 
-    `most` None: a stream, until it is stopped; else bursts, of so many in all.
+    `most` None: a stream, until it is stopped; else bursts, of so many in all. `anywhere`: judged
+    by all that they show.
     """
 
-    def __init__(self, camera: CameraDriver, most: int | None, interval_s: float) -> None:
+    def __init__(
+        self,
+        camera: CameraDriver,
+        most: int | None,
+        interval_s: float,
+        *,
+        anywhere: bool = False,
+    ) -> None:
         self._camera = camera
+        self._anywhere = anywhere
         self._most = most
         self._interval_s = interval_s
         self._announced: asyncio.Queue[Message] = asyncio.Queue()
@@ -52,6 +64,8 @@ class Frames:
         self._seen: set[int] = set()
         self._pending = 0
         self._progress = asyncio.Event()
+        self._left_out = False
+        """Whether it was told that some pictures are left out."""
         self.heard = 0
         """How many pictures were announced."""
         self.capturing = False
@@ -82,6 +96,17 @@ class Frames:
         self.capturing = False
         while self._pending and await self._moved_on():
             pass
+
+    @property
+    def interval_s(self) -> float:
+        """Between two pictures."""
+        return self._interval_s
+
+    async def go_on(self, interval_s: float) -> None:
+        """Take further pictures, at an interval, after `finish` or while they are taken."""
+        self._interval_s = interval_s
+        with suppressed_silence():
+            await self._camera.start(interval_s, 0)
 
     async def _moved_on(self) -> bool:
         """Whether another picture is judged, or lost, within the time for one."""
@@ -140,9 +165,25 @@ class Frames:
                 with suppressed_silence():
                     await self._camera.start(self._interval_s, 0)
             return self._camera.lost("the camera is silent: no picture was announced")
-        event = await self._camera.judge(message, vantage)
+        if self._anywhere and self._announced.qsize() >= MOST_WAITING:
+            message = self._newest()
+            if not self._left_out:
+                self._left_out = True
+                self._announced.put_nowait(message)
+                return self._camera.lost(
+                    "pictures are judged slower than they are taken: from now on some are left out"
+                )
+        event = await self._camera.judge(message, vantage, anywhere=self._anywhere)
         self._judged()
         return event
+
+    def _newest(self) -> Message:
+        """Of those that wait the last: older ones are left out, or the backlog would only grow."""
+        self._judged()
+        while self._announced.qsize() > 1:
+            self._announced.get_nowait()
+            self._judged()
+        return self._announced.get_nowait()
 
     def _judged(self) -> None:
         self._pending -= 1

@@ -148,6 +148,7 @@ class Guardian:
             self._let_go()
         self._look_for_leaps(seen)
         self._guard, verdict = watch(self._limits, self._guard, seen)
+        self._monitor.struck_m_s = 0.0
         if not seen.armed and not seen.airborne and self.acting:
             self._let_go()
             if not self._flew:  # it never left the ground, so no landing was seen
@@ -189,6 +190,7 @@ class Guardian:
             mode=self._monitor.mode,
             remaining_wh=reporter.remaining_wh(),
             wind_m_s=self._monitor.wind.speed_m_s,
+            struck_m_s=self._monitor.struck_m_s,
         )
 
     def _age_s(self) -> float:

@@ -63,9 +63,12 @@ class CameraDriver:
             self._frames.announced(message)
 
     @contextlib.asynccontextmanager
-    async def every(self, interval_s: float) -> AsyncIterator[Frames]:
-        """Pictures at an interval for as long as the context lasts."""
-        async with self._frames_of(Frames(self, None, interval_s)) as frames:
+    async def every(self, interval_s: float, *, anywhere: bool = False) -> AsyncIterator[Frames]:
+        """Pictures at an interval for as long as the context lasts.
+
+        `anywhere`: they are evidence of all that they show, and of no vantage.
+        """
+        async with self._frames_of(Frames(self, None, interval_s, anywhere=anywhere)) as frames:
             with suppressed_silence():  # a silent camera is told by its missing pictures
                 await self.start(interval_s, 0)
             yield frames
@@ -162,21 +165,28 @@ class CameraDriver:
         """Have a lost announcement repeated."""
         self._session.request(mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, index)
 
-    async def judge(self, message: Message, vantage: Cell | None) -> FrameSeen | FrameLost:
-        """What a picture that was announced says."""
+    async def judge(
+        self, message: Message, vantage: Cell | None, *, anywhere: bool = False
+    ) -> FrameSeen | FrameLost:
+        """What a picture that was announced says: of the cells around its vantage, which is the
+        cell below by default, or (`anywhere`) of all that it shows whole.
+        """
         view, camera = self._session.view, self._classifier.camera
         loop_s = asyncio.get_running_loop().time()
         taken_s = view.captured_s(message.time_boot_ms, loop_s, self._ordered_s)
         t_s = round(self._now_s() + taken_s - loop_s, 3)
         try:
             try:
-                pose = pose_of(message, view, self._classifier.grid, loop_s - taken_s)
+                pose = pose_of(message, view, self._classifier.grid, taken_s)
             except ImageError as error:
                 view.gate.refuse(message.get_type(), str(error), loop_s)
                 raise
             data = await self._fetch(message.file_url)
             image = read_image(data, message.file_url, (camera.width_px, camera.height_px))
-            here, votes = self._classifier.votes(Frame(image, pose, t_s, camera), vantage)
+            frame = Frame(image, pose, t_s, camera)
+            if anywhere:
+                return FrameSeen(self._number, t_s, None, self._classifier.votes_anywhere(frame))
+            here, votes = self._classifier.votes(frame, vantage)
         except (ImageError, LinkError) as error:
             return FrameLost(self._number, t_s, printable(str(error)))
         return FrameSeen(self._number, t_s, here, votes)

@@ -18,6 +18,7 @@ from missions.events import Airborne, Arrived, BatterySwapped, LookEnded
 from missions.mission_file.schema import Mission
 from missions.orders import (
     AwaitBattery,
+    FlyPath,
     FlyTo,
     Hold,
     Land,
@@ -32,7 +33,9 @@ from missions.units import Cell, GridPoint
 from uavmap.fly.frames import Frames
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.monitor import Monitor
+from uavmap.fly.path_stream import PathStream
 from uavmap.fly.reporter import Reporter
+from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.link.session import Session
 
 Crew = Callable[[int], Awaitable[None]]
@@ -73,6 +76,9 @@ class Manoeuvres:
         monitor: Monitor,
         mission: Mission,
         crew: Crew,
+        timeout: StreamTimeout,
+        *,
+        by_places: bool = False,
     ) -> None:
         self._session = session
         self._view = session.view
@@ -82,6 +88,10 @@ class Manoeuvres:
         self._mission = mission
         self._grid = reporter.grid
         self._crew = crew
+        self._stream = PathStream(session, reporter, monitor, by_places=by_places)
+        self._timeout = None if by_places else timeout
+        self._on_path = False
+        """Whether a path is flown that another may replace on the way."""
         self._paced_in: int | None = None
         self.under_way: Callable[[Order, GridPoint], None] = lambda order, target: None
         """Called when a sweep begins to move (its camera comes first, which may take a while), and
@@ -93,7 +103,11 @@ class Manoeuvres:
     async def carry_out(self, order: Order) -> None:
         """Carry out an order to its end. Raises `LinkError`, alone or in a group."""
         self._order, self._aimed = order, False
+        if not isinstance(order, FlyPath | StandDown):
+            await self._leave_path()
         match order:
+            case FlyPath():
+                await self._fly_path(order)
             case TakeOff():
                 await self._take_off(order)
             case FlyTo():
@@ -244,6 +258,75 @@ class Manoeuvres:
         if self._view.armed:
             here, height_m = self._reporter.position(), self._view.height_m
             await self._reach(lambda: here, height_m, stop=True)
+
+    # --- along a path -------------------------------------------------------------------------
+    def goes_on(self, order: FlyPath) -> bool:
+        """Fly a path after the present one, without a halt; False if none is flown just now."""
+        if self._on_path:
+            self._stream.go_on(order)
+            self._order = order
+        return self._on_path
+
+    def called_off(self) -> None:
+        """What is carried out ends: a path can only begin anew."""
+        self._on_path = False
+
+    async def _leave_path(self) -> None:
+        """Come to rest after a path: what follows begins there."""
+        if await self._stream.leave():
+            self._paced_in = None  # the next target is of another kind, and puts a speed back
+
+    async def _fly_path(self, order: FlyPath) -> None:
+        """Stream setpoints, and take pictures beside it; the stream does not wait for the camera.
+
+        At the end the pictures are waited for; a path that comes meanwhile is flown, too.
+        """
+        self._stream.begin(order)
+        self._on_path = True
+        end = order.trajectory.at(order.trajectory.end_s).place
+        self.under_way(order, end)
+        async with asyncio.TaskGroup() as tasks:
+            beside = [
+                tasks.create_task(self._stream.run()),
+                *([tasks.create_task(self._timeout.shorten())] if self._timeout else []),
+            ]
+            async with self._camera.every(order.every_s, anywhere=True) as frames:
+                watching = tasks.create_task(self._watch_frames(frames, None))
+                await self._photograph_path(frames)
+                watching.cancel()
+            self._on_path = False
+            for task in beside:
+                task.cancel()
+        for lost in frames.left_over():
+            self._reporter.report(lost)
+        await self._leave_path()
+        self._arrived()
+
+    async def _photograph_path(self, frames: Frames) -> None:
+        """Until at rest at the end of the last path, and all its pictures are judged."""
+        stream, session = self._stream, self._session
+        while True:
+            await session.until(lambda: self._at_end() or stream.order.every_s != frames.interval_s)
+            if self._at_end() and await self._judged_to_the_end(frames):
+                return
+            await frames.go_on(stream.order.every_s)
+
+    async def _judged_to_the_end(self, frames: Frames) -> bool:
+        """Wait for the pictures that are under way; False if another path has come meanwhile."""
+        course = self._stream.course
+        async with asyncio.TaskGroup() as tasks:
+            ending = tasks.create_task(frames.finish())
+            await self._session.until(lambda: ending.done() or self._stream.course is not course)
+            ending.cancel()
+        return self._stream.course is course
+
+    def _at_end(self) -> bool:
+        if not self._stream.there():
+            return False
+        end = self._stream.course.at(self._reporter.now_s()).place
+        slow_m_s = self._mission.flight.settle_m_s + self._grid.drift_speed_m_s
+        off_m = self._reporter.position().distance_to(end)
+        return off_m <= STOP_RADIUS_M and self._view.ground_speed_m_s <= slow_m_s
 
     # --- looking ------------------------------------------------------------------------------
     async def _sweep(self, order: Sweep) -> None:

@@ -10,7 +10,9 @@ from typing import Final, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Connected, Landed, LiftedOff, Overridden, Released, Tracked
+from missions.guardian import HARD_M_S
 from missions.units import GridPoint
+from uavmap.fly.impact import FALLS_S, Impact
 from uavmap.fly.leaps import Leaps
 from uavmap.fly.reporter import Reporter
 from uavmap.fly.wind import WindEstimate
@@ -18,6 +20,8 @@ from uavmap.link.session import Message
 from uavmap.link.view import VehicleView
 
 TRACK_S: Final = 1.0
+PATH_TRACK_S: Final = 0.4
+"""On a path that is flown without stopping: plans follow one another so fast."""
 OFF_GROUND_M: Final = 2.0
 
 _OFF_GROUND: Final = (
@@ -38,6 +42,8 @@ class Monitor:
     def __init__(self, reporter: Reporter, view: VehicleView) -> None:
         self.commanded: tuple[int, ...] = ()
         self.connected = False
+        self.on_path = False
+        """Whether it was told to fly a path without stopping."""
         self.met = False
         """Whether it was ever connected."""
         self.was_airborne = False
@@ -45,6 +51,9 @@ class Monitor:
         self.mode_changes = 0
         self.wind = WindEstimate()
         self.leaps = Leaps()
+        self.impact = Impact()
+        self.struck_m_s = 0.0
+        """How fast it struck the ground; whoever takes note of it sets it to 0."""
         self._reporter = reporter
         self._view = view
         self._mode: int | None = None
@@ -52,6 +61,8 @@ class Monitor:
         self._refused = False
         """Whether it was taken from us on the ground, before a take-off."""
         self._tracked_s = float("-inf")
+        self._down_s: float | None = None
+        """Since when it stands on the ground by its own word, while that is not told yet."""
 
     def on_message(self, message: Message) -> None:
         """Look at the vehicle after a message of it."""
@@ -63,6 +74,8 @@ class Monitor:
         elif name == "GLOBAL_POSITION_INT":
             self._measure_wind()
             self._look_for_leaps()
+            if self._view.gate.clock.boot_s is not None:
+                self.impact.take(self._view.gate.clock.boot_s, self._view.velocity_ned_m_s[2])
             self._track()
         self._watch_landing()
 
@@ -76,7 +89,8 @@ class Monitor:
             return "rtl"
         if view.mode == kind.land:
             return "land"
-        return "follow" if view.mode in kind.ours else "other"
+        streamed = view.mode == kind.stream_mode and view.mode in self.commanded
+        return "follow" if streamed or view.mode in kind.ours else "other"
 
     @property
     def airborne(self) -> bool:
@@ -139,11 +153,28 @@ class Monitor:
         if not self.connected:
             return
         if self._view.on_ground and self.was_airborne:
-            self.was_airborne = False
-            self.landed()
-        elif self.airborne and not self.was_airborne:
+            self._watch_touch_down()
+            return
+        self._down_s = None
+        if self.airborne and not self.was_airborne:
             self.was_airborne = True
             self._reporter.report(LiftedOff(self._reporter.number, self._reporter.t_s()))
+
+    def _watch_touch_down(self) -> None:
+        """It has landed, by its own word: so has one whose motors were stopped in the air.
+
+        That one falls still, or has struck the ground. Of a crash its guardian tells.
+        """
+        now_s = self._reporter.loop_s()
+        self._down_s = now_s if self._down_s is None else self._down_s
+        if self.impact.sinks and now_s - self._down_s < FALLS_S:
+            return
+        self.was_airborne = False
+        if self.impact.speed_m_s <= HARD_M_S:
+            self.landed()
+            return
+        self.struck_m_s = self.impact.speed_m_s
+        self.wind.forget()
 
     def landed(self) -> None:
         """Say that the vehicle stands on the ground."""
@@ -176,7 +207,8 @@ class Monitor:
     def _track(self) -> None:
         reporter = self._reporter
         now_s = reporter.now_s()
-        if self.connected and now_s - self._tracked_s >= TRACK_S - 1e-6:
+        every_s = PATH_TRACK_S if self.on_path else TRACK_S
+        if self.connected and now_s - self._tracked_s >= every_s - 1e-6:
             self._tracked_s = now_s
             reporter.report(
                 Tracked(

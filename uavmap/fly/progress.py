@@ -23,12 +23,13 @@ from missions.events import (
     Event,
     FrameLost,
     GivenUp,
+    Landed,
     LinkLost,
     OrderFailed,
     Overridden,
     Released,
 )
-from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, Sweep, TakeOff
+from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
 from uavmap.printable import printable
 
@@ -49,6 +50,7 @@ _DOING: Final = {
     TakeOff: "taking off",
     Sweep: "searching",
     FlyTo: "flying",
+    FlyPath: "flying on",
     Look: "looking",
     Hold: "holding",
     Land: "landing",
@@ -139,7 +141,7 @@ class Terminal:
 
     def update(self, event: Event, state: State, again: int) -> None:
         """An event was taken in."""
-        if text := _remarkable(event):
+        if text := _remarkable(event, state):
             self.say(f"{state.t_s:7.0f} s  {text}")
         now_s = time.monotonic()
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
@@ -218,16 +220,34 @@ def _doing(vehicle: VehicleState) -> str:
 
 def _cells(state: State) -> str:
     if state.tree is None:
-        return f"{len(state.belief.looks)} cells searched"
+        return f"{state.belief.cells_searched} cells searched"
+    if state.belief.open_ballots:
+        return f"{len(state.belief.roi)} ROI cells decided"
     looked = sum(vertex.looked for vertex in state.tree.vertices.values())
     return f"{looked} of {len(state.tree)} known ROI cells explored"
 
 
-def _remarkable(event: Event) -> str:
+def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:
+    """That somebody else keeps a vehicle on the ground, and how it goes on."""
+    if isinstance(event, Landed):
+        text = f"vehicle {event.vehicle} has landed, not by us"
+    else:
+        text = f"vehicle {event.vehicle} was put into {event.mode} on the ground, not by us"
+    if state.over:
+        return f"{text}; nobody else flies: the flight ends"
+    then = "takes off at once" if vehicle.cleared else "waits for its crew"
+    return f"{text}: it stays there; once it is put into {_OURS}, it {then}"
+
+
+def _remarkable(event: Event, state: State) -> str:
     """What the operator has to know at once."""
+    if isinstance(event, Overridden | Landed):
+        vehicle = state.vehicles[event.vehicle]
+        if vehicle.phase is Phase.YIELDED and vehicle.landed:
+            return _of_other_hands(event, vehicle, state)
     match event:
         case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
-            return f"vehicle {number} was put into {mode} while it landed: it is the pilot's now"
+            return f"vehicle {number} was put into {mode}, not by us: it is the pilot's now"
         case Overridden(vehicle=number, mode=mode):
             return f"vehicle {number} is in {mode}, not by us: hands off until it is in {_OURS}"
         case Released(vehicle=number):

@@ -7,7 +7,8 @@ from typing import Final
 
 from missions.energy import CLIMB_SPEED_M_S
 from missions.guardian import Task
-from missions.orders import FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
+from missions.motion.course import Course
+from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
 from missions.state import Setting
 from missions.units import GridPoint
 from uavmap.fly.reporter import Reporter
@@ -24,12 +25,18 @@ class TasksOf:
         self._reporter = reporter
         self._view = view
         self._setting = setting
+        self._course: Course | None = None
+        """What is flown, if it is a path."""
 
     def task(self, order: Order) -> Task:
         """What an order asks that is given now."""
         since_s = self._reporter.now_s()
         name = type(order).__name__
+        if not isinstance(order, FlyPath):
+            self._course = None
         match order:
+            case FlyPath():
+                return self._along(order)
             case TakeOff(height_m):
                 here = self._reporter.position()
                 return Task("climb", since_s, (here,), height_m=height_m, name=name)
@@ -57,6 +64,21 @@ class TasksOf:
             since_s, height_m = self._reporter.now_s(), self._view.height_m
             return Task("hold", since_s, path, height_m=height_m, name="Hold")
         return self.task(order)
+
+    def _along(self, order: FlyPath) -> Task:
+        """A path that is flown from its beginning on, and until then the one before it."""
+        since_s = self._reporter.now_s()
+        plan = order.trajectory
+        before = self._course
+        self._course = Course((plan,)) if before is None else before.then(plan, since_s)
+        return Task(
+            "path",
+            since_s,
+            height_m=order.height_m,
+            drift_m_s=self._setting.grid.drift_speed_m_s,
+            name=type(order).__name__,
+            course=self._course,
+        )
 
     def leg(self, order: Order) -> Task:
         """A leg that begins now."""

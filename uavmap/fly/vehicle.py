@@ -19,13 +19,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
-from missions.orders import Order, ReturnToLaunch
+from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.state import Setting
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
+from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
 from uavmap.link.autopilots import AUTOPILOTS
@@ -61,6 +62,7 @@ class MavlinkVehicle:
         battery_stale_s: float = BATTERY_STALE_S,
         ground_patience_s: float | None = ON_GROUND_S,
         slack_s: float = 0.0,
+        by_places: bool = False,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.number = number
@@ -86,9 +88,11 @@ class MavlinkVehicle:
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
+        self._timeout = StreamTimeout(name, session, tell)
         self._manoeuvres = Manoeuvres(
-            session, camera, self._reporter, self._monitor, setting.mission, crew
-        )
+            session, camera, self._reporter, self._monitor, setting.mission, crew, self._timeout,
+            by_places=by_places,
+        )  # fmt: skip
         self._manoeuvres.under_way = lambda order, target: self.guardian.told(
             self._tasks_of.begun(order, target)
         )
@@ -161,13 +165,20 @@ class MavlinkVehicle:
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one.
 
-        While its guardian has the vehicle nothing is begun.
+        While its guardian has the vehicle nothing is begun. A path after a path is flown without a
+        halt: nothing is called off.
         """
         if self._tasks is None:
             raise RuntimeError("a vehicle takes orders only while it runs")
-        self._stand_aside()
+        self._monitor.on_path = isinstance(order, FlyPath)
+        goes_on = isinstance(order, FlyPath) and self._flies_path(order)
+        if not goes_on:
+            self._stand_aside()
         self.guardian.told(self._tasks_of.task(order))
         if self.guardian.acting:
+            return
+        if goes_on:
+            self._order = order
             return
         self._order = order
         if isinstance(order, ReturnToLaunch):
@@ -175,8 +186,19 @@ class MavlinkVehicle:
             return
         self._task = self._tasks.create_task(self._carry_out(order))
 
+    async def leave_as_found(self) -> None:
+        """Set back what was changed in the vehicle for the flight."""
+        if self._hears():
+            await self._timeout.restore()
+
+    def _flies_path(self, order: FlyPath) -> bool:
+        """Whether it flies a path, and goes on with this one."""
+        busy = self._task is not None and not self._task.done()
+        return busy and not self.guardian.acting and self._manoeuvres.goes_on(order)
+
     def _stand_aside(self) -> None:
         """End what is being carried out."""
+        self._manoeuvres.called_off()
         if self._task is not None:
             self._task.cancel()
             self._task = None

@@ -155,6 +155,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "WIND": Rule(Sender.AUTOPILOT, (Limit("direction", -360, 360), Limit("speed", 0, 100))),
     "FENCE_STATUS": Rule(Sender.AUTOPILOT, (Limit("breach_status", 0, 1),)),
     "AUTOPILOT_VERSION": Rule(Sender.AUTOPILOT),
+    "PARAM_VALUE": Rule(Sender.AUTOPILOT, (Limit("param_value", -1e9, 1e9),)),
     "STATUSTEXT": Rule(Sender.ANY, (Limit("severity", 0, 7),)),
     "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked
     # a pose that makes no sense costs the picture and is told there (`uavmap.fly.picture_pose`)

@@ -18,6 +18,7 @@ from uavmap.link.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
 from uavmap.link.continuity import CameraClock
 from uavmap.link.gate import Gate
 from uavmap.link.rules import RULES, Sender
+from uavmap.link.whereabouts import Fix, Place, Whereabouts
 from uavmap.printable import printable
 
 Message = Any
@@ -62,6 +63,7 @@ class VehicleView:
     home_amsl_m: float = 0.0
     """What `height_m` is above, over the sea."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    whereabouts: Whereabouts = field(default_factory=Whereabouts)
     home: LatLon | None = None
     landed_state: int = 0
     prearm_ok: bool = False
@@ -130,6 +132,10 @@ class VehicleView:
         """
         offset_s = (self.boot_offset_s or 0.0) + self.gate.camera_clock.lead_s
         return min(max(boot_ms / 1000.0 + offset_s, since_s - STAMP_SLACK_S), now_s)
+
+    def place_at(self, loop_s: float) -> Place | None:
+        """Where the vehicle was at a time of the loop's clock; None if it has not said."""
+        return self.whereabouts.at(loop_s - (self.boot_offset_s or 0.0))
 
     @property
     def kind(self) -> Autopilot:
@@ -218,6 +224,8 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     view.height_m = message.relative_alt / 1000.0
     view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
+    boot_s = message.time_boot_ms / 1000.0
+    view.whereabouts.take(Fix(boot_s, view.position, view.height_m, view.velocity_ned_m_s))
 
 
 def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:

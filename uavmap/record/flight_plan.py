@@ -17,7 +17,7 @@ from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
 from uavmap import __version__
 from uavmap.mission_source import MissionSource
-from uavmap.notices import tell_if_uncompiled
+from uavmap.notices import ready_planner, tell_if_uncompiled
 
 JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
@@ -84,12 +84,13 @@ class FlightPlan:
         return mission
 
     def setting(self, say: Callable[[str], None]) -> Setting:
-        """The mission, ready to be flown; says so where its strategy will be slow.
+        """The mission, ready to be flown, its planner compiled; says so where it will be slow.
 
         Raises `MissionFileError`.
         """
         setting = Setting.of(self.mission())
         tell_if_uncompiled([setting.mission.strategy], say)
+        ready_planner(setting.mission.strategy, say)
         return setting
 
     @classmethod

@@ -8,8 +8,12 @@ from typing import Any
 
 from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
+from missions.arena.passing_bound import passing_bound_s
 from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
 from missions.explorers.bounds import drift_factor
+from missions.flight.fallback import whole_bound_s
+from missions.flight.optics import kinematics
+from missions.orders import FlyPath
 from missions.state import Phase, Setting, State, VehicleState
 from missions.step import step
 from missions.units import GridPoint
@@ -136,7 +140,7 @@ def _reconnect(count: _Sortie, event: Connected) -> float:
 
 
 def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: float) -> None:
-    """Add the time that a vehicle spends on the tree."""
+    """Add the time that a vehicle spends on the tree; one that does not stop is there at once."""
     if (
         state.tree is None
         or vehicle.phase is not Phase.AIRBORNE
@@ -144,7 +148,7 @@ def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: flo
     ):
         count.on_tree = False
         return
-    if not count.on_tree and vehicle.at_target:
+    if not count.on_tree and (vehicle.at_target or isinstance(vehicle.order, FlyPath)):
         count.on_tree = True
         count.stints += 1
     if count.on_tree:
@@ -161,6 +165,8 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
     tree = state.tree
     if tree is None or state.found_s is None:
         return 0.0
+    if setting.nonstop:
+        return _passing_bound_s(setting, state, state.found_s, breaks)
     votes, found_s = setting.mission.votes, state.found_s
     cells = [
         cell
@@ -177,6 +183,28 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
     return round(one_way_lower_bound(cells, tree.root, robots, metric, max(breaks, 0)), 1)
 
 
+def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int) -> float:
+    """The same for vehicles that do not stop: of the ground that was first seen after that."""
+    mission = setting.mission
+    team = [kinematics(setting, vehicle) for vehicle in state.vehicles.values()]
+    top_m = max(vehicle.cruise_height_m for vehicle in state.vehicles.values())
+    wind_m_s = mission.wind.speed_m_s
+    lean_m = max(k.tilt_m_s2 * (k.accel_m_s2 + k.drag_1_s * (k.speed_m_s + wind_m_s)) for k in team)
+    cells = sum(ballot[0][0].t_s > found_s for ballot in state.belief.open_ballots.values())
+    across_m, along_m = mission.camera.optics.footprint(top_m)
+    speed_m_s = max(k.speed_m_s for k in team)
+    bound_s = passing_bound_s(
+        cells,
+        len(team),
+        max(breaks, 0),
+        mission.grid.cell_m,
+        (across_m, along_m),
+        lean_m,
+        speed_m_s,
+    )
+    return round(bound_s, 1)
+
+
 def _bound_s(setting: Setting, state: State) -> float | None:
     """What the strategy promises, in seconds.
 
@@ -188,6 +216,8 @@ def _bound_s(setting: Setting, state: State) -> float | None:
         return None
     mission = setting.mission
     tree, robots = state.tree, len(mission.vehicles)
+    if setting.nonstop:
+        return None if setting.surveys else round(whole_bound_s(setting, len(tree), tree.depth), 1)
     moves = promised_moves(setting.explorer, tree, robots, setting.metric)
     if moves is None:
         return None
@@ -205,6 +235,16 @@ def finding(state: State) -> str:
     """What the mission has found out, in a sentence that claims no more than was judged."""
     frames = frames_judged(state)
     left_m = sum(a.distance_to(b) for a, b in state.unsearched)
+    if state.surveyed:
+        found = f"{len(state.belief.roi)} cells of the region in {frames} judged frames"
+        if state.undecided:
+            return f"{found}; {len(state.undecided)} cells of the box lack votes"
+        beyond = sum(
+            any(state.belief.verdict(near) is None for near in cell.neighbours())
+            for cell in state.belief.roi
+        )
+        rim = f"; at {beyond} cells it may go on beyond the box" if beyond else ""
+        return f"{found}, the whole box surveyed{rim}"
     if state.tree is None:
         text = f"no region found in {frames} judged frames"
         return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text

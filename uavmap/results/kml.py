@@ -14,7 +14,7 @@ from shapely.geometry import MultiPolygon
 
 from missions.units import GridPoint, LatLon
 from uavmap.results.atomic import write_bytes
-from uavmap.results.model import MapData, State
+from uavmap.results.model import NOT_ROI, MapData, State
 from uavmap.results.outline import outline
 from uavmap.results.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
 
@@ -47,7 +47,7 @@ def _styles(document: ET.Element, data: MapData) -> None:
         style = ET.SubElement(document, "Style", id=_style_id(state))
         _line_style(style, colour, 255, 1)
         poly = ET.SubElement(style, "PolyStyle")
-        _text(poly, "color", _abgr(colour, 90 if state == "non-roi" else 150))
+        _text(poly, "color", _abgr(colour, 90 if state in NOT_ROI else 150))
     style = ET.SubElement(document, "Style", id="outline")
     _line_style(style, OUTLINE, 255, 3)
     _text(ET.SubElement(style, "PolyStyle"), "fill", "0")

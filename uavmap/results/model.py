@@ -10,7 +10,18 @@ from shapely.geometry.base import BaseGeometry
 from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
 
-State = Literal["non-roi", "unexplored", "under exploration", "explored"]
+State = Literal[
+    "non-roi",
+    "unexplored",
+    "under exploration",
+    "explored",
+    "provisional",
+    "provisional non-roi",
+]
+"""Of a cell. Provisional is what most of its frames say while too few of them make a verdict."""
+
+NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi"))
+"""What a map does not count as region."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +36,7 @@ class CellRow:
     @property
     def is_roi(self) -> bool:
         """Whether the cell is part of the region, visited or not."""
-        return self.state != "non-roi"
+        return self.state not in NOT_ROI
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,8 @@ STATES: Mapping[State, Colour] = MappingProxyType(
         "under exploration": (242, 201, 76),
         "unexplored": (43, 47, 51),
         "non-roi": (216, 220, 224),
+        "provisional": (226, 178, 158),
+        "provisional non-roi": (236, 232, 222),
     }
 )
 OUTLINE: Colour = (20, 90, 50)

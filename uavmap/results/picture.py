@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 
 import shapely
 from PIL import Image, ImageDraw, ImageFont
@@ -21,7 +22,7 @@ from shapely.ops import substring
 from missions.units import GridPoint
 from uavmap.results.atomic import write_bytes
 from uavmap.results.legend import Entry, draw_legend, legend_height_px
-from uavmap.results.model import MapData
+from uavmap.results.model import MapData, State
 from uavmap.results.outline import outline
 from uavmap.results.palette import OUTLINE, STATES, TRUTH, UNSEARCHED, Colour, track_colour
 from uavmap.results.view import View, ground, ring_on_map, track_on_map, view_of
@@ -172,12 +173,22 @@ def _rings(shape: BaseGeometry) -> Iterator[list[GridPoint]]:
                 yield [*points, points[1]]  # past the seam, so that its corner is round as well
 
 
+NAMES: Mapping[State, str] = MappingProxyType(
+    {
+        "non-roi": "not region",
+        "provisional": "region so far",
+        "provisional non-roi": "not region so far",
+    }
+)
+"""Of states whose own names would not be understood."""
+
+
 # --- the legend ------------------------------------------------------------------------------
 def _entries(data: MapData) -> Iterator[Entry]:
     for state, colour in STATES.items():
         count = sum(1 for row in data.cells if row.state == state)
         if count:
-            name = "not region" if state == "non-roi" else state
+            name = NAMES.get(state, state)
             yield Entry("square", colour, f"{name} ({count})")
     yield Entry("line", OUTLINE, "outline of the map", 2.5)
     if data.truth is not None:

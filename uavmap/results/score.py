@@ -51,7 +51,7 @@ def score(
     roi_cells: Collection[Cell],
     truth: BaseGeometry,
     grid: Grid,
-    detections: Iterable[tuple[Cell, Cell, bool]],
+    detections: Iterable[tuple[Cell | None, Cell, bool]],
 ) -> Score:
     """Score a map.
 
@@ -59,7 +59,8 @@ def score(
         roi_cells: the cells that the map calls ROI.
         truth: the region, in ground metres of the grid's moving frame; valid, maybe empty.
         grid: the grid of the cells.
-        detections: (the vantage: cell that the camera was over, the cell judged, the verdict).
+        detections: (the vantage: cell that the camera was over, None where it was taken anywhere;
+            the cell judged; the verdict).
     """
     verdicts = [(target, positive) for _, target, positive in detections]
     near = cells_near(truth, grid)

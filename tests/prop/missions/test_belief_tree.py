@@ -21,9 +21,13 @@ FAST = settings(max_examples=120, deadline=None, derandomize=True)
 small_cells = st.builds(Cell, st.integers(-1, 1), st.integers(-1, 1))
 frame_ids = st.builds(FrameId, st.integers(1, 2), st.integers(0, 3).map(float))
 verdicts = st.dictionaries(small_cells, st.booleans(), max_size=5)
-reports = st.tuples(small_cells, frame_ids, verdicts)
+# None: taken anywhere
+reports = st.tuples(st.none() | small_cells, frame_ids, verdicts)
 
-Report = tuple[Cell, FrameId, dict[Cell, bool]]
+Report = tuple[Cell | None, FrameId, dict[Cell, bool]]
+
+
+AROUND = [Cell(east, north) for east in (-1, 0, 1) for north in (-1, 0, 1)]
 
 
 def belief_of(frames: list[Report], *, start: Belief | None = None) -> Belief:
@@ -34,7 +38,8 @@ def belief_of(frames: list[Report], *, start: Belief | None = None) -> Belief:
 
 
 def facts(belief: Belief) -> tuple[object, ...]:
-    return belief.roi, list(belief.cells().items()), belief.detections()
+    here = [(belief.verdict(c), belief.provisional(c), belief.tally_anywhere(c)) for c in AROUND]
+    return belief.roi, list(belief.cells().items()), belief.detections(), here
 
 
 # --- belief ----------------------------------------------------------------------------------
@@ -103,7 +108,7 @@ def test_in_the_order_of_exposure_no_vote_is_late(frames: list[Report]) -> None:
 @given(st.lists(reports, max_size=14))
 def test_roi_is_what_the_first_votes_of_some_vantage_say(frames: list[Report]) -> None:
     """The rule from the votes alone, reckoned another way."""
-    votes: dict[tuple[Cell, Cell], dict[tuple[float, int], bool]] = {}
+    votes: dict[tuple[Cell | None, Cell], dict[tuple[float, int], bool]] = {}
     for vantage, frame, seen in frames:
         for cell, says_roi in seen.items():
             ballot = votes.setdefault((vantage, cell), {})
@@ -117,6 +122,87 @@ def test_roi_is_what_the_first_votes_of_some_vantage_say(frames: list[Report]) -
         if sum(first) >= 2:
             expected.add(cell)
     assert belief.roi == expected
+
+
+# --- frames from anywhere --------------------------------------------------------------------
+anywhere = st.tuples(st.none(), frame_ids, verdicts)
+
+
+@FAST
+@given(st.lists(anywhere, max_size=20))
+def test_what_is_decided_is_never_taken_back_when_late_votes_are_left_out(
+    frames: list[Report],
+) -> None:
+    """Neither a yes nor a no, whatever the order of arrival; a frame is reported once."""
+    belief, taken = belief_of([]), set()
+    for vantage, frame, seen in frames:
+        if frame in taken:
+            continue
+        taken.add(frame)
+        after = belief.with_frame(vantage, frame, belief.in_time(vantage, frame, seen))
+        for cell in AROUND:
+            if (before := belief.verdict(cell)) is not None:
+                assert after.verdict(cell) is before
+                assert after.provisional(cell) is before
+        belief = after
+
+
+@FAST
+@given(st.lists(anywhere, max_size=14), st.integers(1, 5), st.data())
+def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(
+    frames: list[Report], size: int, data: st.DataObject
+) -> None:
+    """Held against every way in which the votes that a ballot lacks could be cast."""
+    empty = Belief(size, data.draw(st.integers(1, size)))
+    belief = belief_of(frames, start=empty)
+    for cell in AROUND:
+        lacks = size - belief.tally_anywhere(cell).total
+        outcomes = set()
+        for rest in itertools.product((False, True), repeat=lacks):
+            later = [(None, FrameId(3, 9.0 + i), {cell: vote}) for i, vote in enumerate(rest)]
+            outcomes.add(cell in belief_of(later, start=belief).roi)
+        decided = belief.verdict(cell)
+        assert outcomes == ({False, True} if decided is None else {decided})
+
+
+@pytest.mark.parametrize("rate", [27 / 483, 0.2, 0.4])
+@pytest.mark.parametrize("stop", ["decided", "after 2", "after 4", "after 9", "at a no"])
+def test_no_rule_of_when_to_stop_makes_a_false_roi_cell_more_likely(rate: float, stop: str) -> None:
+    """Every outcome of nine frames from anywhere, each wrong with a rate, weighed and summed up."""
+    here = Cell(0, 0)
+    chance = 0.0
+    for votes in itertools.product((False, True), repeat=9):
+        belief = Belief(frames=5, positive=3)
+        for t, vote in enumerate(votes):
+            enough = {
+                "decided": belief.verdict(here) is not None,
+                "at a no": t > 0 and not votes[t - 1],
+            }.get(stop, stop == f"after {t}")
+            if enough:
+                break
+            belief = belief.with_frame(None, FrameId(1, float(t)), {here: vote})
+        if here in belief.roi:
+            chance += math.prod(rate if vote else 1 - rate for vote in votes)
+    exact = sum(math.comb(5, k) * rate**k * (1 - rate) ** (5 - k) for k in (3, 4, 5))
+    assert chance <= exact + 1e-12
+    if stop in ("decided", "after 9"):  # nothing is lost by stopping when it is decided
+        assert chance == pytest.approx(exact)
+
+
+def test_open_votes_and_those_of_a_vantage_do_not_add_up() -> None:
+    here = Cell(0, 0)
+    frames: list[Report] = [
+        (vantage, FrameId(1, 10.0 * i + t), {here: t == 0})
+        for i, vantage in enumerate((None, here))
+        for t in range(2)
+    ]
+    belief = belief_of(frames)  # one of two, twice
+    assert belief.roi == frozenset()
+    assert belief.verdict(here) is None
+    belief = belief.with_frame(None, FrameId(1, 50.0), {here: False})
+    assert belief.verdict(here) is False
+    belief = belief.with_frame(here, FrameId(1, 60.0), {here: True})
+    assert belief.verdict(here) is True  # the vantage elects it
 
 
 @pytest.mark.parametrize("taken", [5, 6, 10, 30])

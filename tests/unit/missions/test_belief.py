@@ -96,6 +96,59 @@ def test_a_vantage_is_no_ground() -> None:
     assert HERE not in belief.cells()
 
 
+# --- frames from anywhere --------------------------------------------------------------------
+def openly(pattern: str) -> Belief:
+    belief = EMPTY
+    for t, mark in enumerate(pattern):
+        belief = belief.with_frame(None, FrameId(1, float(t)), {HERE: mark == "+"})
+    return belief
+
+
+@pytest.mark.parametrize(
+    ("pattern", "verdict", "provisional"),
+    [
+        ("", None, None),
+        ("+", None, True),
+        ("-", None, False),
+        ("+-", None, False),  # a tie is no majority
+        ("++-", None, True),
+        ("++--", None, False),
+        ("+++", True, True),
+        ("---", False, False),
+        ("--++-", False, False),
+        ("-+-+++++", True, True),
+        ("---+++++", False, False),
+    ],
+)
+def test_three_equal_votes_of_five_decide(
+    pattern: str, verdict: bool | None, provisional: bool | None
+) -> None:
+    belief = openly(pattern)
+    assert belief.verdict(HERE) is verdict
+    assert belief.provisional(HERE) is provisional
+    assert (HERE in belief.roi) is (verdict is True)
+    counted = pattern[:5]
+    assert belief.tally_anywhere(HERE) == Tally(counted.count("+"), len(counted))
+
+
+def test_a_vantage_decides_for_a_cell_and_not_against_it() -> None:
+    assert voted("+++").verdict(HERE) is True
+    assert voted("-----").verdict(HERE) is None
+    assert voted("-----").provisional(HERE) is None
+
+
+def test_open_ballots_are_found_by_cell_and_told_among_the_detections() -> None:
+    belief = more(openly("+++"), "-----", at=NORTH, on=NORTH, first_s=10.0)
+    belief = belief.with_frame(None, FrameId(1, 30.0), {NORTH: True})
+    assert {cell: len(ballot) for cell, ballot in belief.open_ballots.items()} == {
+        HERE: 3,
+        NORTH: 1,
+    }
+    assert belief.detections() == [(NORTH, NORTH, False), (None, HERE, True)]
+    assert belief.frames_taken(HERE) == 0
+    assert belief.cells_searched == 3  # one frames were taken over, two that others showed
+
+
 # --- two vehicles ----------------------------------------------------------------------------
 def test_two_vehicles_fill_one_ballot_by_time() -> None:
     one = more(EMPTY, "+-+", vehicle=1, first_s=0.0)

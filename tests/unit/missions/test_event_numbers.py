@@ -31,7 +31,7 @@ points = st.builds(GridPoint, finite, finite)
 votes = st.lists(st.builds(Vote, cells, st.booleans(), finite), max_size=5).map(tuple)
 events: st.SearchStrategy[Event] = st.one_of(
     st.builds(Tracked, numbers, finite, points, finite, finite),
-    st.builds(FrameSeen, numbers, finite, cells, votes),
+    st.builds(FrameSeen, numbers, finite, st.none() | cells, votes),
     st.builds(FrameLost, numbers, finite, st.text(st.characters(codec="utf-8"))),
     st.builds(
         Connected, numbers, finite, points, points, finite, st.booleans(), st.booleans(), finite

@@ -42,6 +42,7 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         str: texts,
         GridPoint: points,
         Cell: cells,
+        Cell | None: st.none() | cells,
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
     }
     hints = typing.get_type_hints(kind)
@@ -106,6 +107,14 @@ def test_the_text_of_a_frame_is_as_journals_have_it() -> None:
     )
     assert from_json(text) == event
     assert to_json(event) == text
+
+
+def test_a_frame_from_anywhere_says_that_it_has_no_vantage() -> None:
+    text = '{"vehicle":2,"t_s":31.25,"vantage":null,"votes":[],"kind":"frame_seen"}'
+    assert from_json(text) == FrameSeen(2, 31.25, None, ())
+    assert to_json(FrameSeen(2, 31.25, None, ())) == text
+    with pytest.raises(ValueError, match="vantage"):  # to leave it out says nothing
+        from_json(text.replace('"vantage":null,', ""))
 
 
 def test_cells_and_points_come_back_as_what_they_were() -> None:

@@ -10,15 +10,26 @@ import statistics
 import sys
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from types import FrameType
 
 import pytest
 
+from missions.events import FrameSeen
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree
 from missions.orders import Look
 from missions.units import Cell
-from tests.benchmarks.belief import Flight, block, exploring, frame, mapped, searching
+from tests.benchmarks.belief import (
+    Flight,
+    block,
+    exploring,
+    frame,
+    frame_from_anywhere,
+    mapped,
+    searching,
+    seen_openly,
+)
 
 SMALL, LARGE = 200, 8_000
 
@@ -92,6 +103,23 @@ def of_looks(cells: int) -> tuple[float, float]:
     return costs.medians()
 
 
+def from_anywhere(cells: int) -> tuple[float, float]:
+    """Frames without a stop, each with the cells that it shows; the planner asks for verdicts."""
+    flight, costs = searching(cells), Costs()
+    flight.state = replace(flight.state, belief=seen_openly(block(cells)))
+    for east in range(20):
+        seen = frame_from_anywhere(flight.next_s(), Cell(east, 10))
+
+        def take(seen: FrameSeen = seen) -> None:
+            flight.post(seen)
+            for vote in seen.votes:
+                flight.state.belief.verdict(vote.cell)
+                flight.state.belief.provisional(vote.cell)
+
+        costs.measure(take)
+    return costs.medians()
+
+
 def from_one_vantage(cells: int) -> tuple[float, float]:
     """Photographs count as taken from one vantage: there the votes of all cells come together."""
     vantage, costs = Cell(0, 0), Costs()
@@ -123,7 +151,7 @@ def of_a_no(cells: int) -> tuple[float, float]:
     return costs.medians()
 
 
-COSTS = [in_search, in_exploration, of_looks, from_one_vantage, of_a_no]
+COSTS = [in_search, in_exploration, from_anywhere, of_looks, from_one_vantage, of_a_no]
 
 
 @pytest.mark.parametrize("cost", COSTS)

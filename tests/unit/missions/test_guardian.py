@@ -8,7 +8,9 @@ import pytest
 
 from missions.energy import EnergyModel
 from missions.ground.fence import Fence
-from missions.guardian import Guard, Limits, Seen, Task, Verdict, landing_wh, watch
+from missions.guardian import OFF_PLAN_M, Guard, Limits, Seen, Task, Verdict, landing_wh, watch
+from missions.motion.course import Course
+from missions.motion.trajectory import rounded_path
 from missions.units import GridPoint
 
 HOME = GridPoint(0.0, 0.0)
@@ -228,6 +230,20 @@ def test_a_fall_is_a_crash_whoever_flies(mode: str) -> None:
     assert watched.pass_time(2, height_m=-9.0) == ["crashed"]
 
 
+@pytest.mark.parametrize("mode", ["follow", "other", "rtl", "land"])
+@pytest.mark.parametrize("armed", [True, False])
+def test_who_struck_its_pad_has_crashed_whoever_flew(mode: str, armed: bool) -> None:
+    low = replace(IN_AIR, mode=mode, height_m=3.0)
+    watched = Watched(Task("land", 0.0, (HOME,), True, 12.0), low)
+    stands = {"height_m": 0.1, "armed": armed, "airborne": False}
+    assert watched.look(t_s=1.0, struck_m_s=2.4, **stands) is None
+    verdict = watched.look(t_s=2.0, struck_m_s=2.6)
+    assert verdict is not None
+    assert verdict.rung == "crashed"
+    assert "2.6 m/s, 0 m from home" in verdict.reason
+    assert watched.look(t_s=3.0, struck_m_s=0.0) is None
+
+
 def test_a_pilots_landing_is_none() -> None:
     watched = Watched(leg(), replace(IN_AIR, mode="other", position=FAR))
     assert watched.pass_time(8, height_m=-2.0) == []
@@ -285,3 +301,88 @@ def test_a_single_jump_of_the_position_is_no_reason_to_land() -> None:
     watched.pass_time(1, east_m=40.0)
     assert watched.pass_time(5) == []
     assert watched.pass_time(6, east_m=-40.0 / 6) == []
+
+
+# --- a path that is flown without stopping --------------------------------------------------------
+LANES = [HOME, FAR, GridPoint(60, 12), GridPoint(0, 12), GridPoint(0, 24), GridPoint(40, 24)]
+
+
+def along(begin_s: float = 2.0) -> Task:
+    course = Course((rounded_path(LANES, begin_s, speed_m_s=6.0),))
+    return Task("path", 0.0, height_m=12.0, name="FlyPath", course=course)
+
+
+def fly_path(watched: Watched, until_s: float, late_s: float = 0.0, off_m: float = 0.0) -> None:
+    course = watched.guard.task.course
+    assert course is not None
+    while watched.seen.t_s < until_s:
+        t_s = watched.seen.t_s + 1.0
+        place = course.at(t_s - late_s).place
+        watched.look(t_s=t_s, position=GridPoint(place.east_m, place.north_m + off_m))
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.5])
+def test_a_path_that_is_followed_is_left_alone(late_s: float) -> None:
+    watched = Watched(along())
+    course = watched.guard.task.course
+    assert course is not None
+    fly_path(watched, course.end_s + 10.0, late_s)
+    assert not watched.verdicts
+
+
+def test_a_path_that_replaces_another_is_left_alone() -> None:
+    """Until it begins the older one is flown; it is some way off by then."""
+    watched = Watched(along())
+    fly_path(watched, 6.0)
+    course = watched.guard.task.course
+    assert course is not None
+    here = course.at(9.0)
+    corners = [here.place, GridPoint(50, 0), GridPoint(50, 40)]
+    plan = rounded_path(corners, 9.0, speed_m_s=6.0, begin_speed_m_s=here.v_east_m_s)
+    task = replace(along(), since_s=6.0, course=course.then(plan, 6.0))
+    watched.guard = watched.guard.told(task)
+    fly_path(watched, plan.end_s + 5.0)
+    assert not watched.verdicts
+
+
+def test_who_does_not_follow_a_path_is_reported_within_seconds_and_not_taken_for_swept() -> None:
+    watched = Watched(along())
+    watched.pass_time(20)  # it hovers
+    t_s, verdict = watched.verdicts[0]
+    assert (verdict.rung, verdict.reason) == ("report", "it is 21 m off its path by now")
+    assert t_s == 7.0
+    assert [v.rung for _, v in watched.verdicts] == ["report", "rtl"]
+
+
+def test_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it() -> None:
+    watched = Watched(along())
+    fly_path(watched, 15.0, off_m=OFF_PLAN_M + 1.0)
+    assert watched.verdicts[0][1].rung == "report"
+    windy = Watched(along(), replace(IN_AIR, wind_m_s=3.0))
+    fly_path(windy, 15.0, off_m=OFF_PLAN_M + 1.0)
+    assert not windy.verdicts
+
+
+def test_who_is_carried_away_from_a_path_is_known() -> None:
+    watched = Watched(along())
+    fly_path(watched, 5.0)
+    rungs = watched.pass_time(8, north_m=-8.0)
+    assert rungs[0] in ("report", "land")
+    assert watched.verdicts[-1][1].rung == "land"
+
+
+def test_a_path_that_never_comes_to_rest_is_reported() -> None:
+    watched = Watched(along())
+    course = watched.guard.task.course
+    assert course is not None
+    fly_path(watched, course.end_s + 25.0)
+    assert [v.rung for _, v in watched.verdicts] == ["report"]
+    assert "has not come to rest" in watched.verdicts[0][1].reason
+
+
+def test_height_that_is_lost_on_a_path_is_known() -> None:
+    watched = Watched(along())
+    fly_path(watched, 6.0)
+    watched.seen = replace(watched.seen, height_m=6.0)
+    fly_path(watched, 12.0)
+    assert "lost height" in watched.verdicts[0][1].reason

@@ -8,10 +8,9 @@ import re
 import pytest
 
 from missions.errors import MissionFileError
-from missions.explorers import EXPLORERS
 from missions.ground.geodesy import LocalPlane
 from missions.ground.grid import Grid
-from missions.mission_file.checks import parse_mission
+from missions.mission_file.checks import STRATEGIES, parse_mission
 from missions.mission_file.launch_pads import homes
 from missions.units import LatLon
 
@@ -59,7 +58,7 @@ def test_the_good_mission_is_good() -> None:
 # --- names -----------------------------------------------------------------------------------
 def test_an_unknown_strategy_lists_the_known_ones() -> None:
     assert fault(strategy="'rdsf'") == (
-        f"strategy = 'rdsf': unknown; did you mean 'rdfs'? known: {', '.join(sorted(EXPLORERS))}"
+        f"strategy = 'rdsf': unknown; did you mean 'rdfs'? known: {', '.join(sorted(STRATEGIES))}"
     )
 
 

@@ -12,7 +12,8 @@ from missions.ground.grid import Grid
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.schema import Mission, positions
 
-NAMES = ["runway", "runway-field", "spill", "road"]
+NAMES = ["burn", "runway", "runway-field", "spill", "road"]
+NONSTOP = {"burn", "runway", "spill"}
 
 
 def shipped(name: str) -> Mission:
@@ -34,6 +35,11 @@ def regions(mission: Mission) -> list[Polygon]:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_shipped_mission_passes_its_checks(name: str) -> None:
     assert shipped(name).name == name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_who_repeats_a_paper_or_has_no_vehicle_stops(name: str) -> None:
+    assert shipped(name).strategy == ("swath" if name in NONSTOP else "rdfs")
 
 
 def test_nothing_else_is_shipped() -> None:
@@ -59,9 +65,29 @@ def test_the_runway_is_92_by_21_metres_and_turned(name: str) -> None:
 
 def test_the_two_runways_differ_in_settings_only() -> None:
     best, field = shipped("runway").model_dump(), shipped("runway-field").model_dump()
-    assert {key for key in best if best[key] != field[key]} == {"name", "flight", "camera"}
+    assert {key for key in best if best[key] != field[key]} == {
+        "name",
+        "strategy",
+        "flight",
+        "camera",
+        "detector",
+    }
+    del best["detector"]["share"], field["detector"]["share"]  # of frames in motion, and at rest
+    assert best["detector"] == field["detector"]
     assert field["flight"]["speed_m_s"] == 1.0
     assert field["camera"]["interval_s"] == 1.0
+
+
+def test_the_burn_is_compact_and_a_sixth_of_its_box() -> None:
+    mission = shipped("burn")
+    (burn,) = regions(mission)
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    box = Polygon([grid.fixed(place) for place in positions(mission.search.box)])
+    cell_m = mission.grid.cell_m
+    assert 380 <= burn.area / cell_m**2 <= 410
+    assert box.contains(burn)
+    assert box.area / cell_m**2 == pytest.approx(2500, abs=5)
+    assert burn.area / burn.convex_hull.area > 0.9
 
 
 def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show() -> None:

@@ -22,7 +22,7 @@ from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, TakeOff
 from missions.state import Phase, ReturnReason
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
-from tests.unit.missions.test_step import HOME, Service
+from tests.unit.missions.test_step import HOME, Service, frame
 
 BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
 PAD = GridPoint(8.0, 0.0)
@@ -108,6 +108,88 @@ def test_no_look_is_given_over_a_cell_that_has_left_the_fence() -> None:
     made.now_s = 40.0
     made.track(1, GridPoint(0.0, 92.0))
     assert not isinstance(made.order(), Look)
+
+
+DRIFTING = Cell(0, 17)
+"""68 m north, at 0.4 m/s; the margin of the fence begins at 98 m."""
+
+
+def followed(made: Service) -> float:
+    """Track a vehicle over its drifting cell until it follows that no more; when this was, in s.
+
+    As the driver does: it flies over the cell wherever that goes. Nobody looks out for it here but
+    the reducer.
+    """
+    while isinstance(order := made.order(), Look | FlyTo) and order.cell is not None:
+        here = made.setting.grid.to_fixed(made.setting.grid.centre_of(order.cell), made.now_s)
+        assert made.setting.fence.allows(here), f"still followed, {here}"
+        made.track(1, here)
+    return made.now_s
+
+
+def looking(made: Service) -> Look:
+    """A vehicle that looks from a cell which drifts towards the fence."""
+    made.exploring(at=DRIFTING)
+    order = made.order()
+    assert isinstance(order, Look)
+    return order
+
+
+def test_a_look_that_lasts_ends_before_its_cell_drifts_out_of_the_fence() -> None:
+    """The pictures that were judged count, and nobody calls the map whole."""
+    made = service(drift_m_s=0.4, toward_deg=0.0)
+    looking(made)
+    north = Cell(0, 18)
+    made.post(frame(1, 2.0, DRIFTING, DRIFTING, north))
+    made.post(frame(1, 3.0, DRIFTING, DRIFTING, north))
+    made.post(frame(1, 4.0, DRIFTING, DRIFTING, north))
+    # 30 m at 0.4 m/s are 75 s, and the fence begins 3 s earlier for who follows
+    assert followed(made) == pytest.approx(73.0, abs=1.5)
+    assert made.state.undecided == {DRIFTING}
+    assert made.state.tree is not None
+    assert made.state.tree.has_looked(DRIFTING)
+    assert made.state.tree.children(DRIFTING) == (north,)
+    assert not made.state.completed
+
+
+def test_a_look_without_a_picture_is_given_up_at_the_fence_and_named() -> None:
+    made = service(drift_m_s=0.4, toward_deg=0.0)
+    looking(made)
+    followed(made)
+    assert made.state.abandoned == {DRIFTING}
+    assert made.state.vehicles[1].return_reason is not ReturnReason.FAULT, "the camera is well"
+
+
+def test_a_suspicion_that_drifts_out_while_it_is_looked_at_is_dropped() -> None:
+    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made.connect()
+    changed(made, 1, phase=Phase.AIRBORNE, landed=False, candidate=DRIFTING, at_target=True,
+            order=Look(DRIFTING, 30, 12.0), lanes=(), height_m=12.0)  # fmt: skip
+    followed(made)
+    assert made.state.vehicles[1].candidate is None
+
+
+def test_a_leg_against_the_wind_does_not_follow_its_cell_out_of_the_fence() -> None:
+    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made.exploring(at=DRIFTING)
+    leg = FlyTo((), DRIFTING, stop=True, height_m=12.0)
+    changed(made, 1, order=leg, at_target=False)
+    assert 70.0 < followed(made) < 76.0
+    assert made.order() == Hold(), "it comes to rest"
+    for _ in range(12):
+        made.track(1, GridPoint(0.0, 96.0))
+        assert not isinstance(made.order(), Look)
+        assert getattr(made.order(), "cell", None) is None
+    assert made.state.abandoned == {DRIFTING}
+
+
+def test_a_region_at_rest_is_looked_at_for_as_long_as_it_takes() -> None:
+    made = service()
+    order = looking(made)
+    here = made.setting.grid.centre_of(DRIFTING)
+    for _ in range(100):
+        made.track(1, here)
+    assert made.order() is order
 
 
 def test_the_way_to_a_pad_in_the_margin_goes_round_a_hole() -> None:

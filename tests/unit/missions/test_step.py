@@ -14,6 +14,7 @@ from missions.events import (
     Connected,
     Crashed,
     Event,
+    FrameLost,
     FrameSeen,
     Landed,
     LiftedOff,
@@ -150,6 +151,24 @@ def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service
     assert service.state.tree.root == suspect
     assert service.state.tree.children(suspect) == (Cell(0, 7),)
     assert service.state.found_s == t_s + 4  # the search frame over the cell counts
+
+
+def test_a_frame_from_anywhere_is_evidence_and_nothing_more(service: Service) -> None:
+    """It is of no lane and no look; what it elects is ROI of the map."""
+    service.connect()
+    service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
+    order, seen = service.order(), Cell(0, 6)
+    votes = (Vote(seen, True, 1.0), Vote(Cell(1, 6), False, 0.0))
+    for i in range(3):
+        service.post(FrameLost(1, 13.0 + i, "black"), FrameSeen(1, 13.1 + i, None, votes))
+    vehicle, belief = service.state.vehicles[1], service.state.belief
+    assert service.order() == order
+    assert (vehicle.candidate, vehicle.lane_seen_m, vehicle.frames_lost) == (None, (), 0)
+    assert service.state.tree is None
+    assert belief.roi == {seen}
+    assert belief.verdict(Cell(1, 6)) is False
+    service.post(FrameSeen(1, 12.9, None, ((Vote(Cell(1, 6), True, 1.0)),)))  # it came late
+    assert service.state.belief.verdict(Cell(1, 6)) is False
 
 
 def test_a_box_without_roi_is_exhausted_which_is_a_result(service: Service) -> None:

@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.camera.render import CameraSpec
+from sitl.camera.pinhole import CameraSpec
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import Patch, World, WorldSpec
 
@@ -64,6 +64,26 @@ class Client:
                 height_m, *([0.0] * 8),
             )
         )  # fmt: skip
+
+    def along(
+        self, place: tuple[float, float], velocity: tuple[float, float], height_m: float = 12.0
+    ) -> list[Any]:
+        """A setpoint of place and velocity, each east and north."""
+        at = self.vehicle.world.plane.to_wgs84(*place)
+        return self.send(
+            mav.MAVLink_set_position_target_global_int_message(
+                0, 1, 1, 6, 0xDC0, round(at.lat_deg * 1e7), round(at.lon_deg * 1e7), height_m,
+                velocity[1], velocity[0], *([0.0] * 6),
+            )
+        )  # fmt: skip
+
+    def velocity(self, east_m_s: float, north_m_s: float) -> list[Any]:
+        """A setpoint of velocity alone."""
+        return self.send(
+            mav.MAVLink_set_position_target_global_int_message(
+                0, 1, 1, 6, 0xDC7, 0, 0, 0.0, north_m_s, east_m_s, *([0.0] * 6)
+            )
+        )
 
     def every(self, message_id: int, interval_s: float) -> int:
         return self.result(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)

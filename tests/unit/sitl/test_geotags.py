@@ -20,7 +20,8 @@ from shapely.geometry import Polygon, shape
 from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon, Quaternion
 from sitl.camera.exif import EPOCH_UTC_S, Geotag, camera_angles, tagged
-from sitl.camera.render import CameraSpec, render
+from sitl.camera.pinhole import CameraSpec
+from sitl.camera.render import render
 from tests.unit.sitl.conftest import Client
 from uavmap.cli import main
 from uavmap.mission_source import load_source
@@ -187,13 +188,13 @@ def test_pictures_of_a_lawnmower_become_the_map_of_the_region(tmp_path, capsys):
     box = [vehicle.world.plane.to_plane(LatLon(*corner)) for corner in mission.search.box]
     west, east = min(e for e, _ in box) - 2.0, max(e for e, _ in box) + 2.0
     south, north = min(n for _, n in box) - 2.0, max(n for _, n in box) + 2.0
-    client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 3.0)
     photos = tmp_path / "photos"
     photos.mkdir()
     for lane in range(4):
         n = south + lane * (north - south) / 3
         first, last = (west, east) if lane % 2 == 0 else (east, west)
         assert client.reposition(first, n, 12.0) == 0
+        client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 3.0)  # the first target would undo it
         client.run(5.0)
         assert client.result(CAPTURE, 0, 0.5, 0, 0) == 0
         assert client.reposition(last, n, 12.0) == 0

@@ -14,7 +14,8 @@ from PIL import Image, TiffImagePlugin
 from missions.errors import WorldError
 from missions.ground.geodesy import LocalPlane, UtmZone
 from missions.units import LatLon
-from sitl.camera.render import CameraSpec, Shot, ground_to_pixel, render
+from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
+from sitl.camera.render import render
 from sitl.world.files import load_ground, load_orthophoto, load_patches
 from sitl.world.world import World, WorldSpec
 

@@ -59,18 +59,26 @@ def test_acceleration_and_climb_stay_within_limits(make_client):
     assert client.vehicle.truth.landed
 
 
-def test_a_change_of_speed_is_kept_until_the_mode_changes(make_client):
+def test_a_change_of_speed_is_kept_until_the_mode_or_the_kind_of_target_changes(make_client):
     client = make_client()
     client.take_off()
-    assert client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
     speeds = []
 
     def watch():
         speeds.append(math.hypot(*client.vehicle.truth.velocity_m_s[:2]))
 
+    client.target(0.0, 0.0, 12.0)  # the first target after a take-off changes it
+    assert client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
     client.target(0.0, 10.0, 12.0)
     client.run(8.0, watch)
     assert 0.9 < max(speeds) < 1.15
+    client.velocity(0.0, 0.0)
+    client.target(0.0, 30.0, 12.0)
+    client.run(6.0, watch)
+    assert max(speeds) > 3.0
+    assert client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
+    client.run(20.0)
+    speeds.clear()
     client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_BRAKE)
     client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_GUIDED)
     client.target(0.0, 40.0, 12.0)

@@ -55,6 +55,23 @@ def test_the_vantage_is_the_cell_below_unless_one_is_given() -> None:
     assert votes
 
 
+def test_from_anywhere_a_frame_judges_all_that_it_shows_whole() -> None:
+    """From 12 m the picture shows 20.1 m x 15.1 m; half a metre of its rim is left out."""
+    here = classifier()
+    east_m = 9.3
+    seen = frame(east_m=east_m)
+    votes = here.votes_anywhere(seen)
+    footprint = here.camera.footprint(12.0)
+    margin_m = here.mission.camera.pose_error_m
+    assert margin_m == 0.5
+    place = here.grid.to_moving(here.grid.fixed(seen.pose.position), seen.t_s)
+    expected = footprint.whole_cells(place, -here.grid.convergence_rad, 4.0, margin_m)
+    assert [vote.cell for vote in votes] == list(expected)
+    assert len(votes) > 5
+    with pytest.raises(ImageError, match="repeats"):  # a picture twice is no evidence, here either
+        here.votes_anywhere(seen)
+
+
 @pytest.mark.parametrize("east_m", [0.0, 100.0, 145.0, 200.0, 1000.0])
 def test_seeing_all_goes_by_the_pose_however_far_the_vantage_is(east_m: float) -> None:
     """All photographs of a replay have one vantage; each judges the ground that it shows."""

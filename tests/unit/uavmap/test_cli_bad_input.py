@@ -73,7 +73,7 @@ MISSION_FAULTS = {
     "zero cell size": (r"^cell_m = 4\.0", "cell_m = 0.0", "grid.cell_m = 0.0"),
     "a field of view too small": (r"^hfov_deg = 80\.0", "hfov_deg = 30.0", "camera.hfov_deg"),
     "no TOML": (r"^name = ", "name ", "not a TOML file"),
-    "an unknown strategy": (r'^strategy = "rdfs"', 'strategy = "dfs"', "strategy"),
+    "an unknown strategy": (r'^strategy = "swath"', 'strategy = "dfs"', "strategy"),
     "an unknown detector": (r'^name = "threshold"', 'name = "oracle"', "detector.name"),
     "more votes than frames": (r"^positive = 3", "positive = 9", "votes"),
 }

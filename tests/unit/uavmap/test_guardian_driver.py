@@ -19,7 +19,7 @@ from missions.events import (
     OrderFailed,
     Overridden,
 )
-from missions.orders import FlyTo, Hold, Sweep, TakeOff
+from missions.orders import FlyTo, Hold, Land, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from tests.unit.uavmap.flights import Flight, fly, small_mission
@@ -181,6 +181,62 @@ def test_a_crash_is_known_and_said() -> None:
 
     flight = fly(body)
     assert any("is down near" in text for text in flight.told)
+
+
+FORCED = 21196.0
+"""Of MAV_CMD_COMPONENT_ARM_DISARM: stop the motors in the air, too."""
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("height_m", [1.5, 3.0, 8.0])
+def test_motors_that_stop_over_the_pad_are_no_landing(autopilot: str, height_m: float) -> None:
+    """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
+    made = small_mission()
+    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.give(Land())
+        await flight.until(lambda: flight.session.view.height_m < height_m)
+        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+        crashed = await flight.sees(Crashed, within_s=5.0)
+        assert flight.vehicle.truth.crashed
+        assert "struck the ground" in crashed.reason or "it fell" in crashed.reason
+        await asyncio.sleep(10.0)
+        assert not flight.driver.guardian.responsible
+
+    flight = fly(body, made)
+    assert len(flight.seen(Crashed)) == 1
+    assert not flight.seen(Landed)
+    assert any("is down near" in text for text in flight.told)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(autopilot: str) -> None:
+    made = small_mission()
+    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.give(Land())
+        await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
+        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+        await flight.sees(Landed, within_s=5.0)
+        await asyncio.sleep(5.0)
+
+    assert not fly(body, made).seen(Crashed)
+
+
+def test_a_crash_under_the_guardian_is_told_once() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.guardian.take_over("land", "a test")
+        await flight.until(lambda: flight.session.view.height_m < 3.0)
+        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+        await flight.sees(Crashed, within_s=5.0)
+        await asyncio.sleep(10.0)
+
+    assert len(fly(body).seen(Crashed)) == 1
 
 
 def test_a_crashed_aircraft_that_believes_to_fly_stays_down() -> None:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from missions.kernels import jit
+from missions.kernels import jit, swath
+from missions.swath import warm_up
 from uavmap.cli import main
 from uavmap.fly import flight
+from uavmap.notices import ready_planner
 
 TINY = Path(__file__).parents[2] / "data" / "tiny.toml"
 
 
 @pytest.mark.parametrize(
     ("strategy", "compiled", "told"),
-    [("horizon", False, 1), ("horizon", True, 0), ("rdfs", False, 0)],
+    [("horizon", False, 1), ("horizon", True, 0), ("swath", False, 1), ("rdfs", False, 0)],
 )
 def test_fly_and_resume_tell_it_once(
     strategy: str,
@@ -49,3 +54,52 @@ def test_simulate_tells_it(
     command = ["simulate", "--roi", "rectangle:6:1", "--strategy", strategies, "--robots", "2"]
     assert main(command) == 0
     assert capsys.readouterr().err.count("slowly without numba") == told
+
+
+@pytest.mark.parametrize(
+    ("strategy", "kept", "told"),
+    [("swath", (), 1), ("survey", (), 1), ("swath", ("swath.improve-1.nbi",), 0), ("rdfs", (), 0)],
+)
+def test_that_the_planner_is_compiled_now_is_told(
+    strategy: str, kept: tuple[str, ...], told: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in kept:
+        (tmp_path / name).touch()
+    made: list[str] = []
+    monkeypatch.setattr(warm_up, "warm_up", lambda: made.append("plan"))
+    planner = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
+    monkeypatch.setattr(swath, "improve", planner)
+    said: list[str] = []
+    ready_planner(strategy, said.append)
+    assert len(said) == told
+    assert len(made) == (strategy != "rdfs")
+
+
+@pytest.mark.skipif(not jit.COMPILED, reason="numba is not installed")
+def test_nothing_is_compiled_after_the_planner_was_got_ready(tmp_path: Path) -> None:
+    """A flight in a process of its own: of each kernel there are as many forms as before it."""
+    code = """if True:
+        import sys
+        from missions.kernels import swath
+        from uavmap.cli import main
+        from uavmap.notices import ready_planner
+
+        def forms():
+            kernels = {name: k for name, k in vars(swath).items() if hasattr(k, "signatures")}
+            return {name: len(kernel.signatures) for name, kernel in kernels.items()}
+
+        ready_planner("swath", print)
+        before = forms()
+        assert sum(before.values()) >= 4
+        assert main(["fly", *sys.argv[1:]]) == 0
+        assert forms() == before
+    """
+    flight = [str(TINY), "--sim", "--strategy", "swath", "--out", str(tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *flight],
+        cwd=TINY.parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr

@@ -111,7 +111,7 @@ def test_a_cell_needs_nine_tenths_inside_the_picture(along_m: float, judged: boo
     """The north cell reaches from 2 to 6 m: its first nine tenths end at 5.6 m."""
     grid = Grid.at(LatLon(0.0, 9.0), 4.0)
     camera = Camera(2 * math.atan(along_m * 4 / 3 / 24.0), 640, 480)
-    assert camera.footprint_m(12.0)[1] == pytest.approx(along_m)
+    assert camera.footprint(12.0)[1] == pytest.approx(along_m)
     pose, axes = nadir_pose(grid, GridPoint(0.0, 0.0), 12.0, 0.0)
     image = paint([], grid, camera, pose, axes)
     found = look(Frame(image, pose, 0.0, camera), grid, PLAIN, share=0.5, view="cross")

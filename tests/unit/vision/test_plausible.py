@@ -10,7 +10,8 @@ import pytest
 
 from missions.units import LatLon
 from sitl.camera.corrupt_images import black
-from sitl.camera.render import CameraSpec, Shot, render
+from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.render import render
 from sitl.world.world import Patch, World, WorldSpec
 from vision.plausible import BRIGHT, DARK, Image, implausible
 

@@ -1,0 +1,88 @@
+"""The map as the planner of paths sees it: arrays of votes, and where nobody may be or look."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from missions.flight.optics import kinematics
+from missions.state import Setting, State, VehicleState
+from missions.swath.chart import Chart, Flags
+from missions.units import Cell
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A chart, and the cell where the region was first seen."""
+
+    chart: Chart
+    root: int
+    wanted: Flags | None = None
+    """Of a survey: 1 for each cell of the box."""
+
+
+def chart_of(
+    setting: Setting,
+    state: State,
+    root: Cell | None,
+    begin_s: float,
+    team: Mapping[int, VehicleState],
+) -> Known:
+    """What is known, around the region, as it lies at a time; without a `root` all of the box."""
+    belief, cell_m = state.belief, setting.mission.grid.cell_m
+    ballots = belief.open_ballots
+    box = setting.box_cells if root is None else ()
+    chart = Chart.around([*((root,) if root else box), *ballots], cell_m)
+    for cell, ballot in ballots.items():
+        index = chart.index(cell)
+        yes = sum(vote for _, vote in ballot)
+        chart.yes[index], chart.no[index] = yes, len(ballot) - yes
+    for cell in belief.roi:
+        chart.yes[chart.index(cell)] = belief.positive
+        chart.no[chart.index(cell)] = 0
+    _fence(setting, chart, begin_s, team)
+    if root is not None:
+        return Known(chart, chart.index(root))
+    wanted = np.zeros(chart.columns * chart.rows, np.uint8)
+    wanted[[chart.index(cell) for cell in box]] = 1
+    return Known(chart, -1, wanted)
+
+
+def _fence(
+    setting: Setting, chart: Chart, begin_s: float, team: Mapping[int, VehicleState]
+) -> None:
+    """Close what lies outside: half a cell inside the margin a vehicle may be."""
+    grid, cell_m = setting.grid, chart.cell_m
+    east = (np.arange(chart.columns) + chart.west) * cell_m + grid.drift_east_m_s * begin_s
+    north = (np.arange(chart.rows) + chart.south) * cell_m + grid.drift_north_m_s * begin_s
+    x, y = np.meshgrid(east, north)
+    inner = setting.fence.shrunk(cell_m / 2.0)
+    allowed = shapely.contains_xy(inner, x, y).astype(np.uint8)
+    chart.allowed = allowed.ravel()
+    chart.fenced = not bool(allowed.all())
+    if not chart.fenced:
+        return
+    seen = np.zeros_like(allowed)
+    for vehicle in team.values():
+        flown = kinematics(setting, vehicle)
+        reach_e = math.floor(flown.half_east_m / cell_m)
+        reach_n = math.floor(flown.half_north_m / cell_m)
+        seen |= _dilated(np.asarray(allowed), reach_e, reach_n)
+    chart.closed = (1 - seen).astype(np.uint8).ravel()
+
+
+def _dilated(flags: Flags, columns: int, rows: int) -> Flags:
+    """Each flag spread over so many columns and rows to either side."""
+    out = flags.copy()
+    for k in range(1, columns + 1):
+        out[:, k:] |= flags[:, :-k]
+        out[:, :-k] |= flags[:, k:]
+    flags = out.copy()
+    for k in range(1, rows + 1):
+        out[k:, :] |= flags[:-k, :]
+        out[:-k, :] |= flags[k:, :]
+    return out

@@ -1,0 +1,182 @@
+"""Who has a vehicle, and whether it can be told anything: links, pilots, a resumed mission."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from missions.events import Airborne, Connected, GivenUp, LinkLost, Overridden, Released
+from missions.flight.lane_progress import lane_left
+from missions.flight.return_home import BESIDE_M
+from missions.guardian import PAD_M
+from missions.orders import Land, StandDown
+from missions.state import BRAKING_S, Phase, ReturnReason, Setting, State, VehicleState
+
+RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
+LIFTED_M = 1.0
+"""A vehicle that is higher above home has left the ground."""
+LEVEL_M = 1.0
+"""Homes that differ less in height count as level: satellite navigation is no better."""
+
+
+def resume(setting: Setting, state: State) -> State:
+    """Everybody takes part again; what they carried out died with the process."""
+    root = state.tree.root if state.tree is not None else None
+    vehicles = {
+        number: replace(
+            lane_left(v, setting.grid.cell_m),
+            phase=Phase.OFFLINE,
+            order=None,
+            last_order=None,
+            return_reason=None,
+            over_home=False,
+            spare_pad=None,
+            at_target=False,
+            vertex=v.vertex or root,
+            cleared=v.phase is not Phase.DOWN,  # perhaps nobody has fetched it
+            wind_m_s=0.0,
+            frames_lost=0,
+            empty_passes=0,
+            note="",
+        )
+        for number, v in state.vehicles.items()
+    }
+    return replace(state, recalled=False, vehicles=vehicles)
+
+
+def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    """A vehicle has answered, for the first time or again."""
+    phase = Phase.GROUNDED
+    if event.airborne:
+        phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
+    taken_up = replace(
+        lane_left(vehicle, setting.grid.cell_m),
+        phase=phase,
+        tracked_s=event.t_s,
+        home=event.home,
+        position=event.position,
+        height_m=event.height_m,
+        remaining_wh=event.remaining_wh,
+        drawn_w=0.0,
+        landed=not event.airborne,
+        landed_away_m=0.0,
+        order=StandDown() if phase is Phase.YIELDED else None,
+        last_order=None,
+        return_reason=None,
+        over_home=False,
+        at_target=False,
+        braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
+        fruitless_sorties=0,
+        frames_lost=0,
+        returns_by_itself=event.mode == "rtl",
+        note="",
+    )
+    if phase is not Phase.AIRBORNE:
+        return _found_on_the_ground(taken_up, vehicle)
+    return _on_its_way_home(taken_up, event, vehicle)
+
+
+def levelled(
+    vehicle: VehicleState,
+    event: Connected | Airborne,
+    reference_amsl_m: float | None,
+    setting: Setting,
+) -> VehicleState:
+    """The vehicle with the height of its home above the first home that was told.
+
+    A home that is told in the air keeps its level: what it flies at is above the old one.
+    """
+    in_air = isinstance(event, Connected) and event.airborne
+    if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
+        return vehicle
+    level_m = event.home_amsl_m - reference_amsl_m
+    team = setting.mission.team
+    # two that are both taken to be level must still keep their distance
+    level_enough_m = min(LEVEL_M, 0.5 * (team.layer_m - team.separation_m))
+    level = abs(level_m) < level_enough_m
+    return replace(vehicle, home_level_m=0.0 if level else round(level_m, 2))
+
+
+def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
+    """A vehicle that has flown, and stands away from its pad now, is down there."""
+    away_m = connected.position.distance_to(connected.home)
+    has_flown = not (before.landed and before.cleared)
+    # one that people put elsewhere starts with a new home; one beside a blocked pad is close
+    near = away_m <= (BESIDE_M if before.landed else PAD_M)
+    if not connected.landed or not has_flown or near:
+        return connected
+    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
+    return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
+
+
+def _on_its_way_home(
+    connected: VehicleState, event: Connected, before: VehicleState
+) -> VehicleState:
+    """A vehicle that was coming home when it fell silent goes on doing so."""
+    reason = before.return_reason
+    if before.phase is Phase.LOST:  # nobody knows what it has been through
+        reason = reason or ReturnReason.BATTERY
+    if event.mode == "rtl":
+        resumed = reason or (None if before.note else ReturnReason.BATTERY)
+        return replace(
+            connected,
+            phase=Phase.GUARDED,
+            order=StandDown(),
+            return_reason=resumed,
+            note=before.note,
+        )
+    if event.mode == "land":
+        # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
+        reason = reason or ReturnReason.BATTERY
+        landing = replace(connected, return_reason=reason, over_home=True, order=Land())
+        return replace(landing, braking_until_s=None, note=before.note)
+    return replace(connected, return_reason=reason)
+
+
+def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    """It is silent: what it carries out is remembered, for its air stays claimed."""
+    if vehicle.phase is Phase.OFFLINE:
+        return vehicle
+    return replace(
+        lane_left(vehicle, setting.grid.cell_m),
+        phase=Phase.OFFLINE,
+        order=StandDown(),
+        last_order=vehicle.order,
+        note="link lost",
+    )
+
+
+def given_up(event: GivenUp, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    """It has been silent for too long."""
+    return replace(vehicle, phase=Phase.LOST, order=StandDown(), note=event.reason)
+
+
+def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    """A pilot or a failsafe has it: nothing more is sent to it."""
+    return replace(
+        lane_left(vehicle, setting.grid.cell_m),
+        phase=Phase.YIELDED,
+        order=StandDown(),
+        return_reason=None,
+        over_home=False,
+        at_target=False,
+        returns_by_itself=event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode,
+        note=f"yielded to {event.mode}",
+    )
+
+
+def released(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    """It was given back."""
+    airborne = event.height_m > LIFTED_M or not vehicle.landed
+    return replace(
+        vehicle,
+        phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,
+        position=event.position,
+        height_m=event.height_m,
+        landed=not airborne,
+        landed_away_m=0.0,
+        order=None,
+        braking_until_s=event.t_s + BRAKING_S if airborne else None,
+        fruitless_sorties=0,
+        frames_lost=0,
+        note="",
+    )

@@ -1,0 +1,75 @@
+"""Vehicles as the planner of paths sees them: in the frame of the region."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from shapely.geometry import Point
+from shapely.ops import nearest_points
+
+from missions.flight.optics import kinematics
+from missions.motion.trajectory import Trajectory
+from missions.orders import FlyPath
+from missions.state import Setting, VehicleState
+from missions.units import GridPoint
+
+if TYPE_CHECKING:
+    from missions.swath.paths import Route
+    from missions.swath.planner import Flyer
+
+
+def flyer_of(
+    setting: Setting,
+    vehicle: VehicleState,
+    planned: Trajectory | None,
+    route: Route | None,
+    begin_s: float,
+) -> Flyer:
+    """A vehicle as the planner sees it: everything in the frame of the region.
+
+    `planned` is the path that was planned for it last, and `route` what that was made of.
+    """
+    from missions.swath.planner import Flyer  # noqa: PLC0415 - numba takes a second to load
+
+    grid = setting.grid
+    path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
+    mine = path is not None and planned is path
+    # at the end of a path it is where that ends, until it is seen to have arrived
+    place = vehicle.position if path is None else path.at(begin_s).place
+    if path is not None and not mine:  # of the search: planned in the fixed frame
+        path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
+    over_home_s = begin_s if path is None else max(begin_s, path.end_s)
+    end = grid.to_moving(_over_pad(setting, vehicle), over_home_s)
+    return Flyer(
+        kinematics(setting, vehicle),
+        grid.to_moving(place, begin_s),
+        end,
+        path,
+        route if mine else None,
+    )
+
+
+def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
+    """A path of the fixed frame as it lies in that of the region at a time.
+
+    Its velocity stays that over ground: what a drift adds is little beside it.
+    """
+    if path.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
+        return path
+    east_m, north_m = drift_m_s[0] * at_s, drift_m_s[1] * at_s
+    return replace(
+        path,
+        pieces=tuple(
+            replace(p, east_m=p.east_m - east_m, north_m=p.north_m - north_m) for p in path.pieces
+        ),
+        drift_m_s=drift_m_s,
+    )
+
+
+def _over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
+    """Where a path ends: over the pad, or beside it where the fence allows."""
+    if setting.fence.allows(vehicle.pad):
+        return vehicle.pad
+    near = nearest_points(setting.fence.inner, Point(vehicle.pad))[0]
+    return GridPoint(float(near.x), float(near.y))

@@ -1,0 +1,279 @@
+"""Searching and exploring without a stop: paths that are planned anew while they are flown.
+
+A path is an exact function of time, so where a vehicle will be when the next plan begins is known
+without telemetry. The lanes of a search are one path; once the region is found, the planner
+(`missions.swath.planner`) is asked again whenever frames were judged since, and every plan begins
+`NOTICE_S` in the future, where the present path will be by then.
+
+Whether a path may be flown is decided by `missions.flight.path_orders`. Who has nothing to fly,
+or may not fly what was planned, is planned for again after `RETRY_S`. When nobody's frames have
+added a vote for longer than the paths took, what is left cannot be decided: it is given up, and
+told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from missions.flight.charting import Known, chart_of
+from missions.flight.deconfliction import hold
+from missions.flight.fallback import fall_back, patience_s
+from missions.flight.fetching import fetch
+from missions.flight.flyers import flyer_of
+from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside, through
+from missions.flight.return_home import REACTION_S, go_home, has_energy_for
+from missions.flight.sightings import grown
+from missions.motion.trajectory import Trajectory
+from missions.orders import FlyPath
+from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.units import Cell, GridPoint
+
+if TYPE_CHECKING:
+    from missions.swath.paths import Route
+    from missions.swath.planner import Flyer, Plan
+
+REPLAN_S: Final = 0.4
+RETRY_S: Final = 2.0
+"""Who waits is planned for again after so long, news or not."""
+VAIN_S: Final = 20.0
+VAIN_SHARE: Final = 1.2
+"""Frames that add no vote for so long, and for so many times the longest path, are in vain."""
+STEP_M: Final = 1.0
+MOST_PRESSING: Final = 3
+"""So often work that a plan leaves undone is given more weight; then it is flown to straight."""
+PRESSING: Final = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class PassMemory:
+    """What the next plan has to know of the last."""
+
+    planned_s: float = float("-inf")
+    frames: int = -1
+    """How many frames were judged by then."""
+    waiting: frozenset[int] = frozenset()
+    """Who had nothing to fly after it."""
+    routes: Mapping[int, Route] = field(default_factory=dict)
+    paths: Mapping[int, Trajectory] = field(default_factory=dict)
+    decisions: int = 0
+    flown_s: float = 0.0
+    """For how long somebody has explored."""
+    pressing: int = 0
+    votes: int = 0
+    """How many votes counted by then."""
+    vain_s: float = 0.0
+    """For how long plans were flown since then without one more."""
+    longest_s: float = 0.0
+    """How long the longest path of that time takes."""
+    fetching: Mapping[int, Trajectory] = field(default_factory=dict)
+    """Who was sent straight to what is left: they are not planned for until they are there."""
+    tried: frozenset[Cell] = frozenset()
+    """Where they looked from since a vote was last added."""
+
+
+# --- search ------------------------------------------------------------------------------------
+def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
+    points: list[GridPoint] = []
+    corners: list[bool] = []
+    at = vehicle.position
+    for start, end in vehicle.lanes:
+        route = setting.fence.route(at, start)
+        across = setting.fence.route(start, end)
+        if route is None or across is None:
+            break
+        for leg in (route, across):
+            points.extend(leg)
+            corners.extend([True] * (len(leg) - 1) + [False])
+        at = end
+    if not points:  # a part of the box that no way inside the fence leads to
+        lost = (*state.unreachable_lanes, vehicle.lanes[0])
+        state = replace(state, unreachable_lanes=lost)
+        return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
+    if not has_energy_for(setting, vehicle, points[0], REACTION_S):
+        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
+    path = through(setting, vehicle, points, corners, state.t_s + NOTICE_S)
+    return give_path(setting, state, replace(vehicle, on_lane=True), path)
+
+
+# --- exploration -------------------------------------------------------------------------------
+def explore_passes(setting: Setting, state: State) -> State:
+    """Plan anew for everybody who explores, if there is news and the last plan is not quite new."""
+    tree = state.tree
+    if setting.surveys:
+        if state.exhausted or any(v.lanes for v in state.vehicles.values()):
+            return state
+    elif tree is None or tree.is_explored(tree.root):
+        return state
+    memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
+    team = {n: v for n, v in sorted(state.vehicles.items()) if _takes_part(setting, v, memory)}
+    waiting = frozenset(n for n, v in team.items() if v.idle)
+    frames = state.belief.frames_taken(None)
+    fresh = frames != memory.frames
+    news = fresh or bool(waiting - memory.waiting)
+    retry = bool(waiting) and state.t_s >= memory.planned_s + RETRY_S
+    due = state.t_s >= memory.planned_s + REPLAN_S - 1e-6
+    if not team or not due or not (news or retry):
+        return state
+    begin_s = round(state.t_s + NOTICE_S, 3)
+    able = {n: v for n, v in state.vehicles.items() if _able(v)}
+    known = chart_of(setting, state, None if tree is None else tree.root, begin_s, able)
+    memory = replace(memory, frames=frames, pressing=0 if fresh else memory.pressing)
+    memory = _gone_on(memory, state, team)
+    if tree is not None and memory.flown_s > patience_s(setting, state):
+        return fall_back(state)
+    if _in_vain(memory):
+        return give_up_rest(setting, replace(state, memory=memory))
+    if memory.tried and waiting == frozenset(team):
+        return _fetch(setting, state, memory, known, waiting)
+    paths, routes = memory.paths, memory.routes
+    flyers = {
+        n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
+        for n, vehicle in team.items()
+    }
+    plan = _plan(setting, known, flyers, memory, begin_s)
+    if plan.work == 0:
+        return give_up_rest(setting, replace(state, memory=memory))
+    state, memory, blocked = _fly(setting, state, team, plan, memory)
+    idle = frozenset(n for n in team if state.vehicles[n].idle)
+    if idle != frozenset(team) or blocked:
+        return replace(state, memory=replace(memory, waiting=idle))
+    if all(map(_nowhere, plan.paths)) and memory.pressing < MOST_PRESSING:
+        # once more, with more weight
+        memory = replace(memory, pressing=memory.pressing + 1, waiting=frozenset())
+        return replace(state, memory=memory)
+    return _fetch(setting, state, memory, known, idle)
+
+
+def _fetch(
+    setting: Setting, state: State, memory: PassMemory, known: Known, idle: frozenset[int]
+) -> State:
+    """Have the nearest of those who wait fly to what is left; give it up if nobody can."""
+    waiting = {n: state.vehicles[n] for n in idle}
+    found = fetch(setting, state, waiting, known, memory.tried)
+    if found is None:
+        if any(n not in idle and _able(v) for n, v in state.vehicles.items()):
+            return replace(state, memory=replace(memory, waiting=idle))
+        return give_up_rest(setting, replace(state, memory=memory))
+    state = give_path(setting, state, waiting[found.vehicle], found.path)
+    if isinstance(state.vehicles[found.vehicle].order, FlyPath):
+        memory = replace(
+            memory,
+            tried=memory.tried | {found.vantage},
+            fetching={**memory.fetching, found.vehicle: found.path},
+            longest_s=max(memory.longest_s, found.path.end_s - state.t_s),
+        )
+    return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
+
+
+def _able(vehicle: VehicleState) -> bool:
+    """Whether a vehicle explores, or may again after a battery swap."""
+    return vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED) and (
+        vehicle.return_reason is None or vehicle.return_reason is ReturnReason.BATTERY
+    )
+
+
+def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:
+    """The memory at a new plan: whether the last ones have added a vote."""
+    votes = sum(map(len, state.belief.open_ballots.values()))
+    since_s = min(state.t_s - memory.planned_s, RETRY_S)
+    memory, vain_s = replace(memory, flown_s=memory.flown_s + since_s), memory.vain_s + since_s
+    if votes != memory.votes:
+        ends = (v.order.trajectory.end_s for v in team.values() if isinstance(v.order, FlyPath))
+        left_s = max((end_s - state.t_s for end_s in ends), default=0.0)
+        memory, vain_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
+    return replace(memory, planned_s=state.t_s, vain_s=vain_s, decisions=memory.decisions + 1)
+
+
+def _in_vain(memory: PassMemory) -> bool:
+    """Whether plans have been flown to their ends, and on, without a vote that counts."""
+    return memory.vain_s > VAIN_S + VAIN_SHARE * memory.longest_s
+
+
+def _takes_part(setting: Setting, vehicle: VehicleState, memory: PassMemory) -> bool:
+    if isinstance(vehicle.order, FlyPath):
+        apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
+    else:
+        apart = is_outside(setting.fence, vehicle.position)  # it comes inside first
+    return not apart and (
+        vehicle.phase is Phase.AIRBORNE
+        and vehicle.return_reason is None
+        and vehicle.braking_until_s is None
+        and (vehicle.idle or isinstance(vehicle.order, FlyPath))
+    )
+
+
+def _plan(
+    setting: Setting,
+    known: Known,
+    flyers: Mapping[int, Flyer],
+    memory: PassMemory,
+    begin_s: float,
+) -> Plan:
+    from missions.swath.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
+    from missions.swath.planner import Tuning  # noqa: PLC0415, as above
+
+    votes = setting.mission.votes
+    penalty_s = Tuning().penalty_s * PRESSING**memory.pressing
+    return plan_once(
+        Tuning(penalty_s=penalty_s), known.chart, tuple(flyers.values()), known.root, votes.frames,
+        votes.positive, begin_s, memory.decisions, known.wanted,
+    )  # fmt: skip
+
+
+def _fly(
+    setting: Setting,
+    state: State,
+    team: Mapping[int, VehicleState],
+    plan: Plan,
+    memory: PassMemory,
+) -> tuple[State, PassMemory, bool]:
+    """Give the paths that are new and may be flown; and whether somebody waits for free air."""
+    grid = setting.grid
+    drift = (grid.drift_east_m_s, grid.drift_north_m_s)
+    routes, paths = dict(memory.routes), dict(memory.paths)
+    longest_s, blocked = memory.longest_s, False
+    for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
+        vehicle = state.vehicles[number]
+        if path is None or (vehicle.idle and _nowhere(path)):
+            continue
+        flown = replace(path, drift_m_s=drift)
+        before = vehicle.order
+        state = give_path(setting, state, vehicle, flown)
+        given = state.vehicles[number].order
+        if given is not before and isinstance(given, FlyPath):
+            routes[number], paths[number] = route, flown
+            longest_s = max(longest_s, flown.end_s - state.t_s)
+        elif vehicle.idle and allowed(setting.fence, flown):
+            blocked = True  # its air is claimed, which passes: nothing is in vain yet
+    vain_s = 0.0 if blocked else memory.vain_s
+    memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
+    return state, memory, blocked
+
+
+def _nowhere(path: Trajectory | None) -> bool:
+    """Whether a path leads nowhere, but for a step to its end."""
+    return path is None or path.length_m < STEP_M
+
+
+# --- what grows, what is given up --------------------------------------------------------------
+def give_up_rest(setting: Setting, state: State) -> State:
+    """Nobody can decide what is left: what is known of it counts, and it is told."""
+    tree = state.tree
+    if tree is None:
+        open_ = (cell for cell in setting.box_cells if state.belief.verdict(cell) is None)
+        return replace(state, exhausted=True, surveyed=True, undecided=frozenset(open_))
+    given_up: set[Cell] = set()
+    left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
+    while left:
+        cell = left.pop()
+        if tree.has_looked(cell):
+            continue
+        given_up.add(cell)
+        roi = [near for near in cell.neighbours() if near in state.belief.roi]
+        left.extend(near for near in roi if near not in tree)
+        tree = tree.looked(cell, roi)
+    tree = grown(tree, state.belief, list(tree.vertices))
+    return replace(state, tree=tree, undecided=state.undecided | given_up)

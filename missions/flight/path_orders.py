@@ -1,0 +1,162 @@
+"""Giving a path that is flown without stopping, and taking it back: where it may lead, and when.
+
+A path is given only if the fence allows all of it, and the air of its next
+`missions.flight.deconfliction.AHEAD_S` seconds is free; that is looked at again at every report,
+and a vehicle brakes along its path before it meets air that somebody else has claimed
+(`keep_clear`). Whether the energy lasts is looked at by `missions.flight.return_home`, at every
+report, too.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import LineString, Point
+from shapely.ops import nearest_points
+
+from missions.flight.deconfliction import give_if_clear, hold, is_clear, leads_into_untold
+from missions.ground.fence import Fence
+from missions.mission_file.views import path_speed_m_s
+from missions.motion.braking import braked
+from missions.motion.trajectory import (
+    ACCELERATION_M_S2,
+    LANE_CUTS_M,
+    Trajectory,
+    rounded_path,
+)
+from missions.orders import FlyPath, FlyTo
+from missions.state import Phase, Setting, State, VehicleState
+from missions.units import GridPoint
+
+NOTICE_S: Final = 1.0
+"""A plan begins so long after it is made: what is streamed is up to 0.75 s ahead of its time."""
+CORNER_CUT_M: Final = 0.005
+"""Corners of the fence are not cut: a vehicle nearly stops there."""
+ROUNDING_M: Final = 0.02
+"""A path along the rim of the margin may miss it by so much."""
+OUTSIDE_M: Final = 1.0
+"""A path may begin so far outside of the margin, where a gust has blown the vehicle."""
+INSIDE_S: Final = 4.0
+"""... if it leads inside within this time, and on the way no farther out."""
+DEPTH_M: Final = 1.5
+"""Who is farther outside flies so far inside first."""
+_STEP_S: Final = 0.25
+
+
+def give_path(setting: Setting, state: State, vehicle: VehicleState, path: Trajectory) -> State:
+    """Give a path if the fence allows it and its air is free; else what was flown is flown on."""
+    mission = setting.mission
+    order = FlyPath(path, vehicle.cruise_height_m, setting.yaw_deg, mission.camera.interval_s)
+    # what would be stopped at the next report is not begun: the vehicle makes way first
+    free = is_clear(setting, state, vehicle, order) and not leads_into_untold(
+        setting, state, vehicle, order
+    )
+    if free and allowed(setting.fence, path):
+        if not isinstance(vehicle.order, FlyPath):
+            vehicle = replace(vehicle, judged_s=path.begin_s)
+        return state.with_vehicle(replace(vehicle, order=order))
+    return state if isinstance(vehicle.order, FlyPath) else hold(state, vehicle)
+
+
+def through(
+    setting: Setting,
+    vehicle: VehicleState,
+    points: list[GridPoint],
+    corners: list[bool],
+    begin_s: float,
+) -> Trajectory:
+    """A path from rest through points of the fixed frame, cut as far as the fence allows.
+
+    `corners` says of each point whether it is a corner of the fence, which is not cut.
+    """
+    speed = path_speed_m_s(setting.mission, vehicle.cruise_height_m)
+    places = [vehicle.position, *points]
+    path = None
+    for cut_m in (*LANE_CUTS_M, CORNER_CUT_M):
+        cuts = [CORNER_CUT_M, *(CORNER_CUT_M if corner else cut_m for corner in corners)]
+        path = rounded_path(places, round(begin_s, 3), speed_m_s=speed, cut_m=cuts)
+        if allowed(setting.fence, path):
+            break
+    assert path is not None
+    return path
+
+
+def allowed(fence: Fence, path: Trajectory) -> bool:
+    """Whether the margin of the fence holds all of a path, at the time when it is flown.
+
+    A vehicle may begin a little outside of it if it goes inside from there, and no farther out.
+    """
+    places = _places(path)
+    inside = _inside(fence, places)
+    if not inside.any():
+        return False
+    first = int(inside.argmax())
+    if first and not _comes_in(fence, places[: first + 1]):
+        return False
+    if not bool(inside[first:].all()):
+        return False
+    if first + 1 == len(places):
+        return True
+    line = LineString(places[first:])
+    return bool(shapely.covers(fence.shrunk(-ROUNDING_M), line))
+
+
+def _places(path: Trajectory) -> list[GridPoint]:
+    steps = max(1, round((path.end_s - path.begin_s) / _STEP_S))
+    step_s = (path.end_s - path.begin_s) / steps
+    return [path.at(path.begin_s + k * step_s).place for k in range(steps + 1)]
+
+
+def _inside(fence: Fence, places: list[GridPoint]) -> NDArray[np.bool_]:
+    rim = fence.shrunk(-ROUNDING_M)
+    return np.asarray(shapely.intersects_xy(rim, np.array(places)), dtype=np.bool_)
+
+
+def _comes_in(fence: Fence, places: list[GridPoint]) -> bool:
+    """Whether a path that begins outside of the margin goes straight in, inside of the fence."""
+    if len(places) * _STEP_S > INSIDE_S or not all(map(fence.contains, places)):
+        return False
+    out_m = [float(fence.inner.distance(Point(place))) for place in places]
+    return out_m[0] <= OUTSIDE_M and all(
+        after <= before + ROUNDING_M for before, after in itertools.pairwise(out_m)
+    )
+
+
+def is_outside(fence: Fence, place: GridPoint) -> bool:
+    """Whether a place is too far outside of the margin for a path to begin there."""
+    return not fence.inner.dwithin(Point(place), OUTSIDE_M)
+
+
+def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    """Order a waiting vehicle back inside the margin; None where it is inside, or nearly so."""
+    fence, at = setting.fence, Point(vehicle.position)
+    if not is_outside(fence, vehicle.position):
+        return None
+    deep = fence.shrunk(DEPTH_M)
+    near = nearest_points(fence.inner if shapely.is_empty(deep) else deep, at)[0]
+    route = fence.route(vehicle.position, GridPoint(float(near.x), float(near.y)))
+    if route is None:
+        return None
+    order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
+    return give_if_clear(setting, state, vehicle, order)
+
+
+def keep_clear(setting: Setting, state: State) -> State:
+    """Let those brake along their paths whose next seconds lead into air that is claimed."""
+    for number in sorted(state.vehicles):
+        vehicle = state.vehicles[number]
+        order = vehicle.order
+        if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):
+            continue
+        path = order.trajectory
+        if path.end_s <= state.t_s + NOTICE_S or is_clear(setting, state, vehicle, order):
+            continue
+        stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), ACCELERATION_M_S2)
+        if stop.end_s < path.end_s - 0.5:
+            state = state.with_vehicle(replace(vehicle, order=replace(order, trajectory=stop)))
+    return state

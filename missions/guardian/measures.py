@@ -1,0 +1,160 @@
+"""What is measured of a vehicle at every look: progress, path, fence, height, and since when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from shapely.geometry import LineString, Point
+from shapely.ops import substring
+
+from missions.guardian.thresholds import (
+    FALL_M_S,
+    HEIGHT_LOST_M,
+    HEIGHT_LOST_SHARE,
+    OFF_PATH_M,
+    OFF_PLAN_M,
+    OFF_PLAN_WIND_S,
+    PROGRESS_M,
+    REACH_M,
+    REACH_M_S,
+    RECEDING_M_S,
+    SWEPT_M_S,
+    SWEPT_SHARE,
+    UP_M,
+)
+from missions.guardian.values import Guard, Limits, Seen, Task
+from missions.units import GridPoint
+
+
+def near_height(task: Task, seen: Seen) -> bool:
+    """Whether a vehicle on a leg or in a hover has reached the height of its task."""
+    return (
+        task.doing in ("leg", "path", "hold") and seen.height_m >= task.height_m - HEIGHT_LOST_M / 2
+    )
+
+
+def falling(guard: Guard, seen: Seen) -> Guard:
+    """The guard with the height, and with whether the vehicle falls."""
+    fell = guard.fell
+    if guard.last_s is not None and seen.t_s > guard.last_s:
+        sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
+        limit_m_s = FALL_M_S / 2 if guard.task.doing == "climb" else FALL_M_S
+        # on the ground a height only jumps: arming sets it to zero anew
+        in_air = guard.was_up or seen.airborne
+        fell = in_air and (sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M))
+    return replace(guard, height_m=seen.height_m, fell=fell)
+
+
+def _goal(guard: Guard, seen: Seen) -> tuple[GridPoint, ...]:
+    """The way that the vehicle should be on, its goal the last point."""
+    if guard.action == "rtl":
+        return (seen.position, seen.home)
+    return guard.task.path
+
+
+def planned(task: Task, seen: Seen) -> GridPoint | None:
+    """Where a course has it by now; None where there is no course."""
+    return None if task.course is None else task.course.at(seen.t_s).place
+
+
+def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
+    """The guard with distances to the goal, the path and the fence taken in."""
+    task = guard.task
+    place = None if guard.action else planned(task, seen)
+    path = _goal(guard, seen) if place is None else (place,)
+    if guard.action == "land" or not path or task.doing in ("land", "ground"):
+        path = path if guard.action == "rtl" else ()
+    outside_m = float(limits.fence.outer.distance(Point(seen.position)))
+    guard = replace(
+        guard,
+        outside_m=outside_m,
+        outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
+    )
+    if not path:
+        return replace(guard, last_gap_m=None, receding_since_s=None, off_since_s=None)
+    along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
+    gap_m = _left_m(seen.position, path, along_m)
+    if place is not None and guard.last_position is not None:
+        # the place moves on: what counts is what the vehicle itself has done
+        guard = replace(guard, last_gap_m=guard.last_position.distance_to(place))
+    receding = guard.receding_since_s is not None  # a new order does not bring it to rest
+    swept = guard.swept_since_s is not None
+    if guard.last_gap_m is not None and guard.last_s is not None and seen.t_s > guard.last_s:
+        away_m_s = (gap_m - guard.last_gap_m) / (seen.t_s - guard.last_s)
+        receding = away_m_s > RECEDING_M_S
+        swept = away_m_s > max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
+    progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
+    allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
+    if place is not None:
+        allowed_m = OFF_PLAN_M + OFF_PLAN_WIND_S * (seen.wind_m_s or 0.0)
+    off = guard.action is None and off_path_m(seen.position, path) > allowed_m
+    sunk = seen.height_m < task.height_m - max(HEIGHT_LOST_M, HEIGHT_LOST_SHARE * task.height_m)
+    return replace(
+        guard,
+        along_m=along_m,
+        best_m=gap_m if progressed else guard.best_m,
+        best_s=seen.t_s if progressed else guard.best_s,
+        last_gap_m=gap_m,
+        receding_since_s=since(guard.receding_since_s, receding, seen.t_s),
+        swept_since_s=since(guard.swept_since_s, swept, seen.t_s),
+        off_since_s=since(guard.off_since_s, off, seen.t_s),
+        sunk_since_s=since(
+            guard.sunk_since_s, guard.action is None and guard.at_height and sunk, seen.t_s
+        ),
+    )
+
+
+def since(since_s: float | None, holds: bool, t_s: float) -> float | None:
+    """Since when something holds, in seconds of mission time; None while it does not.
+
+    >>> since(None, True, 7.0), since(5.0, True, 7.0), since(5.0, False, 7.0)
+    (7.0, 5.0, None)
+    """
+    if not holds:
+        return None
+    return t_s if since_s is None else since_s
+
+
+def lasted(limits: Limits, since_s: float | None, t_s: float, limit_s: float) -> bool:
+    """Whether something holds for `limit_s` seconds by now, and what a fast clock adds."""
+    return since_s is not None and t_s - since_s >= limit_s + limits.slack_s
+
+
+def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
+    """How far along its path a vehicle is, near where it was last: a path may cross itself."""
+    if len(set(path)) < 2:
+        return 0.0
+    line = LineString(path)
+    elapsed_s = seen.t_s - (guard.last_s if guard.last_s is not None else guard.task.since_s)
+    begin_m = max(guard.along_m - REACH_M, 0.0)
+    end_m = min(guard.along_m + REACH_M + REACH_M_S * max(elapsed_s, 0.0), float(line.length))
+    here = Point(seen.position)
+    near = begin_m + float(substring(line, begin_m, end_m).project(here))
+    within_m = float(line.interpolate(near).distance(here)) + REACH_M / 2
+    # where it turns back nearly the way it came, the farther of two places is the likelier
+    ahead = near
+    step_m = REACH_M / 5
+    while ahead + step_m <= end_m:
+        ahead += step_m
+        if float(line.interpolate(ahead).distance(here)) <= within_m:
+            near = ahead
+    return near
+
+
+def _left_m(position: GridPoint, path: Sequence[GridPoint], along_m: float) -> float:
+    """How far it is to the end of a path: back to it, and then along what is left of it."""
+    if len(set(path)) < 2:
+        return position.distance_to(path[-1])
+    line = LineString(path)
+    return float(line.length) - along_m + float(line.interpolate(along_m).distance(Point(position)))
+
+
+def off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
+    """How far a place is from a path of one or more points, in metres on the ground.
+
+    >>> off_path_m(GridPoint(5.0, 3.0), (GridPoint(0.0, 0.0), GridPoint(10.0, 0.0)))
+    3.0
+    """
+    line = LineString(path) if len(set(path)) > 1 else Point(path[0])
+    return float(line.distance(Point(position)))

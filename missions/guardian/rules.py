@@ -1,0 +1,201 @@
+"""What must happen: the rung of the ladder that follows from what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from missions.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
+from missions.ground.fence import route_length_m
+from missions.guardian.down import crashed, low
+from missions.guardian.measures import (
+    falling,
+    lasted,
+    measured,
+    near_height,
+    off_path_m,
+    planned,
+    since,
+)
+from missions.guardian.thresholds import (
+    BLOWN_S,
+    HARD_M_S,
+    HEIGHT_LOST_S,
+    HOPELESS,
+    LAST_MARGIN,
+    LEG_FACTOR,
+    LEG_SLACK_S,
+    NO_PROGRESS_S,
+    OFF_PATH_HOME_S,
+    OFF_PATH_S,
+    OFF_PLAN_S,
+    OUTSIDE_S,
+    PAD_M,
+    PROGRESS_M,
+    RECEDING_S,
+    RECOVERY_S,
+    SPENT_S,
+    SWEPT_S,
+    UP_M,
+)
+from missions.guardian.values import Action, Guard, Limits, Seen, Verdict
+
+
+def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
+    """What the guard remembers after a look at the vehicle, and what must happen.
+
+    Call it about once a second. A verdict of `rtl` or `land` is in force at once: the guard that
+    is returned has it as its action.
+    """
+    guard = falling(guard, seen)
+    is_down = (guard.fell and low(seen)) or seen.struck_m_s > HARD_M_S
+    if seen.mode == "other" and seen.armed and not is_down:
+        free = guard.released()
+        return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
+    guard = replace(
+        guard,
+        was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
+        at_height=guard.at_height or near_height(guard.task, seen),
+    )
+    guard, verdict = crashed(limits, guard, seen)
+    if verdict is not None or guard.down or not seen.airborne:
+        return replace(guard, last_s=seen.t_s, last_position=seen.position), verdict
+    guard = measured(limits, guard, seen)
+    guard = replace(
+        guard, spent_since_s=since(guard.spent_since_s, _is_spent(limits, seen), seen.t_s)
+    )
+    verdict = _last_reserve(limits, guard, seen) or _trouble(limits, guard, seen)
+    guard = replace(guard, last_s=seen.t_s, last_position=seen.position)
+    if verdict is None:
+        return guard, None
+    if verdict.rung == "report":
+        return replace(guard, reported=True, reported_s=seen.t_s), verdict
+    if verdict.rung in ("rtl", "land"):
+        action: Action = "rtl" if verdict.rung == "rtl" else "land"
+        guard = guard.acting(action, seen.t_s)
+    return guard, verdict
+
+
+def landing_wh(energy: EnergyModel, height_m: float) -> float:
+    """Energy to land from a height, here and now, the reserve not counted."""
+    return energy.hover_wh(max(height_m, 0.0) / LANDING_SPEED_M_S + 8.0)
+
+
+def _is_spent(limits: Limits, seen: Seen) -> bool:
+    if seen.remaining_wh is None:
+        return False
+    return seen.remaining_wh <= LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
+
+
+def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
+    """Land while the energy for it is there."""
+    spent = lasted(limits, guard.spent_since_s, seen.t_s, SPENT_S)
+    landing = guard.action == "land" or seen.mode == "land"
+    if seen.remaining_wh is None or landing or not spent:
+        return None
+    need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
+    return Verdict(
+        "land",
+        f"{seen.remaining_wh:.1f} Wh are left, and landing from here takes {need_wh:.1f}",
+    )
+
+
+def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
+    """The next rung of the ladder, if something is wrong for too long."""
+    if guard.action == "land":
+        return None
+    if guard.task.doing == "land" and guard.action is None:
+        hovers = (
+            seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S + limits.slack_s
+        )
+        return Verdict("land", "it was told to land, and hovers") if hovers else None
+    reason = _wrong(limits, guard, seen)
+    if guard.action == "rtl" and seen.mode == "follow":
+        # it did not take the command, or was told something else
+        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
+        return Verdict("land", "it does not return by its autopilot") if due else None
+    if lasted(limits, guard.swept_since_s, seen.t_s, SWEPT_S):
+        # nothing that it flies helps, and a climb would cost the time to land near
+        return Verdict("land", "it is carried off faster than it flies", hurry=True)
+    blown = _blown_away(limits, guard, seen)
+    if blown is not None:
+        return Verdict("land", blown, hurry=True)
+    if reason is None:
+        return None
+    if guard.action == "rtl":
+        # the climb to its return height comes first, and is no fault
+        settled = seen.t_s - guard.acted_s >= RECOVERY_S + limits.slack_s
+        return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
+    if guard.outside_m > 0.0 and lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
+        # what leads it astray would lead its autopilot astray, too, and a climb costs the time
+        return Verdict("land", f"{reason}, outside of the geofence", hurry=True)
+    if guard.task.homeward:
+        return Verdict("rtl", f"{reason}, on its way home")
+    if not guard.reported:
+        return Verdict("report", reason)
+    if seen.t_s - guard.reported_s >= RECOVERY_S + limits.slack_s:
+        return Verdict("rtl", f"{reason}, and the mission did not bring it home")
+    return None
+
+
+def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
+    """Wind that the airframe cannot hold: returning by itself would only carry it farther."""
+    limit_m_s = limits.energy.max_airspeed_m_s
+    if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
+        return None
+    hopeless = seen.wind_m_s >= HOPELESS * limit_m_s
+    if not hopeless and not lasted(limits, guard.receding_since_s, seen.t_s, BLOWN_S):
+        return None
+    return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
+
+
+def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
+    """What is wrong, in words; None while all is well."""
+    t_s, task = seen.t_s, guard.task
+    if lasted(limits, guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(
+        limits, guard, seen
+    ):
+        return f"it is {guard.outside_m:.0f} m outside of the geofence"
+    if lasted(limits, guard.receding_since_s, t_s, RECEDING_S):
+        return "it is carried away from where it should go"
+    place = planned(task, seen)
+    patience_s = OFF_PATH_HOME_S if task.homeward else OFF_PATH_S
+    if lasted(limits, guard.off_since_s, t_s, patience_s if place is None else OFF_PLAN_S):
+        if place is not None:
+            return f"it is {seen.position.distance_to(place):.0f} m off its path by now"
+        off_m = off_path_m(seen.position, task.path)
+        return f"it is {off_m:.0f} m off its way"
+    if lasted(limits, guard.sunk_since_s, t_s, HEIGHT_LOST_S):
+        return f"it has lost height ({seen.height_m:.0f} m instead of {task.height_m:.0f})"
+    return _too_long(limits, guard, seen)
+
+
+def _coming_back(limits: Limits, guard: Guard, seen: Seen) -> bool:
+    """Whether a vehicle outside of the fence is on its way back, with progress."""
+    homeward = guard.action == "rtl" or guard.task.homeward
+    recent = seen.t_s - guard.best_s < RECOVERY_S + limits.slack_s
+    return homeward and recent and guard.receding_since_s is None
+
+
+def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
+    """No progress, or a leg that takes a multiple of its estimate."""
+    task, t_s = guard.task, seen.t_s
+    if guard.action == "rtl":
+        climb_s = max(30.0 - seen.height_m, 0.0) / CLIMB_SPEED_M_S
+        way_m = route_length_m(seen.position, (seen.home,))
+        if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s + limits.slack_s:
+            return f"it has come no nearer to home for {t_s - guard.best_s:.0f} s"
+        return None
+    if task.course is not None:
+        late_s = t_s - task.course.end_s
+        if late_s > LEG_SLACK_S + limits.slack_s:
+            return f"its path ended {late_s:.0f} s ago, and it has not come to rest there"
+        return None
+    if task.doing != "leg":
+        return None
+    # near the end it settles, which brings it no nearer
+    if guard.best_m > PROGRESS_M * 3 and t_s - guard.best_s > NO_PROGRESS_S + limits.slack_s:
+        return f"it has made no progress for {t_s - guard.best_s:.0f} s"
+    limit_s = LEG_FACTOR * task.estimate_s + LEG_SLACK_S + 2.0 * limits.slack_s
+    if t_s - task.since_s > limit_s:
+        return f"a leg of some {task.estimate_s:.0f} s has taken {t_s - task.since_s:.0f} s"
+    return None

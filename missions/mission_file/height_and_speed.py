@@ -1,0 +1,163 @@
+"""How high and how fast a vehicle may fly while it takes pictures that are to be evidence.
+
+The higher, the more ground a picture shows and the fewer pixels a cell has: the detector needs
+`camera.pixels_per_cell`, and the law a ceiling (`fence.ceiling_m`). Both are of the highest layer.
+
+Two things limit the speed. While the shutter is open the picture moves over the sensor
+(`camera.max_blur_px`). And a cell is wholly in the picture only while the vehicle flies as far as
+the picture is longer than the cell: on this way it needs `votes.frames` frames,
+`camera.interval_s` apart. Both limits are of the speed against the ground that is judged, so a
+region that drifts towards the vehicle takes its own speed from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from missions.ground.footprint import Footprint
+from missions.mission_file.schema import AUTO, Mission
+
+LEAST_HEIGHT_M = 3.0
+"""The least height of a layer above the pad of its vehicle."""
+
+
+# --- height ----------------------------------------------------------------------------------
+def altitude_reason(mission: Mission) -> str:
+    """What the layers are as high as they are for: the key of the mission file that says so."""
+    if mission.flight.altitude_m != AUTO:
+        return "flight.altitude_m"
+    fine_m = mission.camera.optics.height_m(mission.grid.cell_m, mission.camera.pixels_per_cell)
+    return "camera.pixels_per_cell" if fine_m <= mission.fence.ceiling_m else "fence.ceiling_m"
+
+
+def layer_faults(mission: Mission) -> Iterator[str]:
+    """Layers that are too high or too low, whatever the camera."""
+    last = len(mission.vehicles) - 1
+    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(last)
+    ceiling_m, team = mission.fence.ceiling_m, mission.team
+    if mission.flight.altitude_m == AUTO:
+        if lowest_m < LEAST_HEIGHT_M:
+            yield (
+                f'flight.altitude_m = "auto": {altitude_reason(mission)} sets the highest layer to '
+                f"{top_m:g} m; {last} layers of team.layer_m = {team.layer_m:g} below it the "
+                f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer "
+                "vehicles, or raise what sets it"
+            )
+    elif top_m > ceiling_m:
+        layers = f", {last} layers of {team.layer_m:g} m above it," if last else ""
+        yield (
+            f"flight.altitude_m = {lowest_m:g}: the highest layer{layers} is at {top_m:g} m, "
+            f"above fence.ceiling_m = {ceiling_m:g}; fly lower, or raise the ceiling if you may"
+        )
+
+
+# --- speed -----------------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class SpeedLimits:
+    """The limits of the speed over ground at one height, all in m/s and at least 0."""
+
+    flight_m_s: float
+    """What the mission file allows: `flight.speed_m_s`."""
+    blur_m_s: float
+    """Above this a picture is blurred by more than `camera.max_blur_px`."""
+    frames_m_s: float
+    """Above this a cell that is flown over may be wholly in fewer than `votes.frames` frames."""
+
+    @property
+    def least_m_s(self) -> float:
+        """The lowest of them."""
+        return min(self.flight_m_s, self.blur_m_s, self.frames_m_s)
+
+    @property
+    def reason(self) -> str:
+        """Which one that is, by the key of the mission file that sets it."""
+        if self.least_m_s == self.flight_m_s:
+            return "flight.speed_m_s"
+        return "camera.max_blur_px" if self.least_m_s == self.blur_m_s else "votes.frames"
+
+
+def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
+    """What limits the speed of a vehicle that takes pictures from `height_m` above the ground.
+
+    The number of frames is reckoned for the worst direction of flight along a side of the picture,
+    which is the one along its shorter side, and for any moment at which the first frame may be
+    taken: a way of k intervals holds at least k frames.
+    """
+    camera, drift_m_s = mission.camera, mission.drift.speed_m_s
+    blur_m = camera.max_blur_px * camera.optics.gsd_m(height_m)
+    side_m = camera.optics.footprint(height_m).short_m - 2.0 * camera.pose_error_m
+    seen_s = mission.votes.frames * camera.interval_s
+    return SpeedLimits(
+        mission.flight.speed_m_s,
+        max(blur_m / camera.exposure_s - drift_m_s, 0.0),
+        max((side_m - mission.grid.cell_m) / seen_s - drift_m_s, 0.0),
+    )
+
+
+def speed_limit_m_s(mission: Mission, height_m: float) -> float:
+    """How fast a vehicle may fly at `height_m` above the ground and still judge what it flies over.
+
+    Straight over a cell, along a side of the picture, it has all its `votes.frames` frames, none of
+    them blurred too much. At least 0; 0 where no speed does (the picture shows no cell whole).
+    """
+    return speed_limits(mission, height_m).least_m_s
+
+
+def blur_px(mission: Mission, height_m: float, speed_m_s: float) -> float:
+    """By how many pixels a picture is blurred that is taken at a speed over ground."""
+    camera = mission.camera
+    return speed_m_s * camera.exposure_s / camera.optics.gsd_m(height_m)
+
+
+# --- both ------------------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """What follows from the height of a vehicle's layer."""
+
+    altitude_m: float
+    """Above the start."""
+    footprint: Footprint
+    """What a level picture shows."""
+    gsd_m: float
+    """Metres of ground to a pixel."""
+    pixels_per_cell: float
+    speeds: SpeedLimits
+
+
+def layers(mission: Mission) -> tuple[Layer, ...]:
+    """The layer of each vehicle, from the lowest."""
+    found = []
+    for vehicle in range(len(mission.vehicles)):
+        height_m, optics = mission.altitude_m(vehicle), mission.camera.optics
+        found.append(
+            Layer(
+                height_m,
+                optics.footprint(height_m),
+                optics.gsd_m(height_m),
+                optics.pixels_per_cell(height_m, mission.grid.cell_m),
+                speed_limits(mission, height_m),
+            )
+        )
+    return tuple(found)
+
+
+def picture_warnings(mission: Mission) -> Iterator[str]:
+    """Pictures that will be coarse, or blurred in a search, which is flown at full speed."""
+    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(len(mission.vehicles) - 1)
+    camera, cell_m, speed_m_s = mission.camera, mission.grid.cell_m, mission.flight.speed_m_s
+    pixels = camera.optics.pixels_per_cell(top_m, cell_m)
+    if pixels < camera.pixels_per_cell:
+        yield (
+            f"camera.pixels_per_cell = {camera.pixels_per_cell:g}: from the highest layer, "
+            f"{top_m:g} m, a cell of {cell_m:g} m has {pixels:.1f} pixels; fly lower, or lower "
+            "this if the detector does with fewer"
+        )
+    blurred_px = blur_px(mission, lowest_m, speed_m_s)
+    if blurred_px > camera.max_blur_px:
+        yield (
+            f"flight.speed_m_s = {speed_m_s:g}: from {lowest_m:g} m a picture of "
+            f"camera.exposure_s = {camera.exposure_s:g} is blurred by {blurred_px:.1f} px, more "
+            f"than camera.max_blur_px = {camera.max_blur_px:g}; fly slower or expose for a shorter "
+            "time"
+        )

@@ -1,0 +1,57 @@
+"""What a frame shows whole of a vehicle that does not stop, and how fast its paths are flown."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from missions.mission_file.height_and_speed import speed_limit_m_s
+from missions.mission_file.schema import Mission
+
+MOST_M_S: Final = 8.0
+"""Faster, a real ArduCopter leans by more than 22 degrees and follows a path worse."""
+TRACK_ERROR_M: Final = 0.3
+"""How far a vehicle is from its path nearly always, besides the error of its position."""
+G_M_S2: Final = 9.81
+DRAG_1_S: Final = 0.25
+"""Thrust by speed through the air of a quadcopter near 6 m/s, m/s^2 for each m/s."""
+LEAST_M_S: Final = 0.3
+"""What cannot be mapped at this speed is not mapped without stopping."""
+
+
+def path_speed_m_s(mission: Mission, height_m: float) -> float:
+    """How fast a path is flown from a height, in the frame of the region, m/s."""
+    return max(LEAST_M_S, min(MOST_M_S, speed_limit_m_s(mission, height_m)))
+
+
+def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:
+    """How far east and north of the middle of a level picture the centre of a cell may lie.
+
+    The wide side of the picture is across the track of lanes: of lanes along east (`east_ahead`)
+    it points north. What the camera is turned by on the airframe (`camera.yaw_deg`) turns it too.
+    """
+    footprint = mission.camera.optics.footprint(height_m)
+    margin_m = mission.camera.pose_error_m + TRACK_ERROR_M
+    turn = math.radians(mission.camera.yaw_deg)
+    cos, sin = abs(math.cos(turn)), abs(math.sin(turn))
+    reach_m = mission.grid.cell_m / 2.0 * (cos + sin) + margin_m
+    across_m = footprint.across_m / 2.0 - reach_m
+    along_m = footprint.along_m / 2.0 - reach_m
+    if sin > 1e-6 and cos > 1e-6:  # the square that fits whatever the turn
+        across_m = along_m = min(across_m, along_m) / (cos + sin)
+    elif sin > cos:
+        across_m, along_m = along_m, across_m
+    return (along_m, across_m) if east_ahead else (across_m, along_m)
+
+
+def rows_across(mission: Mission, *, east_ahead: bool) -> int:
+    """How many rows of cells a lane decides, from the lowest layer.
+
+    A camera that tilts with the airframe looks aside as far as the vehicle leans against the wind.
+    """
+    height_m = mission.altitude_m(0)
+    halves = seen_whole_m(mission, height_m, east_ahead=east_ahead)
+    across_m = halves[1] if east_ahead else halves[0]
+    if mission.camera.mounting == "fixed":
+        across_m -= height_m * DRAG_1_S * mission.wind.speed_m_s / G_M_S2
+    return max(1, math.floor(2.0 * max(across_m, 0.0) / mission.grid.cell_m) + 1)

@@ -1,0 +1,1 @@
+"""How a vehicle moves along a planned path: exact functions of mission time."""

@@ -1,0 +1,295 @@
+"""A path that is flown without stopping, as an exact function of mission time.
+
+Lines and arcs with a piecewise constant tangential acceleration. Corners are cut by arcs (fly-by):
+an arc that passes its corner at the distance `cut_m` has the radius
+cut cos(th/2) / (1 - cos(th/2)), th the angle of the turn, and is flown at sqrt(a r), so that the
+acceleration across never exceeds that along (a real ArduCopter follows this within 0.6 m).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from missions.units import GridPoint
+
+ACCELERATION_M_S2: Final = 2.0
+"""Along and across; 2.5 (ArduCopter's own limit by default) is followed nearly as well."""
+CUT_M: Final = 1.0
+LANE_CUTS_M: Final = (2.0, 0.5)
+"""By how much corners between the lanes of a search are cut, as long as the fence allows it."""
+_TINY_M: Final = 1e-9
+_STRAIGHT_RAD: Final = 1e-6
+
+
+class Motion(NamedTuple):
+    """Place (m), velocity (m/s) and acceleration (m/s^2) along the grid's axes, fixed frame."""
+
+    east_m: float
+    north_m: float
+    v_east_m_s: float
+    v_north_m_s: float
+    a_east_m_s2: float
+    a_north_m_s2: float
+
+    @property
+    def place(self) -> GridPoint:
+        """Where it is."""
+        return GridPoint(self.east_m, self.north_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A line or an arc with a constant tangential acceleration, in the frame of the region.
+
+    `heading_rad` is counted from east towards north, `curvature_1_m` positive to the left.
+    """
+
+    begin_s: float
+    duration_s: float
+    east_m: float
+    north_m: float
+    heading_rad: float
+    curvature_1_m: float
+    speed_m_s: float
+    accel_m_s2: float
+
+    def after(self, time_s: float) -> Motion:
+        """The motion `time_s` after this piece began, 0 to `duration_s`."""
+        speed = max(self.speed_m_s + self.accel_m_s2 * time_s, 0.0)
+        way_m = (self.speed_m_s + 0.5 * self.accel_m_s2 * time_s) * time_s
+        begin, bend = self.heading_rad, self.curvature_1_m
+        heading = begin + bend * way_m
+        if bend == 0.0:
+            east = self.east_m + way_m * math.cos(begin)
+            north = self.north_m + way_m * math.sin(begin)
+        else:
+            east = self.east_m + (math.sin(heading) - math.sin(begin)) / bend
+            north = self.north_m - (math.cos(heading) - math.cos(begin)) / bend
+        cos, sin = math.cos(heading), math.sin(heading)
+        along, across = self.accel_m_s2, speed * speed * bend
+        return Motion(
+            east,
+            north,
+            speed * cos,
+            speed * sin,
+            along * cos - across * sin,
+            along * sin + across * cos,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Where a vehicle is at each moment from `begin_s` to `end_s`, mission seconds.
+
+    >>> flown = rounded_path([GridPoint(0, 0), GridPoint(0, 30)], begin_s=10.0, speed_m_s=6.0)
+    >>> round(flown.end_s - flown.begin_s, 3)
+    8.0
+    >>> round(flown.at(14.0).north_m, 3), round(flown.at(14.0).v_north_m_s, 3)
+    (15.0, 6.0)
+    """
+
+    begin_s: float
+    end_s: float
+    """When it is at rest at its end."""
+    pieces: tuple[Piece, ...]
+    drift_m_s: tuple[float, float] = (0.0, 0.0)
+    """Of the region over ground, east and north: the pieces are told in the region's frame."""
+
+    @property
+    def length_m(self) -> float:
+        """How long it is in the frame of the region."""
+        return sum(
+            (piece.speed_m_s + 0.5 * piece.accel_m_s2 * piece.duration_s) * piece.duration_s
+            for piece in self.pieces
+        )
+
+    def at(self, t_s: float) -> Motion:
+        """The motion at mission time `t_s`, in the grid's fixed frame.
+
+        Before the beginning the state at the beginning; after the end at rest at the end, or
+        moving with the drift.
+        """
+        t_s = max(t_s, self.begin_s)
+        index = bisect_right(self.pieces, t_s, key=lambda piece: piece.begin_s) - 1
+        piece = self.pieces[max(index, 0)]
+        if t_s < self.end_s:
+            found = piece.after(min(t_s - piece.begin_s, piece.duration_s))
+        else:
+            last = self.pieces[-1].after(self.pieces[-1].duration_s)
+            found = Motion(last.east_m, last.north_m, 0.0, 0.0, 0.0, 0.0)
+        drift_east, drift_north = self.drift_m_s
+        return Motion(
+            found.east_m + drift_east * t_s,
+            found.north_m + drift_north * t_s,
+            found.v_east_m_s + drift_east,
+            found.v_north_m_s + drift_north,
+            found.a_east_m_s2,
+            found.a_north_m_s2,
+        )
+
+
+class _Stretch(NamedTuple):
+    """A line or an arc before its speeds are known; `most_m_s` is what its curvature allows."""
+
+    length_m: float
+    east_m: float
+    north_m: float
+    heading_rad: float
+    curvature_1_m: float
+    most_m_s: float
+    halts: bool = False
+    """Whether it is come to rest at its beginning: the path turns back there."""
+
+
+def rounded_path(
+    points: Sequence[GridPoint],
+    begin_s: float,
+    *,
+    speed_m_s: float,
+    cut_m: float | Sequence[float] = CUT_M,
+    accel_m_s2: float = ACCELERATION_M_S2,
+    begin_speed_m_s: float = 0.0,
+    drift_m_s: tuple[float, float] = (0.0, 0.0),
+) -> Trajectory:
+    """A polyline with its corners cut, flown as fast as the limits allow, to rest at its end.
+
+    `points` are in the frame of the region (with a drift of zero: the fixed one); it begins at the
+    first of them with `begin_speed_m_s` towards the second. Where it turns back it comes to rest.
+    `cut_m` is one number, or one for each point: by how much the corner there is cut.
+
+    Raises ValueError for no point at all, numbers that are not finite or not positive, and a speed
+    at the beginning from which the first corner, or the end, cannot be reached slowly enough.
+    """
+    cuts_m = [cut_m] * len(points) if isinstance(cut_m, int | float) else list(cut_m)
+    if len(cuts_m) != len(points):
+        raise ValueError(f"{len(points)} points have {len(cuts_m)} cuts")
+    numbers = (begin_s, speed_m_s, *cuts_m, accel_m_s2, begin_speed_m_s, *drift_m_s)
+    places = itertools.chain.from_iterable(points)
+    if not points or not all(map(math.isfinite, itertools.chain(numbers, places))):
+        raise ValueError("a path needs points, and finite numbers")
+    if min(speed_m_s, *cuts_m, accel_m_s2) <= 0.0 or begin_speed_m_s < 0.0:
+        raise ValueError("speed, cut and acceleration are positive")
+    stretches = _stretches(points, speed_m_s, cuts_m, accel_m_s2)
+    speeds = _speeds(stretches, accel_m_s2, min(begin_speed_m_s, speed_m_s))
+    if speeds[0] < begin_speed_m_s - 1e-6:
+        raise ValueError(f"the path cannot be begun at {begin_speed_m_s:g} m/s")
+    pieces: list[Piece] = []
+    t_s = begin_s
+    for stretch, (begin, end) in zip(stretches, itertools.pairwise(speeds), strict=True):
+        done_m = 0.0
+        for length_m, first, second in _profile(stretch, begin, end, accel_m_s2):
+            duration_s = 2.0 * length_m / (first + second)
+            accel = (second - first) / duration_s
+            pieces.append(_piece(stretch, done_m, t_s, duration_s, first, accel))
+            t_s += duration_s
+            done_m += length_m
+    if not pieces:
+        pieces.append(Piece(begin_s, 0.0, *points[-1], 0.0, 0.0, 0.0, 0.0))
+    return Trajectory(begin_s, t_s, tuple(pieces), drift_m_s)
+
+
+def corner_pause_s(speed_m_s: float, cut_m: float) -> float:
+    """What a right-angled corner that is cut takes longer than its arc at full speed, seconds.
+
+    >>> round(corner_pause_s(6.0, 2.0), 2), corner_pause_s(2.0, 2.0)
+    (0.7, 0.0)
+    """
+    half = math.cos(math.pi / 4.0)
+    slow_m_s = min(speed_m_s, math.sqrt(ACCELERATION_M_S2 * cut_m * half / (1.0 - half)))
+    return (speed_m_s - slow_m_s) ** 2 / (ACCELERATION_M_S2 * speed_m_s)
+
+
+def _stretches(
+    points: Sequence[GridPoint], speed_m_s: float, cuts_m: Sequence[float], accel_m_s2: float
+) -> list[_Stretch]:
+    """Lines and the arcs between them; points that lie on one another count once."""
+    # where it begins, length, heading, by how much the corner at its end is cut
+    legs: list[tuple[GridPoint, float, float, float]] = []
+    for a, b, cut_m in zip(points, points[1:], cuts_m[1:], strict=False):
+        if (length_m := a.distance_to(b)) > _TINY_M:
+            heading = math.atan2(b.north_m - a.north_m, b.east_m - a.east_m)
+            legs.append((a, length_m, heading, cut_m))
+    found: list[_Stretch] = []
+    used_m, halts = 0.0, False
+    for index, (begin, length_m, heading, cut_m) in enumerate(legs):
+        cos, sin = math.cos(heading), math.sin(heading)
+        turn = tangent_m = 0.0
+        if index + 1 < len(legs):
+            _, next_m, next_heading, _ = legs[index + 1]
+            turn = math.remainder(next_heading - heading, math.tau)
+            tangent_m = _tangent_m(abs(turn), cut_m, 0.5 * min(length_m, next_m))
+        line_m = max(length_m - used_m - tangent_m, 0.0)
+        east, north = begin.east_m + used_m * cos, begin.north_m + used_m * sin
+        found.append(_Stretch(line_m, east, north, heading, 0.0, speed_m_s, halts))
+        halts = abs(turn) > _STRAIGHT_RAD and tangent_m <= _TINY_M
+        if tangent_m > _TINY_M:
+            radius_m = tangent_m / math.tan(abs(turn) / 2.0)
+            east, north = east + line_m * cos, north + line_m * sin
+            most = min(speed_m_s, math.sqrt(accel_m_s2 * radius_m))
+            bend = math.copysign(1.0 / radius_m, turn)
+            found.append(_Stretch(radius_m * abs(turn), east, north, heading, bend, most))
+        used_m = tangent_m
+    return found
+
+
+def _tangent_m(turn_rad: float, cut_m: float, most_m: float) -> float:
+    """How far before its corner an arc begins; 0: no arc, straight on or back."""
+    cos = math.cos(turn_rad / 2.0)
+    if turn_rad < _STRAIGHT_RAD or cos < _STRAIGHT_RAD:
+        return 0.0
+    radius_m = cut_m * cos / (1.0 - cos)
+    return min(radius_m * math.tan(turn_rad / 2.0), most_m)
+
+
+def _speeds(stretches: Sequence[_Stretch], accel_m_s2: float, begin_m_s: float) -> list[float]:
+    """Speeds between the stretches, at the beginning and the end: forward pass, backward pass."""
+    speeds = [begin_m_s]
+    for index, stretch in enumerate(stretches):
+        most = stretch.most_m_s
+        ends = index + 1 == len(stretches) or stretches[index + 1].halts
+        following = 0.0 if ends else stretches[index + 1].most_m_s
+        speeds.append(min(_reached(stretch, speeds[-1], accel_m_s2), most, following))
+    for index in range(len(stretches) - 1, -1, -1):
+        stretch = stretches[index]
+        slowed = _reached(stretch, speeds[index + 1], accel_m_s2)
+        speeds[index] = min(speeds[index], slowed)
+    return speeds
+
+
+def _reached(stretch: _Stretch, speed_m_s: float, accel_m_s2: float) -> float:
+    """The speed at the other end of a stretch: an arc is flown at one speed."""
+    if stretch.curvature_1_m:
+        return speed_m_s
+    return math.sqrt(speed_m_s**2 + 2.0 * accel_m_s2 * stretch.length_m)
+
+
+def _profile(
+    stretch: _Stretch, begin_m_s: float, end_m_s: float, accel_m_s2: float
+) -> list[tuple[float, float, float]]:
+    """Length, first and last speed of its pieces: faster, level, slower."""
+    if stretch.length_m <= _TINY_M:
+        return []
+    if stretch.curvature_1_m:
+        return [(stretch.length_m, begin_m_s, begin_m_s)]
+    squares = 0.5 * (begin_m_s**2 + end_m_s**2)
+    peak = min(stretch.most_m_s, math.sqrt(squares + accel_m_s2 * stretch.length_m))
+    up_m = max((peak**2 - begin_m_s**2) / (2.0 * accel_m_s2), 0.0)
+    down_m = max((peak**2 - end_m_s**2) / (2.0 * accel_m_s2), 0.0)
+    level_m = stretch.length_m - up_m - down_m
+    pieces = ((up_m, begin_m_s, peak), (level_m, peak, peak), (down_m, peak, end_m_s))
+    return [piece for piece in pieces if piece[0] > _TINY_M]
+
+
+def _piece(
+    stretch: _Stretch, done_m: float, begin_s: float, duration_s: float, speed: float, accel: float
+) -> Piece:
+    """A part of a stretch that begins `done_m` after it; only lines have more than one."""
+    heading = stretch.heading_rad
+    east = stretch.east_m + done_m * math.cos(heading)
+    north = stretch.north_m + done_m * math.sin(heading)
+    return Piece(begin_s, duration_s, east, north, heading, stretch.curvature_1_m, speed, accel)

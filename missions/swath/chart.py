@@ -1,0 +1,82 @@
+"""A window of the grid as arrays: the votes of each cell, and where nobody may look or be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.units import Cell
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.uint8]
+
+PAD_CELLS = 8
+"""Around what is known: as far as anything is worth a look, and a way round it."""
+
+
+@dataclass(slots=True)
+class Chart:
+    """Arrays by cell, row by row from the south-west corner; they belong to whoever made them."""
+
+    west: int
+    south: int
+    columns: int
+    rows: int
+    cell_m: float
+    yes: Ints
+    """Votes for ROI that count."""
+    no: Ints
+    closed: Flags
+    """1 where no frame is worth anything: out of reach, or given up."""
+    allowed: Flags
+    """0 where no vehicle may be."""
+    fenced: bool
+    """Whether there is any such place."""
+
+    @classmethod
+    def around(cls, cells: Iterable[Cell], cell_m: float, pad: int = PAD_CELLS) -> Chart:
+        """An empty chart that holds cells, with some room around them.
+
+        >>> chart = Chart.around([Cell(0, 0), Cell(3, 1)], cell_m=4.0, pad=1)
+        >>> chart.columns, chart.rows, chart.index(Cell(-1, -1)), chart.index(Cell(3, 1))
+        (6, 4, 0, 16)
+        """
+        known = list(cells)
+        west = min(c.east for c in known) - pad
+        south = min(c.north for c in known) - pad
+        columns = max(c.east for c in known) + pad + 1 - west
+        rows = max(c.north for c in known) + pad + 1 - south
+        size = columns * rows
+        return cls(
+            west, south, columns, rows, cell_m,
+            np.zeros(size, np.int64), np.zeros(size, np.int64),
+            np.zeros(size, np.uint8), np.ones(size, np.uint8), fenced=False,
+        )  # fmt: skip
+
+    def index(self, cell: Cell) -> int:
+        """The place of a cell in the arrays; of a cell in the window."""
+        return (cell.north - self.south) * self.columns + cell.east - self.west
+
+    def holds(self, cell: Cell) -> bool:
+        """Whether a cell is in the window."""
+        east, north = cell.east - self.west, cell.north - self.south
+        return 0 <= east < self.columns and 0 <= north < self.rows
+
+    def cell(self, index: int) -> Cell:
+        """The inverse of `index`."""
+        return Cell(index % self.columns + self.west, index // self.columns + self.south)
+
+    @property
+    def grid(self) -> tuple[int, int, int, int, float]:
+        """What the kernels take."""
+        return self.west, self.south, self.columns, self.rows, self.cell_m
+
+    def forbid(self, allows: Callable[[Cell], bool]) -> None:
+        """Take note of where a vehicle may be."""
+        for index in range(self.columns * self.rows):
+            if not allows(self.cell(index)):
+                self.allowed[index] = 0
+                self.fenced = True

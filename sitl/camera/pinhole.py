@@ -1,0 +1,139 @@
+"""The simulated camera as a pinhole of its own: how it is mounted, where it was, what falls where.
+
+Frames: NED (true north, true east, down) with its origin on the ground; the camera's axes are
+forward (optical axis), right, down (lower edge of the picture). Pixels: u to the right, v down,
+(0, 0) the centre of the upper left pixel, the optical axis at ((width - 1) / 2, (height - 1) / 2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from missions.units import Quaternion
+from sitl.world.orthophoto import Matrix
+
+_LENS_OVER_GROUND_M = 0.1  # of a landed vehicle
+_MAX_HALF_DIAGONAL_DEG = 55.0  # with the tilt limit this keeps the horizon out of the picture
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSpec:
+    """A camera on a multicopter, looking down.
+
+    `hfov_deg` is the horizontal field of view over the whole width. `fixed`: bolted to the body,
+    so it tilts along; else a gimbal holds it at nadir and only the heading turns it. `yaw_deg`:
+    bearing of the picture's upper edge relative to the nose. `min_interval_s`: shortest time
+    between two pictures. `exposure_s`: how long the shutter is open, which blurs what moves.
+    """
+
+    hfov_deg: float = 70.0
+    width_px: int = 640
+    height_px: int = 480
+    fixed: bool = True
+    yaw_deg: float = 0.0
+    min_interval_s: float = 0.2
+    exposure_s: float = 0.002
+
+    def __post_init__(self) -> None:
+        if not (self.width_px >= 16 and self.height_px >= 16 and 5.0 <= self.hfov_deg <= 105.0):
+            raise ValueError(f"a camera that cannot be simulated: {self}")
+        if not 0.0 <= self.exposure_s <= 1.0:
+            raise ValueError(f"exposure_s is {self.exposure_s:g}, expected 0 to 1")
+        diagonal = math.hypot(self.width_px, self.height_px) / 2.0
+        if math.degrees(math.atan2(diagonal, self.focal_px)) > _MAX_HALF_DIAGONAL_DEG:
+            raise ValueError(f"the field of view reaches the horizon when it tilts: {self}")
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels.
+
+        >>> round(CameraSpec(hfov_deg=90.0, width_px=640).focal_px, 9)
+        320.0
+        """
+        return self.width_px / 2.0 / math.tan(math.radians(self.hfov_deg) / 2.0)
+
+    def attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
+        """Camera axes to NED for the body's attitude, as in CAMERA_IMAGE_CAPTURED."""
+        mounting = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
+        turned = Quaternion.from_euler(0.0, 0.0, math.radians(self.yaw_deg))
+        if not self.fixed:
+            roll_rad = pitch_rad = 0.0
+        body = Quaternion.from_euler(roll_rad, pitch_rad, yaw_rad)
+        return _product(body, _product(turned, mounting))
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """The true moment of an exposure: place in the world's plane, attitude, time.
+
+    That is the middle of the time for which the shutter is open. `moved_m` (east, north, up) is how
+    far the camera moves in all of that time, `turned` the attitude that the same time would turn it
+    to; None where it does not turn.
+    """
+
+    east_m: float
+    north_m: float
+    height_m: float
+    attitude: Quaternion
+    t_s: float
+    noise_seed: int
+    moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turned: Quaternion | None = None
+
+
+def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
+    """The homography from ground (east, north, 1), metres *relative to the camera's foot point*,
+    to homogeneous pixels.
+
+    The point's pixel is the first two components divided by the third, which is its depth.
+    """
+    rotation = _matrix(shot.attitude)  # columns: forward, right, down of the camera in NED
+    height = max(shot.height_m, 0.0) + _LENS_OVER_GROUND_M
+    # a ground point (east, north) is (north, east, height) from the lens, in NED
+    to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, height]])
+    focal = camera.focal_px
+    centre_u, centre_v = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
+    to_pixel = np.array([[centre_u, focal, 0.0], [centre_v, 0.0, focal], [1.0, 0.0, 0.0]])
+    return np.asarray(to_pixel @ rotation.T @ to_ned, dtype=np.float64)
+
+
+def image_motion_px(camera: CameraSpec, shot: Shot) -> tuple[float, float]:
+    """How far the ground in the middle of the picture moves over it in an exposure: right, down.
+
+    Towards the rim it differs: by what the camera turns about its axis (0.2 px at 20 degrees a
+    second, 1/500 s and 300 px from the middle), and by the tilt. That is neglected.
+    """
+    east, north, up = shot.moved_m
+    middle = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
+    ground = np.linalg.inv(ground_to_pixel(camera, shot)) @ (*middle, 1.0)
+    later = replace(
+        shot, height_m=shot.height_m + up, attitude=shot.turned or shot.attitude, turned=None
+    )
+    place = ground[0] / ground[2] - east, ground[1] / ground[2] - north, 1.0
+    u, v, depth = ground_to_pixel(camera, later) @ place
+    return float(u / depth) - middle[0], float(v / depth) - middle[1]
+
+
+def _matrix(q: Quaternion) -> Matrix:
+    """Rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """First `b`, then `a`."""
+    return Quaternion(
+        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+        a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+        a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+    )

@@ -1,0 +1,253 @@
+"""What becomes of a flight when something is amiss: `python -m tests.benchmarks.robustness`.
+
+    python -m tests.benchmarks.robustness --seeds 3                 a table, some 30 flights
+    python -m tests.benchmarks.robustness --only baseline --seeds 1
+
+The mission `runway`, flown whole in the simulator by its own strategy (`swath`), once for each
+trouble and seed. Troubles of position, wind and camera are those of the simulator. Pictures are
+lost where they are fetched, and verdicts are made wrong where they are given: here, not in the
+product. What is drawn at random follows from the seed. Medians over the seeds, in brackets least
+and most where they differ.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+import statistics
+import sys
+import tempfile
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+import uavmap.simulation
+from missions.errors import LinkError
+from missions.events import Vote
+from missions.mission_file.schema import Mission
+from missions.state import Setting
+from missions.units import Cell
+from sitl.scenario import Setup
+from uavmap.fly.classifier import Classifier
+from uavmap.fly.flight import fly
+from uavmap.fly.progress import Silent
+from uavmap.mission_source import load_source
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.results.score import CLEAR_SHARE, cells_near, shares_of, true_roi
+from vision.look import Frame
+
+MISSION = "runway"
+STRATEGY = "swath"
+SEARCH_FRAMES = 30
+"""The false frame is the first after so many that shows no cell of the region."""
+GUST_EVERY_S, GUST_FOR_S, GUSTS_UNTIL_S = 60, 6, 1800
+WIND_FROM_DEG = 250.0
+
+Inject = Callable[[int], AbstractContextManager[None]]
+Change = Callable[[str], str]
+
+
+# --- verdicts and pictures -----------------------------------------------------------------------
+@contextlib.contextmanager
+def _verdicts(change: Callable[[tuple[Vote, ...]], tuple[Vote, ...]]) -> Iterator[None]:
+    """Meanwhile the verdicts of every frame are changed."""
+    judged = Classifier._judged  # the one place where all verdicts are given
+
+    def changed(self: Classifier, frame: Frame, *where: Any) -> tuple[Vote, ...]:
+        return change(judged(self, frame, *where))
+
+    with mock.patch.object(Classifier, "_judged", changed):
+        yield
+
+
+@contextlib.contextmanager
+def flipped_votes(seed: int, share: float) -> Iterator[None]:
+    """Every vote is wrong with this probability."""
+    rng = np.random.default_rng([seed, 1])
+
+    def change(votes: tuple[Vote, ...]) -> tuple[Vote, ...]:
+        wrong = rng.random(len(votes)) < share
+        return tuple(
+            vote._replace(positive=not vote.positive) if flip else vote
+            for vote, flip in zip(votes, wrong, strict=True)
+        )
+
+    with _verdicts(change):
+        yield
+
+
+@dataclass(slots=True)
+class FalseFrame:
+    """Makes one frame of the search, outside of the region, say yes to every cell."""
+
+    region: Collection[Cell]
+    frames: int = 0
+    told: bool = field(default=False)
+
+    def __call__(self, votes: tuple[Vote, ...]) -> tuple[Vote, ...]:
+        self.frames += 1
+        beside = votes and not any(vote.cell in self.region for vote in votes)
+        if self.told or self.frames <= SEARCH_FRAMES or not beside:
+            return votes
+        self.told = True
+        return tuple(vote._replace(positive=True) for vote in votes)
+
+
+@contextlib.contextmanager
+def false_frame(_: int) -> Iterator[None]:
+    """One frame of the search sees region everywhere, where there is none."""
+    mission = load_source(MISSION).parse()
+    grid = Setting.of(mission).grid
+    truth = true_roi(mission, grid)
+    shares = shares_of(cells_near(truth, grid), truth, grid)
+    liar = FalseFrame({cell for cell, share in shares.items() if share >= CLEAR_SHARE})
+    with _verdicts(liar):
+        yield
+    if not liar.told:
+        raise RuntimeError("no frame of the search was outside of the region")
+
+
+@contextlib.contextmanager
+def lost_pictures(seed: int, share: float) -> Iterator[None]:
+    """This share of the pictures cannot be fetched."""
+    rng = np.random.default_rng([seed, 2])
+    fetch = uavmap.simulation.Simulation.fetch
+
+    async def lossy(self: uavmap.simulation.Simulation, url: str) -> bytes:
+        if rng.random() < share:
+            raise LinkError(f"{url}: lost by the benchmark")
+        return await fetch(self, url)
+
+    with mock.patch.object(uavmap.simulation.Simulation, "fetch", lossy):
+        yield
+
+
+@contextlib.contextmanager
+def slow_camera(_: int) -> Iterator[None]:
+    """The camera takes half as many pictures as the mission file says, and nobody knows."""
+    setup_of = uavmap.simulation.setup_of
+
+    def slower(mission: Mission, *args: Any, **more: Any) -> Setup:
+        setup = setup_of(mission, *args, **more)
+        interval_s = 2.0 * mission.camera.interval_s
+        return replace(setup, camera=replace(setup.camera, min_interval_s=interval_s))
+
+    with mock.patch.object(uavmap.simulation, "setup_of", slower):
+        yield
+
+
+@contextlib.contextmanager
+def nothing(_: int) -> Iterator[None]:
+    """All is well."""
+    yield
+
+
+# --- mission files -------------------------------------------------------------------------------
+def _sim(line: str) -> Change:
+    return lambda text: text.replace("[sim]\n", f"[sim]\n{line}\n")
+
+
+def _gusts(more_m_s: float) -> Change:
+    """Gusts along the mean wind, once a minute."""
+
+    def change(text: str) -> str:
+        for at_s in range(GUST_EVERY_S, GUSTS_UNTIL_S, GUST_EVERY_S):
+            text += (
+                f'\n[[sim.faults]]\nkind = "wind_gust"\nat_s = {at_s}\nfor_s = {GUST_FOR_S}\n'
+                f"m_s = {more_m_s}\nfrom_deg = {WIND_FROM_DEG}\n"
+            )
+        return text
+
+    return change
+
+
+def _same(text: str) -> str:
+    return text
+
+
+def _half_rate(text: str) -> str:
+    return re.sub(r"interval_s = 0\.2\b", "interval_s = 0.4", text)
+
+
+TROUBLES: Mapping[str, tuple[Change, Inject]] = {
+    "baseline (position error 0.3 m)": (_same, nothing),
+    "one false frame in the search": (_same, false_frame),
+    "20 % of the frames lost": (_same, lambda seed: lost_pictures(seed, 0.20)),
+    "5 % of the votes wrong": (_same, lambda seed: flipped_votes(seed, 0.05)),
+    "position error 1.5 m": (_sim("gps_sigma_m = 1.5"), nothing),
+    "gusts to 8 m/s, 6 s in a minute": (_gusts(4.4), nothing),
+    "gusts to 10 m/s, 6 s in a minute": (_gusts(6.4), nothing),
+    "gusts of 10 m/s on top (13.6 m/s)": (_gusts(10.0), nothing),
+    "camera at half its rate, unknown": (_same, slow_camera),
+    "camera at half its rate, in the file": (_half_rate, nothing),
+}
+
+
+# --- flights -------------------------------------------------------------------------------------
+def flight(job: tuple[str, int]) -> dict[str, Any]:
+    """The summary of a flight, by trouble and seed."""
+    name, seed = job
+    change, inject = TROUBLES[name]
+    text = change(load_source(MISSION).text)
+    if (text == load_source(MISSION).text) != (change is _same):
+        raise RuntimeError(f"{name}: the mission {MISSION} has no place for it")
+    plan = FlightPlan(MISSION, text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
+    with inject(seed), tempfile.TemporaryDirectory() as folder:
+        return fly(plan, Path(folder), Silent())
+
+
+def _median(values: Sequence[float], digits: int) -> str:
+    """The median, and least and most where they differ.
+
+    >>> _median([2.0, 1.0, 4.0], 1), _median([3, 3, 3], 0)
+    ('2.0 [1.0, 4.0]', '3')
+    """
+    middle, *ends = (
+        f"{v:.{digits}f}" for v in (statistics.median(values), min(values), max(values))
+    )
+    return middle if ends == [middle, middle] else f"{middle} [{', '.join(ends)}]"
+
+
+def row(name: str, found: Sequence[Mapping[str, Any]]) -> str:
+    """A line of the table."""
+    cells = [name, f"{sum(bool(f['completed']) for f in found)} of {len(found)}"]
+    for key, factor, digits in (
+        ("flight_time_s", 1.0 / 60.0, 1),
+        ("exploration_s", 1.0, 0),
+        ("cells_missed", 1.0, 0),
+        ("iou_cells", 100.0, 1),
+        ("false_positives", 1.0, 0),
+        ("false_negatives", 1.0, 0),
+    ):
+        cells.append(_median([factor * f[key] for f in found], digits))
+    return f"| {' | '.join(cells)} |"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fly and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--only", action="append", help="rows whose name holds this")
+    options = parser.parse_args(arguments)
+    names = [n for n in TROUBLES if not options.only or any(part in n for part in options.only)]
+    jobs = [(name, seed) for name in names for seed in range(1, options.seeds + 1)]
+    columns = ["", "completed", "flight, min", "exploration, s", "cells missed", "IoU, %"]
+    print(f"| {' | '.join([*columns, 'false +', 'false -'])} |\n{'|---' * 8}|", flush=True)
+    with ProcessPoolExecutor(options.workers) as pool:
+        flights = pool.map(flight, jobs)
+        for name in names:
+            found = [next(flights) for _ in range(options.seeds)]
+            print(row(name, found), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

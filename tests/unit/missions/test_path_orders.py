@@ -1,0 +1,245 @@
+"""Paths that may be flown and those that may not, and what vehicles on them claim and need."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from missions.events import Arrived, FrameLost, FrameSeen, LinkLost, Tracked, Vote
+from missions.flight.lane_progress import lane_passed
+from missions.flight.path_orders import NOTICE_S, allowed, come_inside, is_outside
+from missions.flight.return_home import turn_back
+from missions.ground.fence import Fence
+from missions.ground.grid import Grid
+from missions.guardian import Guard, Task
+from missions.motion.course import Course
+from missions.motion.trajectory import Trajectory, rounded_path
+from missions.orders import FlyPath, FlyTo, Hold
+from missions.state import Phase, ReturnReason, VehicleState
+from missions.units import Cell, GridPoint
+from tests.small_missions import START, mission, square
+from tests.unit.missions.test_step import Service
+
+BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
+EDGES = [GridPoint(*corner) for corner in square(0, 0, 60, 60)]
+
+
+def line(*points: tuple[float, float], begin_s: float = 10.0) -> Trajectory:
+    return rounded_path([GridPoint(*point) for point in points], begin_s, speed_m_s=6.0)
+
+
+def flying(vehicles: int = 1, **how: object) -> Service:
+    """A vehicle in the air, on a path of 90 m along its layer."""
+    chosen = {"capacity_wh": 60.0, "strategy": "swath", "mounting": "gimbal", **how}
+    made = Service(mission(BOX, FENCE, vehicles=vehicles, **chosen))
+    for number in range(1, vehicles + 1):
+        made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
+    order = FlyPath(line((-40, 30), (50, 30)), 12.0, 90.0, 0.25)
+    changed(
+        made, 1, phase=Phase.AIRBORNE, landed=False, height_m=12.0, order=order, judged_s=10.0,
+        position=GridPoint(-40.0, 30.0),
+    )  # fmt: skip
+    return made
+
+
+def changed(made: Service, vehicle: int, **how: object) -> None:
+    there = replace(made.state.vehicles[vehicle], **how)  # type: ignore[arg-type]
+    made.state = made.state.with_vehicle(there)
+
+
+# --- the fence ---------------------------------------------------------------------------------
+def test_a_path_lies_inside_the_margin_all_along() -> None:
+    fence = Fence.of(EDGES, [], 2.0)
+    assert allowed(fence, line((10, 10), (50, 10), (50, 50)))
+    assert allowed(fence, line((10, 2), (50, 2)))  # along its rim
+    assert not allowed(fence, line((10, 10), (58.5, 10)))
+    assert not allowed(fence, line((10, 10), (70, 10), (10, 40)))
+
+
+def test_a_path_does_not_cross_a_hole_between_two_looks_at_it() -> None:
+    thin = [GridPoint(*corner) for corner in square(30, 20, 0.5, 20)]
+    fence = Fence.of(EDGES, [thin], 0.0)
+    assert not allowed(fence, line((10, 30), (50, 30)))
+
+
+def test_a_path_may_begin_where_a_gust_has_blown_the_vehicle_if_it_leads_in() -> None:
+    fence = Fence.of(EDGES, [], 2.0)
+    assert allowed(fence, line((1.2, 30), (30, 30)))
+    assert not allowed(fence, line((0.5, 30), (30, 30)))  # too far for a path
+    assert not allowed(fence, line((1.5, 30), (1.2, 40), (30, 40)))  # and farther out
+    assert not allowed(fence, line((30, 30), (1.2, 30)))  # no path ends there
+
+
+def test_a_path_over_a_region_that_drifts_is_held_to_where_it_will_be() -> None:
+    fence = Fence.of(EDGES, [], 2.0)
+    path = replace(line((10, 50), (50, 50), begin_s=0.0), drift_m_s=(0.0, 1.0))
+    assert path.end_s > 9.0
+    assert not allowed(fence, path)
+    assert allowed(fence, replace(path, drift_m_s=(0.0, 0.5)))
+
+
+def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
+    made = flying()
+    fence = made.setting.fence
+    out, rim = GridPoint(99.5, 30.0), GridPoint(98.5, 30.0)
+    assert is_outside(fence, out)
+    assert not is_outside(fence, rim)
+    changed(made, 1, order=Hold(), position=out)
+    after = come_inside(made.setting, made.state, made.state.vehicles[1])
+    assert after is not None
+    order = after.vehicles[1].order
+    assert isinstance(order, FlyTo)
+    assert order.route[-1].east_m == pytest.approx(96.5)
+    changed(made, 1, position=rim)
+    assert come_inside(made.setting, made.state, made.state.vehicles[1]) is None
+
+
+# --- others ------------------------------------------------------------------------------------
+def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
+    made = flying(2)
+    made.now_s = made.state.vehicles[1].tracked_s + 14.0
+    changed(
+        made, 2, phase=Phase.AIRBORNE, landed=False, height_m=6.0, position=GridPoint(25.0, 30.0),
+        home=GridPoint(25.0, 30.0), return_reason=ReturnReason.BATTERY, over_home=True, order=None,
+    )  # fmt: skip
+    before = made.state.vehicles[1].order
+    assert isinstance(before, FlyPath)
+    at = before.trajectory.at(15.0).place
+    made.post(Tracked(1, 15.0, at, 12.0, 50.0))
+    order = made.order(1)
+    assert isinstance(order, FlyPath)
+    stop = order.trajectory
+    assert stop.begin_s == pytest.approx(15.0 + NOTICE_S)
+    assert stop.at(stop.begin_s).place == before.trajectory.at(stop.begin_s).place
+    assert stop.at(stop.end_s).east_m < 25.0 - 6.0
+    assert made.order(2) != Hold()  # who lands has to wait for nobody that makes way
+
+
+def test_the_air_that_a_silent_one_may_have_come_to_along_its_path_stays_claimed() -> None:
+    made = flying(2)
+    at = GridPoint(-20.0, 30.0)
+    made.post(Tracked(1, 15.0, at, 12.0, 50.0), LinkLost(1, 20.0))
+    where = GridPoint(20.0, 30.0)  # twelve seconds on, and what it takes to brake
+    changed(
+        made, 2, phase=Phase.AIRBORNE, landed=False, height_m=18.0, position=where, home=where,
+        return_reason=ReturnReason.BATTERY, over_home=True, order=None,
+    )  # fmt: skip
+    made.post(Tracked(2, 60.0, where, 18.0, 50.0))
+    assert made.order(2) == Hold()
+
+
+# --- energy ------------------------------------------------------------------------------------
+def test_it_turns_back_while_it_can_still_brake_and_come_home() -> None:
+    """What it needs is reckoned from where it comes to rest, not from where it is."""
+    needs = {}
+    for outward in (True, False):
+        ends = ((-40.0, 30.0), (50.0, 30.0)) if outward else ((50.0, 30.0), (-40.0, 30.0))
+        made = flying()
+        path = line(*ends)
+        at = path.at(18.0)
+        changed(
+            made, 1, position=at.place, home=GridPoint(-50.0, 30.0),
+            order=FlyPath(path, 12.0, 90.0, 0.25), tracked_s=18.0,
+        )  # fmt: skip
+        made.state = replace(made.state, t_s=18.0)
+        low, high = 0.0, 60.0
+        while high - low > 1e-3:
+            middle = (low + high) / 2
+            changed(made, 1, remaining_wh=middle)
+            back = turn_back(made.setting, made.state, made.state.vehicles[1])
+            if back.vehicles[1].return_reason is None:
+                high = middle
+            else:
+                low = middle
+        needs[outward] = (high, at.place.distance_to(GridPoint(-50.0, 30.0)))
+    energy = made.setting.energy
+    for outward, (need_wh, away_m) in needs.items():
+        stop_m = 6.0 + 9.0  # a second, and braking from 6 m/s
+        rest_m = away_m + stop_m if outward else away_m - stop_m
+        least_wh = energy.home_wh(rest_m, 12.0)
+        assert least_wh < need_wh < least_wh + energy.hover_wh(10.0)
+
+
+# --- the camera --------------------------------------------------------------------------------
+def test_many_pictures_may_be_lost_in_a_second_and_few_in_ten() -> None:
+    made = flying()
+    for k in range(30):
+        made.post(FrameLost(1, 11.0 + 0.1 * k, "black"))
+    assert made.state.vehicles[1].return_reason is None
+    for k in range(5):  # a silent camera's are told of every few seconds
+        made.post(FrameLost(1, 14.0 + 3.4 * k, "no picture was announced"))
+    assert made.state.vehicles[1].return_reason is ReturnReason.FAULT
+
+
+def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
+    made = flying()
+    path = made.state.vehicles[1].order
+    assert isinstance(path, FlyPath)
+    slow = replace(path, trajectory=rounded_path(
+        [GridPoint(-40, 30), GridPoint(50, 30)], 10.0, speed_m_s=1.0))  # fmt: skip
+    changed(made, 1, order=slow)
+    made.post(FrameSeen(1, 12.0, None, (Vote(Cell(-9, 7), False, 0.0),)))
+    made.post(Tracked(1, 30.0, slow.trajectory.at(30.0).place, 12.0, 50.0))
+    assert made.state.vehicles[1].return_reason is None
+    made.post(Tracked(1, 38.0, slow.trajectory.at(38.0).place, 12.0, 50.0))
+    vehicle = made.state.vehicles[1]
+    assert vehicle.return_reason is ReturnReason.FAULT
+    assert "silent" in vehicle.note
+    assert isinstance(vehicle.order, Hold)  # it comes to rest first
+
+
+# --- the search --------------------------------------------------------------------------------
+def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
+    grid, lane = Grid.at(START, 4.0), (GridPoint(0, 20), GridPoint(40, 20))
+    vehicle = VehicleState(1, 12.0, lanes=(lane,), on_lane=True)
+    whole = [Cell(e, n) for e in (4, 5, 6) for n in (4, 5, 6)]
+    assert lane_passed(vehicle, grid, 3, whole, 0.0).lane_seen_m == (20.0,)
+    aside = [Cell(e, n) for e in (4, 5, 6) for n in (5, 6, 7)]
+    assert lane_passed(vehicle, grid, 3, aside, 0.0).lane_seen_m == ()
+    assert lane_passed(vehicle, grid, 1, aside, 0.0).lane_seen_m == (20.0,)
+    assert lane_passed(vehicle, grid, 3, [], 0.0) == vehicle
+
+
+def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
+    grid = Grid.at(START, 4.0)
+    lanes = ((GridPoint(0, 20), GridPoint(40, 20)), (GridPoint(40, 32), GridPoint(0, 32)))
+    vehicle = VehicleState(1, 12.0, lanes=lanes, on_lane=True)
+    second = [Cell(e, n) for e in (8, 9, 10) for n in (7, 8, 9)]
+    passed = lane_passed(vehicle, grid, 3, second, 0.0)
+    assert passed.lanes == (lanes[1], lanes[0])
+    assert passed.lane_seen_m == (4.0,)
+
+
+# --- the guardian ------------------------------------------------------------------------------
+def test_plans_that_follow_one_another_do_not_stop_the_guardians_clock() -> None:
+    course = Course((line((0, 0), (50, 0)),))
+    task = Task("path", 10.0, height_m=12.0, course=course)
+    guard = replace(Guard().told(task), off_since_s=11.0, sunk_since_s=11.5)
+    again = guard.told(replace(task, since_s=12.0))
+    assert (again.off_since_s, again.sunk_since_s) == (11.0, 11.5)
+    hover = guard.told(Task("hold", 12.0))
+    assert (hover.off_since_s, hover.sunk_since_s) == (None, None)
+
+
+# --- corners -----------------------------------------------------------------------------------
+def test_each_corner_is_cut_by_what_is_said_of_it() -> None:
+    points = [GridPoint(0, 0), GridPoint(30, 0), GridPoint(30, 30), GridPoint(0, 30)]
+    path = rounded_path(points, 0.0, speed_m_s=6.0, cut_m=[1.0, 0.005, 2.0, 1.0])
+    places = [path.at(0.01 * k).place for k in range(round(path.end_s * 100))]
+    near = [min(place.distance_to(point) for place in places) for point in points[1:3]]
+    assert near == pytest.approx([0.005, 2.0], abs=0.03)
+    with pytest.raises(ValueError, match="4 points have 2 cuts"):
+        rounded_path(points, 0.0, speed_m_s=6.0, cut_m=[1.0, 1.0])
+
+
+def test_a_path_that_arrives_leaves_nothing_to_wait_for() -> None:
+    """Who waits is planned for again, though no picture has come since."""
+    made = flying()
+    made.exploring(at=Cell(0, 6))
+    first = made.order()
+    assert isinstance(first, FlyPath)
+    made.post(Arrived(1, 60.0, first.trajectory.at(first.trajectory.end_s).place))
+    for t_s in (61.0, 62.0, 63.0):
+        made.post(Tracked(1, t_s, GridPoint(0.0, 0.0), 12.0, 50.0))
+    assert isinstance(made.order(), FlyPath)

@@ -1,0 +1,31 @@
+"""The page on height and speed: its picture is that of the code, its figures are the defaults."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from missions.mission_file.schema import CameraSection, Fence
+from tests.benchmarks.height_and_speed_picture import picture
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_the_picture_is_what_the_program_draws() -> None:
+    assert (DOCS / "images" / "height-and-speed.svg").read_text("utf-8") == picture()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("camera.pixels_per_cell", CameraSection().pixels_per_cell),
+        ("fence.ceiling_m", Fence.model_fields["ceiling_m"].default),
+    ],
+)
+def test_the_defaults_of_the_page_are_those_of_the_code(key: str, value: float) -> None:
+    text = (DOCS / "height-and-speed.md").read_text("utf-8")
+    row = re.search(rf"^\| `{key}` \| ([0-9.]+) \|", text, re.MULTILINE)
+    assert row is not None
+    assert float(row[1]) == value

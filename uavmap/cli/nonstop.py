@@ -1,0 +1,160 @@
+"""uavmap simulate for strategies that do not stop over cells: runs and tables in seconds."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from missions.arena.roi import Roi
+from missions.errors import StrategyError, UavmapError
+from missions.swath.strategies import WithoutStopping
+from uavmap.animation import film_of_nonstop
+from uavmap.cli.common import INTERRUPTED, make_folder, pair, print_figures
+from uavmap.cli.nonstop_options import DEFAULTS
+from uavmap.cli.pictures import wants_pictures, write_pictures
+from uavmap.notices import tell_if_uncompiled
+
+if TYPE_CHECKING:
+    from uavmap.offline.nonstop_trials import FlightTerms, NonstopTrial
+
+_REPORT_S: Final = 2.0
+_SPEED_M_S: Final = 6.0
+_CELL_M: Final = 4.0
+
+
+def run_nonstop(
+    options: argparse.Namespace,
+    rois: Sequence[Roi],
+    strategies: Sequence[WithoutStopping],
+    out: Path | None,
+) -> int:
+    """Simulate; returns the exit code."""
+    from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415 - numba takes a second
+
+    terms = _terms(options)
+    if out is not None:
+        make_folder(out.parent)  # before anything is computed
+    tell_if_uncompiled((s.name for s in strategies), lambda text: print(text, file=sys.stderr))
+    done: list[NonstopTrial] = []
+    runs = len(rois) * len(strategies)
+    code, last_s = 0, time.monotonic()
+    try:
+        for trial in trials.nonstop_trials(rois, strategies, terms):
+            done.append(trial)
+            if time.monotonic() - last_s > _REPORT_S:
+                last_s = time.monotonic()
+                print(f"{len(done)} of {runs} runs", file=sys.stderr)
+    except KeyboardInterrupt:
+        print(f"uavmap: interrupted after {len(done)} of {runs} runs", file=sys.stderr)
+        code = INTERRUPTED
+    if not print_figures(_figures(done, strategies), out, as_json=options.json):
+        _table(done, strategies, terms)
+    if wants_pictures(options) and code == 0:
+        _pictures(options, rois[options.index], strategies[0], terms)
+    return code
+
+
+def _terms(options: argparse.Namespace) -> FlightTerms:
+    """The options with their defaults.
+
+    Raises:
+        UavmapError: what these strategies do not take, or a footprint that is none.
+    """
+    from missions.arena.nonstop import Camera  # noqa: PLC0415, as above
+    from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    for name, why in (
+        ("drift", "these strategies are simulated on resting regions only"),
+        ("comms", "these vehicles always share what they know"),
+        ("tree", "these strategies have no tree"),
+    ):
+        if getattr(options, name) is not None:
+            raise StrategyError(f"--{name}: {why}")
+    given = {name: getattr(options, name) for name in DEFAULTS}
+    value = {name: DEFAULTS[name] if v is None else v for name, v in given.items()}
+    text = value["footprint"]
+    both = text if "," in text else f"{text},{text}"
+    east_m, north_m = pair(f"--footprint {text}", both, "metres, such as 15 or 20,15")
+    if not (0.0 < east_m <= 1000.0 and 0.0 < north_m <= 1000.0):
+        raise UavmapError(f"--footprint {text} is not between 0 and 1000")
+    camera = Camera(
+        east_m, north_m, value["frame_s"], error_rate=value["error_rate"],
+        loss_rate=value["loss_rate"],
+    )  # fmt: skip
+    return trials.FlightTerms(
+        options.robots, camera, options.cell_m or _CELL_M, options.speed or _SPEED_M_S,
+        value["accel"], value["box_factor"], offline=value["offline"],
+    )  # fmt: skip
+
+
+def _figures(done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping]) -> dict[str, Any]:
+    """The figures of one strategy, or of several by name."""
+    from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    every = {}
+    for strategy in strategies:
+        mine = [trial for trial in done if trial.strategy == strategy.name]
+        every[strategy.name] = {
+            "rois": [trial.figures() for trial in mine],
+            "means": trials.nonstop_means(mine),
+        }
+    return every if len(strategies) > 1 else every[strategies[0].name]
+
+
+def _table(
+    done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping], terms: FlightTerms
+) -> None:
+    """For people: of a ROI, or the means of several."""
+    from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    runs = len(done) // len(strategies)
+    robots = f"{terms.robots} vehicle" + "s" * (terms.robots > 1)
+    table = Table(
+        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {robots}" if done else "",
+        title_justify="left",
+    )
+    table.add_column("strategy", no_wrap=True)
+    offline = ("offline, s", "T / offline") if terms.offline else ()
+    for title in ("T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"):
+        table.add_column(title, justify="right")
+    for strategy in strategies:
+        mean = trials.nonstop_means([trial for trial in done if trial.strategy == strategy.name])
+        if mean:
+            known = (f"{mean[k]:.2f}" for k in ("offline_s", "ratio_offline") if k in mean)
+            table.add_row(
+                strategy.name,
+                f"{mean['makespan_s']:.1f}",
+                f"{mean['lower_bound_s']:.1f}",
+                "" if mean["ratio"] is None else f"{mean['ratio']:.2f}",
+                *known,
+                f"{mean['cells_missed']:g}",
+                f"{mean['cells_wrong']:g}",
+                f"{mean['wall_s']:.3f}",
+            )
+    Console().print(table)
+    print("T makespan, LB lower bound for any strategy, s real time of a run; without take-off")
+    print("and search: from the start cell until everything is decided and everybody is back")
+    if terms.offline:
+        print("offline: the best way found for who knows the region; not proven to be the best")
+
+
+def _pictures(
+    options: argparse.Namespace, roi: Roi, strategy: WithoutStopping, terms: FlightTerms
+) -> None:
+    """One run again, to be looked at."""
+    from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    shown = trials.flown_under(roi, strategy, terms, record=True)
+    robots = f"{terms.robots} vehicle" + "s" * (terms.robots > 1)
+    film = film_of_nonstop(
+        shown, roi, terms.cell_m, (terms.camera.east_m, terms.camera.north_m),
+        f"{roi.name}   ·   {strategy.name}, {robots}",
+    )  # fmt: skip
+    write_pictures(options, film, None, lambda text: print(text, file=sys.stderr))

@@ -1,0 +1,107 @@
+"""Where a vehicle was at a moment that lies between its positions, or shortly after the last.
+
+Pictures are taken between two telemetry messages and judged after both: a vehicle of 8 m/s whose
+position comes five times a second has flown 1.6 m in between, and 16 m since a picture that took
+two seconds to come. Times are of the vehicle's own clock, which no delay of the link shifts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from missions.units import LatLon
+
+KEPT_S: Final = 30.0
+"""A picture that is older is not judged any more, or counts as one of long ago."""
+MOST_KEPT: Final = 1000
+_M_PER_DEG: Final = 111_195.0
+
+
+class Fix(NamedTuple):
+    """Where the vehicle said to be at a time of its clock."""
+
+    boot_s: float
+    position: LatLon
+    height_m: float
+    velocity_ned_m_s: tuple[float, float, float]
+
+
+class Place(NamedTuple):
+    """Where it must have been."""
+
+    position: LatLon
+    height_m: float
+    gap_s: float
+    """How far in time the nearest fix is, at least 0: between fixes that are far apart, and
+    outside of those that are known, the place is a guess."""
+
+
+@dataclass(slots=True)
+class Whereabouts:
+    """The positions of the last `KEPT_S`.
+
+    >>> track = Whereabouts()
+    >>> track.take(Fix(10.0, LatLon(47.0, 8.0), 12.0, (0.0, 0.0, 0.0)))
+    >>> track.take(Fix(11.0, LatLon(47.0002, 8.0), 14.0, (0.0, 0.0, 0.0)))
+    >>> place = track.at(10.5)
+    >>> round(place.position.lat_deg, 6), round(place.height_m, 6), place.gap_s
+    (47.0001, 13.0, 0.5)
+    """
+
+    _fixes: deque[Fix] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+
+    def take(self, fix: Fix) -> None:
+        """Take in a position; a clock that begins anew leaves nothing to reckon with."""
+        fixes = self._fixes
+        if fixes and fix.boot_s < fixes[-1].boot_s:
+            fixes.clear()
+        fixes.append(fix)
+        while fixes[0].boot_s < fix.boot_s - KEPT_S:
+            fixes.popleft()
+
+    def at(self, boot_s: float) -> Place | None:
+        """Where it was at a time of its clock; None before the first fix was heard.
+
+        Between two fixes on the straight line; before the first and after the last with the
+        velocity of that one.
+        """
+        fixes = self._fixes
+        if not fixes:
+            return None
+        after = None
+        for before in reversed(fixes):
+            if before.boot_s <= boot_s:
+                break
+            after = before
+        else:
+            return _moved(fixes[0], boot_s)
+        if after is None:
+            return _moved(before, boot_s)
+        share = (boot_s - before.boot_s) / (after.boot_s - before.boot_s)
+        turned_deg = math.remainder(after.position.lon_deg - before.position.lon_deg, 360.0)
+        return Place(
+            LatLon(
+                before.position.lat_deg
+                + share * (after.position.lat_deg - before.position.lat_deg),
+                math.remainder(before.position.lon_deg + share * turned_deg, 360.0),
+            ),
+            before.height_m + share * (after.height_m - before.height_m),
+            min(boot_s - before.boot_s, after.boot_s - boot_s),
+        )
+
+
+def _moved(fix: Fix, boot_s: float) -> Place:
+    """A fix, as it flew on, or had flown before."""
+    passed_s = boot_s - fix.boot_s
+    north_m_s, east_m_s, down_m_s = fix.velocity_ned_m_s
+    shrink = max(math.cos(math.radians(fix.position.lat_deg)), 1e-6)
+    lat_deg = fix.position.lat_deg + north_m_s * passed_s / _M_PER_DEG
+    lon_deg = fix.position.lon_deg + east_m_s * passed_s / (_M_PER_DEG * shrink)
+    return Place(
+        LatLon(min(max(lat_deg, -90.0), 90.0), math.remainder(lon_deg, 360.0)),
+        fix.height_m - down_m_s * passed_s,
+        abs(passed_s),
+    )
