@@ -205,10 +205,11 @@ def _turn_towards(
         turn -= 2.0 * math.pi
     if turn > _MOST_TURN:
         return -1, x, y, heading, 0.0
-    if turn > 1e-4:
-        n = _add(pieces, n, x, y, heading, side / radius, radius * turn, turn_v, par[SPEED])
-        x = cx + side * radius * math.sin(toward)
-        y = cy - side * radius * math.cos(toward)
+    if turn <= 1e-4:  # the line is drawn from where it begins, or it ends beside the point
+        return n, x, y, math.atan2(dy, dx), _length(dx, dy)
+    n = _add(pieces, n, x, y, heading, side / radius, radius * turn, turn_v, par[SPEED])
+    x = cx + side * radius * math.sin(toward)
+    y = cy - side * radius * math.cos(toward)
     return n, x, y, toward, length
 
 

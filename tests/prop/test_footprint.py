@@ -20,7 +20,7 @@ from vision.camera import Camera
 from vision.detectors import make_detector
 from vision.look import OBLIQUE_LIMIT, Frame, look
 
-FAST = settings(max_examples=80, deadline=None, derandomize=True)
+FAST = settings(max_examples=80, deadline=None)
 BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north
 PLAIN = make_detector("threshold", dilations=0)
 CAMERA = Camera(math.radians(80.0), 160, 120)

@@ -35,7 +35,7 @@ METRICS = {
 }
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     kind=st.sampled_from(sorted(ROIS)),
     cells=st.integers(1, 70),

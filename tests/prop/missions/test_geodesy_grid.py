@@ -14,7 +14,7 @@ from missions.ground.geodesy import LocalPlane, UtmZone
 from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 
-FAST = settings(max_examples=150, deadline=None, derandomize=True)
+FAST = settings(max_examples=150, deadline=None)
 GEOD = pyproj.Geod(ellps="WGS84")
 
 places = st.builds(LatLon, st.floats(-80, 84), st.floats(-180, 180))

@@ -148,27 +148,27 @@ def holds(scenario: Scenario) -> Watched:
     return flight
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_can_be_flown_and_left(seed: int) -> None:
     assert holds(random_scenario(seed, strategy="swath")).paths > 0
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_over_a_region_that_drifts(seed: int) -> None:
     flight = holds(random_scenario(seed, drift=True, strategy="swath"))
     assert flight.state.completed
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_of_small_missions(seed: int) -> None:
     """Holes beside the homes and in the box, given winds, batteries for half a sortie."""
     holds(unkind_scenario(seed, "swath"))
 
 
-@settings(max_examples=5, deadline=None, derandomize=True)
+@settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_of_a_survey(seed: int) -> None:
     scenario = random_scenario(seed, strategy="survey")

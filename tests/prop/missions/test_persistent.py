@@ -14,7 +14,7 @@ from missions.mapping.persistent import PersistentMap
 from missions.mapping.tree import Tree
 from missions.units import Cell
 
-FAST = settings(max_examples=150, deadline=None, derandomize=True)
+FAST = settings(max_examples=150, deadline=None)
 
 changes = st.dictionaries(st.integers(0, 6), st.integers(), max_size=4)
 steps = st.lists(st.tuples(st.integers(0, 99), changes, st.booleans()), max_size=30)

@@ -15,7 +15,7 @@ OPEN = Fence.of([GridPoint(*xy) for xy in ((-1e3, -1e3), (1e3, -1e3), (1e3, 1e3)
                 [], 0.0)  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     width_m=st.floats(20, 240),
     depth_m=st.floats(20, 240),

@@ -18,7 +18,7 @@ from missions.mission_file.schema import Mission, VehicleSection, parse_fields
 from missions.state import Setting, State
 from tests.unit.missions.test_mission_checks import fault, text
 
-FAST = settings(max_examples=100, deadline=None, derandomize=True)
+FAST = settings(max_examples=100, deadline=None)
 
 
 def parsed(**changes: str) -> Mission:

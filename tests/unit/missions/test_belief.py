@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from missions.mapping.belief import Belief, FrameId, Tally
 from missions.units import Cell
 
-FAST = settings(max_examples=100, deadline=None, derandomize=True)
+FAST = settings(max_examples=100, deadline=None)
 HERE = Cell(0, 0)
 NORTH = Cell(0, 1)
 EMPTY = Belief(frames=5, positive=3)

@@ -24,7 +24,7 @@ from missions.energy import (
 from missions.mission_file.energy_model import energy_model
 from tests.small_missions import mission, square
 
-FAST = settings(max_examples=200, deadline=None, derandomize=True)
+FAST = settings(max_examples=200, deadline=None)
 
 MODEL = EnergyModel(
     hover_power_w=300.0, capacity_wh=60.0, reserve=0.15, speed_m_s=5.0, wind_m_s=0.0

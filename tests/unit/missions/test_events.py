@@ -23,7 +23,7 @@ from missions.events import (
 )
 from missions.units import Cell, GridPoint
 
-FAST = settings(max_examples=300, deadline=None, derandomize=True)
+FAST = settings(max_examples=300, deadline=None)
 KINDS: tuple[type, ...] = typing.get_args(Event)
 
 finite = st.floats(-1e6, 1e6, allow_nan=False)

@@ -15,7 +15,7 @@ from missions.ground.fence import Fence, route_length_m
 from missions.units import GridPoint
 from tests.prop.missions.test_fence_air import random_fence, somewhere
 
-FAST = settings(max_examples=150, deadline=None, derandomize=True)
+FAST = settings(max_examples=150, deadline=None)
 
 
 def ring(west: float, south: float, east: float, north: float) -> list[GridPoint]:

@@ -25,7 +25,7 @@ from tests.small_missions import square
 from tests.unit.missions.test_mission_checks import fault, faults, rectangle, text
 from vision.look import SEEN_SHARE
 
-FAST = settings(max_examples=60, deadline=None, derandomize=True)
+FAST = settings(max_examples=60, deadline=None)
 
 
 def parsed(**changes: str) -> Mission:

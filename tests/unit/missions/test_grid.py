@@ -13,7 +13,7 @@ from missions.ground.geodesy import LocalPlane, UtmZone
 from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 
-FAST = settings(max_examples=120, deadline=None, derandomize=True)
+FAST = settings(max_examples=120, deadline=None)
 GEOD = pyproj.Geod(ellps="WGS84")
 
 PLACES = [

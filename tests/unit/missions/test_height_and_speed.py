@@ -16,7 +16,7 @@ from missions.mission_file.schema import Mission
 from missions.units import GridPoint
 from tests.small_missions import mission, square
 
-FAST = settings(max_examples=100, deadline=None, derandomize=True)
+FAST = settings(max_examples=100, deadline=None)
 PLAIN = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), interval_s=0.2, speed_m_s=30.0)
 
 

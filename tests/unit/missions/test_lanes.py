@@ -14,7 +14,7 @@ from missions.ground.fence import Fence
 from missions.ground.lanes import LANE_CELLS, Lane, lanes, search_length_m, share_out
 from missions.units import GridPoint
 
-FAST = settings(max_examples=120, deadline=None, derandomize=True)
+FAST = settings(max_examples=120, deadline=None)
 
 
 def ring(west: float, south: float, east: float, north: float) -> list[GridPoint]:

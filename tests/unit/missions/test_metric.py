@@ -14,7 +14,7 @@ from missions.explorers.bounds import drift_factor
 from missions.explorers.metric import Metric
 from missions.units import Cell
 
-FAST = settings(max_examples=200, deadline=None, derandomize=True)
+FAST = settings(max_examples=200, deadline=None)
 
 cells = st.builds(Cell, st.integers(-20, 20), st.integers(-20, 20))
 metrics = st.builds(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from missions.mapping.tree import Tree, Vertex, VertexState
 from missions.units import Cell
 
-FAST = settings(max_examples=120, deadline=None, derandomize=True)
+FAST = settings(max_examples=120, deadline=None)
 ROOT = Cell(0, 0)
 NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
 

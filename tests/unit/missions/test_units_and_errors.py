@@ -13,7 +13,7 @@ from missions import errors
 from missions.units import Cell, GridPoint, LatLon, Quaternion
 from vision.camera import rotation
 
-FAST = settings(max_examples=150, deadline=None, derandomize=True)
+FAST = settings(max_examples=150, deadline=None)
 cells = st.builds(Cell, st.integers(-99, 99), st.integers(-99, 99))
 points = st.builds(GridPoint, st.floats(-999, 999), st.floats(-999, 999))
 angles = st.floats(-math.pi, math.pi)

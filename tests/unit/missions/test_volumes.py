@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from missions.flight.volumes import Volume, is_free
 from missions.units import GridPoint
 
-FAST = settings(max_examples=120, deadline=None, derandomize=True)
+FAST = settings(max_examples=120, deadline=None)
 APART_M = 6.0
 
 ORIGIN = GridPoint(0.0, 0.0)

@@ -27,7 +27,7 @@ from uavmap.link.continuity import distance_m
 from uavmap.link.whereabouts import KEPT_S, Fix, Whereabouts
 
 Message = Any
-FAST = settings(max_examples=100, deadline=None, derandomize=True)
+FAST = settings(max_examples=100, deadline=None)
 HOME = LatLon(48.0, 11.0)
 M_PER_DEG = 111_195.0
 STILL = (0.0, 0.0, 0.0)
