@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -24,6 +25,10 @@ LEARNED_FROM_M_S: Final = 1.5
 """Two means whose velocities differ by less say nothing about the airframe."""
 PRIOR: Final = 1.5
 """How much the quadcopter counts against what was learned: less than one leg at 6 m/s."""
+MOST_LEARNED: Final = 60
+"""So many of the last legs are remembered."""
+FAR_OFF: Final = 2.0
+"""A leg that says so many times more or less than the others says nothing."""
 LEAST_FACTOR: Final = 0.5
 MOST_FACTOR: Final = 8.0
 
@@ -61,6 +66,12 @@ class _Block:
         share = drag_m_s2(speed_m_s) / speed_m_s if speed_m_s > 1e-6 else 0.0
         return share * north, share * east
 
+    def wind(self, factor: float) -> tuple[float, float]:
+        """The wind towards north and east, for an airframe of this drag."""
+        drag = math.hypot(*self.drag)
+        share = airspeed_m_s(drag / factor) / drag if drag > 1e-6 else 0.0
+        return self.velocity[0] - share * self.drag[0], self.velocity[1] - share * self.drag[1]
+
 
 class WindEstimate:
     """The mean wind of the last seconds, from attitudes and velocities."""
@@ -70,7 +81,8 @@ class WindEstimate:
         # when, thrust to the north and east (m/s2), velocity to the north and east (m/s)
         self._samples: list[tuple[float, float, float, float, float]] = []
         self._blocks: deque[_Block] = deque(maxlen=BLOCKS)
-        self._learned, self._weight = PRIOR, PRIOR
+        # what single legs say of the airframe's drag, and how much each counts
+        self._learned: deque[tuple[float, float]] = deque(maxlen=MOST_LEARNED)
 
     def forget(self) -> None:
         """Begin anew: it stands on the ground. What was learned of the airframe stays."""
@@ -80,8 +92,16 @@ class WindEstimate:
 
     @property
     def factor(self) -> float:
-        """The drag of this airframe, in that of the quadcopter."""
-        return min(max(self._learned / self._weight, LEAST_FACTOR), MOST_FACTOR)
+        """The drag of this airframe, in that of the quadcopter.
+
+        The mean of what its legs say, but for those that say something far from their median: a
+        gust between two means is taken for the airframe's own doing.
+        """
+        middle = _median(self._learned)
+        near = [(f, w) for f, w in self._learned if middle / FAR_OFF <= f <= middle * FAR_OFF]
+        learned = PRIOR + sum(factor * weight for factor, weight in near)
+        mean = learned / (PRIOR + sum(weight for _, weight in near))
+        return min(max(mean, LEAST_FACTOR), MOST_FACTOR)
 
     def tilted(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
         """An attitude: right side down, nose up, clockwise from true north."""
@@ -123,8 +143,10 @@ class WindEstimate:
                 wind = self._wind or (0.0, 0.0)
                 now, then = block.expected(wind), before.expected(wind)
                 expected = [a - b for a, b in zip(now, then, strict=True)]
-                self._learned += sum(x * y for x, y in zip(drag, expected, strict=True))
-                self._weight += sum(x * x for x in expected)
+                weight = sum(x * x for x in expected)
+                if weight > 0.0:
+                    along = sum(x * y for x, y in zip(drag, expected, strict=True))
+                    self._learned.append((along / weight, weight))
         self._blocks.append(block)
 
     @property
@@ -138,10 +160,20 @@ class WindEstimate:
         """The mean wind towards north and east, None while nothing can be said."""
         if len(self._blocks) < BLOCKS:
             return None
-        north, east, v_north, v_east = (
-            sum(values) / BLOCKS
-            for values in zip(*((*b.drag, *b.velocity) for b in self._blocks), strict=True)
-        )
-        drag = math.hypot(north, east)
-        share = airspeed_m_s(drag / self.factor) / drag if drag > 1e-6 else 0.0
-        return v_north - share * north, v_east - share * east
+        winds = [block.wind(self.factor) for block in self._blocks]
+        north, east = (sum(values) / BLOCKS for values in zip(*winds, strict=True))
+        return north, east
+
+
+def _median(said: Collection[tuple[float, float]]) -> float:
+    """The weighted median of (value, weight); 1 of nothing.
+
+    >>> _median([(9.0, 1.0), (1.0, 1.0), (2.0, 3.0)])
+    2.0
+    """
+    half = sum(weight for _, weight in said) / 2.0
+    for value, weight in sorted(said):
+        half -= weight
+        if half <= 0.0:
+            return value
+    return 1.0
