@@ -109,6 +109,8 @@ class VehicleState:
     """Pictures in a row that were lost or cannot be believed."""
     judged_s: float = 0.0
     """On a path: when its last picture was judged, or it was given the first path."""
+    off_path_s: float | None = None
+    """Since when it is not where its path is by now."""
     candidate: Cell | None = None
     vertex: Cell | None = None
     at_target: bool = False

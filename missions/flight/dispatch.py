@@ -92,6 +92,10 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         state = find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     target = _first_target(setting, state, vehicle)
+    if target is None and setting.surveys and not any(v.lanes for v in state.vehicles.values()):
+        target = _nearest_open(setting, state, vehicle)
+        if target is None:
+            return give_up_rest(setting, state)
     if target is None and not setting.lanes and state.tree is None:
         note = (
             "no part of the search box can be flown inside the geofence; move the one or the other"
@@ -134,6 +138,16 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
     if cell is not None:
         return where(setting, state, cell)
     return vehicle.lanes[0][0] if vehicle.lanes else None
+
+
+def _nearest_open(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
+    """The nearest cell that a survey has flown over and not decided; None where all are."""
+    places = (
+        where(setting, state, cell)
+        for cell in setting.box_cells
+        if state.belief.verdict(cell) is None
+    )
+    return min(places, key=vehicle.position.distance_to, default=None)
 
 
 def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> State:

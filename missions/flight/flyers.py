@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -39,10 +40,17 @@ def flyer_of(
     place = vehicle.position if path is None else path.at(begin_s).place
     if path is not None and not mine:  # of the search: planned in the fixed frame
         path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
+    flown = kinematics(setting, vehicle)
+    if path is not None:  # what is too fast for the wind by now comes down where the path is slower
+        moves = path.at(begin_s)
+        now_m_s = math.hypot(
+            moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
+        )
+        flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
     over_home_s = begin_s if path is None else max(begin_s, path.end_s)
     end = grid.to_moving(_over_pad(setting, vehicle), over_home_s)
     return Flyer(
-        kinematics(setting, vehicle),
+        flown,
         grid.to_moving(place, begin_s),
         end,
         path,

@@ -28,7 +28,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
     fixed = mission.camera.mounting == "fixed"
     wind_east, wind_north = _wind(mission, grid)
     return Kinematics(
-        speed_m_s=path_speed_m_s(mission, height_m),
+        speed_m_s=path_speed_m_s(mission, height_m, vehicle.wind_m_s),
         accel_m_s2=ACCELERATION_M_S2,
         frame_s=mission.camera.interval_s,
         half_east_m=max(half_east_m, 0.1),

@@ -74,7 +74,7 @@ def through(
 
     `corners` says of each point whether it is a corner of the fence, which is not cut.
     """
-    speed = path_speed_m_s(setting.mission, vehicle.cruise_height_m)
+    speed = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
     places = [vehicle.position, *points]
     path = None
     for cut_m in (*LANE_CUTS_M, CORNER_CUT_M):

@@ -33,6 +33,7 @@ from missions.flight.connections import (
 )
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.off_path import off_path
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
@@ -118,11 +119,10 @@ def _(event: Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
 @_changed.register
 def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     elapsed_s = event.t_s - vehicle.tracked_s
-    braking_until_s = vehicle.braking_until_s
-    if braking_until_s is not None:
+    if vehicle.braking_until_s is not None:
         slow = vehicle.position.distance_to(event.position) < REST_M_S * elapsed_s
-        if slow or event.t_s >= braking_until_s:
-            braking_until_s = None
+        if slow or event.t_s >= vehicle.braking_until_s:
+            vehicle = replace(vehicle, braking_until_s=None)
     used_wh = vehicle.remaining_wh - event.remaining_wh
     drawn_w = vehicle.drawn_w
     if not vehicle.landed and elapsed_s > 0.0 and used_wh >= 0.0:
@@ -141,7 +141,7 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if blind:
         note = "the camera is silent: no picture of its path was judged"
         vehicle = _blind(vehicle, event.t_s, setting, note)
-        braking_until_s = vehicle.braking_until_s
+    vehicle = off_path(setting, vehicle, event)
     return replace(
         vehicle,
         landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),
@@ -151,7 +151,6 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
         remaining_wh=event.remaining_wh,
         drawn_w=drawn_w,
         wind_m_s=vehicle.wind_m_s if event.wind_m_s is None else event.wind_m_s,
-        braking_until_s=braking_until_s,
     )
 
 

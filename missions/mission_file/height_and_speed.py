@@ -63,17 +63,21 @@ class SpeedLimits:
     """Above this a picture is blurred by more than `camera.max_blur_px`."""
     frames_m_s: float
     """Above this a cell that is flown over may be wholly in fewer than `votes.frames` frames."""
+    headway_m_s: float
+    """What `flight.max_airspeed_m_s` leaves against `wind.speed_m_s`: faster no path is held."""
 
     @property
     def least_m_s(self) -> float:
         """The lowest of them."""
-        return min(self.flight_m_s, self.blur_m_s, self.frames_m_s)
+        return min(self.flight_m_s, self.blur_m_s, self.frames_m_s, self.headway_m_s)
 
     @property
     def reason(self) -> str:
         """Which one that is, by the key of the mission file that sets it."""
         if self.least_m_s == self.flight_m_s:
             return "flight.speed_m_s"
+        if self.least_m_s == self.headway_m_s:
+            return "flight.max_airspeed_m_s, less wind.speed_m_s"
         return "camera.max_blur_px" if self.least_m_s == self.blur_m_s else "votes.frames"
 
 
@@ -92,7 +96,13 @@ def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
         mission.flight.speed_m_s,
         max(blur_m / camera.exposure_s - drift_m_s, 0.0),
         max((side_m - mission.grid.cell_m) / seen_s - drift_m_s, 0.0),
+        headway_m_s(mission, mission.wind.speed_m_s),
     )
+
+
+def headway_m_s(mission: Mission, wind_m_s: float) -> float:
+    """How fast the airframe still flies over ground, at least 0, straight against a wind."""
+    return max(mission.flight.max_airspeed_m_s - wind_m_s, 0.0)
 
 
 def speed_limit_m_s(mission: Mission, height_m: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from missions.mission_file.height_and_speed import speed_limit_m_s
+from missions.mission_file.height_and_speed import headway_m_s, speed_limit_m_s
 from missions.mission_file.schema import Mission
 
 MOST_M_S: Final = 8.0
@@ -19,9 +19,13 @@ LEAST_M_S: Final = 0.3
 """What cannot be mapped at this speed is not mapped without stopping."""
 
 
-def path_speed_m_s(mission: Mission, height_m: float) -> float:
-    """How fast a path is flown from a height, in the frame of the region, m/s."""
-    return max(LEAST_M_S, min(MOST_M_S, speed_limit_m_s(mission, height_m)))
+def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> float:
+    """How fast a path is flown from a height, in the frame of the region, m/s.
+
+    `wind_m_s` is the wind that was measured; that of the mission file counts where it is stronger.
+    """
+    most_m_s = min(MOST_M_S, headway_m_s(mission, wind_m_s))
+    return max(LEAST_M_S, min(most_m_s, speed_limit_m_s(mission, height_m)))
 
 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:

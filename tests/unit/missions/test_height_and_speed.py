@@ -53,6 +53,7 @@ def test_twice_as_high_a_picture_may_be_taken_at_twice_the_speed() -> None:
     [
         ({"flight": {"speed_m_s": 6.0}}, "flight.speed_m_s"),
         ({"camera": {"exposure_s": 0.02}}, "camera.max_blur_px"),
+        ({"wind": {"speed_m_s": 9.0}}, "flight.max_airspeed_m_s, less wind.speed_m_s"),
         ({}, "votes.frames"),
     ],
 )
@@ -60,7 +61,9 @@ def test_the_reason_is_the_key_that_limits(sections: dict[str, Any], reason: str
     made = changed(PLAIN, **sections)
     limits = speed_limits(made, 12.0)
     assert limits.reason == reason
-    assert limits.least_m_s == min(limits.flight_m_s, limits.blur_m_s, limits.frames_m_s)
+    assert limits.least_m_s == min(
+        limits.flight_m_s, limits.blur_m_s, limits.frames_m_s, limits.headway_m_s
+    )
 
 
 def test_at_the_limit_of_blur_a_picture_is_blurred_by_what_is_allowed() -> None:

@@ -189,6 +189,43 @@ def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
     assert isinstance(vehicle.order, Hold)  # it comes to rest first
 
 
+def test_who_is_left_behind_stops_and_goes_on_no_faster_than_the_wind_allows() -> None:
+    made = flying()
+    changed(made, 1, on_lane=True, lanes=((GridPoint(-40, 30), GridPoint(50, 30)),))
+    path = made.state.vehicles[1].order
+    assert isinstance(path, FlyPath)
+
+    def report(t_s: float, behind_m: float, wind_m_s: float) -> None:
+        place = path.trajectory.at(t_s).place
+        at = GridPoint(place.east_m - behind_m, place.north_m)
+        made.post(Tracked(1, t_s, at, 12.0, 60.0, wind_m_s=wind_m_s))
+
+    report(15.0, 7.0, 8.0)
+    report(15.5, 4.0, 8.0)  # it has caught up
+    report(16.0, 7.0, 8.0)
+    report(16.8, 8.0, 8.0)
+    assert made.state.vehicles[1].order is path
+    report(17.2, 9.0, 8.0)
+    vehicle = made.state.vehicles[1]
+    assert isinstance(vehicle.order, Hold)
+    assert vehicle.return_reason is None
+    at = path.trajectory.at(17.2).place
+    made.post(Tracked(1, 17.6, GridPoint(at.east_m - 9.0, 30.0), 12.0, 60.0, wind_m_s=9.5))
+    made.post(Tracked(1, 18.0, GridPoint(at.east_m - 9.0, 30.0), 12.0, 60.0, wind_m_s=9.5))
+    again = made.state.vehicles[1].order
+    assert isinstance(again, FlyPath)
+    assert again.trajectory.at(18.0).place == (at.east_m - 9.0, 30.0)
+    assert max(piece.speed_m_s for piece in again.trajectory.pieces) <= 2.5  # of 12 m/s
+
+
+def test_who_comes_home_is_left_to_its_guardian() -> None:
+    made = flying()
+    changed(made, 1, return_reason=ReturnReason.DONE)
+    for t_s in (15.0, 16.0, 17.0):
+        made.post(Tracked(1, t_s, GridPoint(-40.0, 30.0), 12.0, 50.0))
+    assert isinstance(made.state.vehicles[1].order, FlyPath)
+
+
 # --- the search --------------------------------------------------------------------------------
 def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
     grid, lane = Grid.at(START, 4.0), (GridPoint(0, 20), GridPoint(40, 20))
