@@ -25,13 +25,22 @@ from missions.state import Phase, Setting, State
 LEAST_PATIENCE_S: Final = 120.0
 
 
-def bound_s(setting: Setting, cells: int, depth: int) -> float:
-    """B: the seconds in which `rdfs` explores a tree at most, of this mission's team."""
+def moves_s(setting: Setting, moves: float) -> float:
+    """A bound in moves as a bound in seconds, for this mission's team.
+
+    A move takes at most a leg between two cells. Tours are closed, and a vertex is looked from
+    once, when it is first reached: at most every second move ends with a look, and the root has
+    one besides.
+    """
     mission = setting.mission
-    moves = rdfs_bound_moves(cells, depth, len(mission.vehicles))
     move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0
     factor = drift_factor(mission.flight.speed_m_s, mission.drift.speed_m_s)
     return moves * move_s * factor + setting.look_s
+
+
+def bound_s(setting: Setting, cells: int, depth: int) -> float:
+    """B: the seconds in which `rdfs` explores a tree at most, of this mission's team."""
+    return moves_s(setting, rdfs_bound_moves(cells, depth, len(setting.mission.vehicles)))
 
 
 def patience_s(setting: Setting, state: State) -> float:

@@ -10,8 +10,7 @@ from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.arena.passing_bound import passing_bound_s
 from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
-from missions.explorers.bounds import drift_factor
-from missions.flight.fallback import whole_bound_s
+from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.optics import kinematics
 from missions.orders import FlyPath
 from missions.state import Phase, Setting, State, VehicleState
@@ -206,24 +205,14 @@ def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int
 
 
 def _bound_s(setting: Setting, state: State) -> float | None:
-    """What the strategy promises, in seconds.
-
-    A move takes at most a leg between two cells. Tours are closed, and a vertex is looked from
-    once, when it is first reached: at most every second move ends with a look, and the root has
-    one besides.
-    """
+    """What the strategy promises, in seconds."""
     if state.tree is None:
         return None
-    mission = setting.mission
-    tree, robots = state.tree, len(mission.vehicles)
+    tree, robots = state.tree, len(setting.mission.vehicles)
     if setting.nonstop:
         return None if setting.surveys else round(whole_bound_s(setting, len(tree), tree.depth), 1)
     moves = promised_moves(setting.explorer, tree, robots, setting.metric)
-    if moves is None:
-        return None
-    move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0
-    factor = drift_factor(mission.flight.speed_m_s, mission.drift.speed_m_s)
-    return round(moves * move_s * factor + setting.look_s, 1)
+    return None if moves is None else round(moves_s(setting, moves), 1)
 
 
 def frames_judged(state: State) -> int:
