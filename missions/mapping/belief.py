@@ -190,6 +190,15 @@ class Belief:
         """The open ballot of every cell that has one, in the order of their first votes."""
         return self._ballots.get(None, PersistentMap())
 
+    def first_seen_s(self) -> dict[Cell, float]:
+        """When each cell was seen first, of the frames whose votes count."""
+        first: dict[Cell, float] = {}
+        for ballots in self._ballots.values():
+            for cell, ballot in ballots.items():
+                t_s = ballot[0][0].t_s
+                first[cell] = min(t_s, first.get(cell, t_s))
+        return first
+
     def fully_voted(self, vantage: Cell) -> bool:
         """Whether the cell and its four neighbours have all their votes from this vantage."""
         return all(self.tally(cell, vantage).total >= self.frames for cell in vantage.cross())

@@ -16,6 +16,7 @@ from missions.orders import FlyPath
 from missions.state import Phase, Setting, State, VehicleState
 from missions.step import step
 from missions.units import GridPoint
+from vision.look import SEEN_SHARE
 
 LIFT_OFF_M = 0.3
 
@@ -183,23 +184,28 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
 
 
 def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int) -> float:
-    """The same for vehicles that do not stop: of the ground that was first seen after that."""
+    """The same for vehicles that do not stop: of the ground that was first seen after that.
+
+    Who fell back on stopping flew some of it as fast as the mission file allows, the nose anywhere,
+    and a look judges cells that are nearly whole in the picture.
+    """
     mission = setting.mission
+    legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0
     team = [kinematics(setting, vehicle) for vehicle in state.vehicles.values()]
     top_m = max(vehicle.cruise_height_m for vehicle in state.vehicles.values())
-    wind_m_s = mission.wind.speed_m_s
-    lean_m = max(k.tilt_m_s2 * (k.accel_m_s2 + k.drag_1_s * (k.speed_m_s + wind_m_s)) for k in team)
-    cells = sum(ballot[0][0].t_s > found_s for ballot in state.belief.open_ballots.values())
-    across_m, along_m = mission.camera.optics.footprint(top_m)
-    speed_m_s = max(k.speed_m_s for k in team)
+    lean_m = 0.0
+    for k in team:
+        airspeed_m_s = max(k.speed_m_s, legs_m_s) + mission.wind.speed_m_s
+        lean_m = max(lean_m, k.tilt_m_s2 * (k.accel_m_s2 + k.drag_1_s * airspeed_m_s))
+    cells = sum(t_s > found_s for t_s in state.belief.first_seen_s().values())
     bound_s = passing_bound_s(
-        cells,
+        (SEEN_SHARE if state.falls_back else 1.0) * cells * mission.grid.cell_m**2,
         len(team),
         max(breaks, 0),
-        mission.grid.cell_m,
-        (across_m, along_m),
+        mission.camera.optics.footprint(top_m),
         lean_m,
-        speed_m_s,
+        max(legs_m_s, *(k.speed_m_s for k in team)),
+        turned=state.falls_back,
     )
     return round(bound_s, 1)
 

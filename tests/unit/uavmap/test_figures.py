@@ -15,6 +15,7 @@ from missions.events import (
     Tracked,
     Vote,
 )
+from missions.flight import passes
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
@@ -178,3 +179,24 @@ def test_one_vehicle_goes_in_rounds_of_its_own() -> None:
 def test_nothing_explored_has_no_ratio() -> None:
     found = of(SORTIE)
     assert (found.lower_bound_s, found.ratio) == (0.0, None)
+
+
+def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was 0 whatever they flew: the ground that looks showed was left out."""
+    monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
+    made = mission(
+        square(-4, 10, 24, 16),
+        square(-40, -40, 120, 130),
+        strategy="swath",
+        capacity_wh=200.0,
+        mounting="gimbal",
+    )
+    flight = fleet(made, frozenset(Cell(i, j) for i in range(10) for j in range(3, 13)))
+    flight.start()
+    flight.run()
+    state, found = figures(flight.setting, flight.events)
+    assert state.falls_back
+    assert state.completed
+    # 100 cells, and what is beside them, at 5 m/s, less what the first frame may have shown
+    assert 5.0 < found.lower_bound_s < found.exploration_s
+    assert found.ratio is not None
