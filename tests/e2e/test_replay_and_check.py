@@ -72,6 +72,22 @@ def test_check_says_what_would_be_flown(tmp_path):
     assert list(tmp_path.iterdir()) == []  # checking leaves nothing behind
 
 
+def test_check_says_of_flight_without_stopping_what_holds_for_it(tmp_path):
+    """A look a cell, and a stop at either end of a lane, are none of `swath`."""
+    text = Path(mission("tiny")).read_text("utf-8")
+    found = {}
+    for strategy in ("swath", "rdfs"):
+        file = tmp_path / f"{strategy}.toml"
+        file.write_text(f'strategy = "{strategy}"\n{text}', "utf-8")
+        found[strategy] = uavmap("check", file, "--json", cwd=tmp_path).summary
+    assert "exploration_s_per_cell" not in found["swath"]
+    assert found["rdfs"]["exploration_s_per_cell"] > 3.0
+    # at 5 m/s, 12 m up and down; a stop takes 2.5 s, and a corner less than half of that
+    lanes, flown_s = found["swath"]["lanes"], found["swath"]["search_length_m"] / 5.0
+    at_least_s = flown_s + 12.0 / 1.5 + 12.0 / 0.5 + 12.0
+    assert at_least_s - 1.0 < found["swath"]["search_time_s"] < at_least_s + 2.5 + 2.5 * lanes
+
+
 @pytest.mark.parametrize("name", ["road", "runway", "spill"])
 def test_the_shipped_missions_are_sound(name, capsys):
     assert name in shipped_missions()

@@ -12,6 +12,8 @@ from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
 from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
+from missions.mission_file.views import path_speed_m_s
+from missions.motion.trajectory import LANE_CUTS_M, rounded_path
 from missions.state import Setting
 from missions.units import GridPoint
 from uavmap.mission_source import load_source
@@ -72,7 +74,8 @@ def run(options: argparse.Namespace) -> int:
 def estimate(setting: Setting) -> dict[str, Any]:
     """What a mission would fly at most: a search of the whole box, and nothing found.
 
-    Exploration comes on top; nobody knows how large the ROI is, so it is given per cell.
+    Exploration comes on top; nobody knows how large the ROI is, so it is given per cell, of
+    strategies that look from every cell. What a cell takes in passing depends on those around it.
     `sortie_wh` is what a full battery leaves for flying about, without the climb, the landing and
     the reserve; `farthest_corner_wh` what of it goes into the way to the farthest corner of the box
     and back, and a look there.
@@ -81,11 +84,9 @@ def estimate(setting: Setting) -> dict[str, Any]:
     blocks = setting.shares
     home = GridPoint(0.0, 0.0)
     lengths = [search_length_m(block, home) for block in blocks]
-    longest_m = max(lengths, default=0.0)
     layer_m = mission.altitude_m(len(mission.vehicles) - 1)
     overhead_s = layer_m / CLIMB_SPEED_M_S + layer_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
-    legs = 2 * max((len(block) for block in blocks), default=0) + 1
-    search_s = longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
+    search_s = _passing_s(setting) if setting.nonstop else _stopping_s(setting, max(lengths))
     usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
     area = flyable.search_area(mission, setting.grid)
     corner = flyable.farthest_corner(mission, setting.grid)
@@ -93,6 +94,8 @@ def estimate(setting: Setting) -> dict[str, Any]:
     # what is not for flying: the climb, the landing and the reserve
     aside_wh = energy.climb_wh(corner_layer_m) + energy.home_wh(0.0, corner_layer_m)
     aside_wh -= energy.leg_wh(0.0)
+    a_cell_s = 2.0 * mission.grid.cell_m / energy.speed_m_s + setting.look_s
+    looks = {} if setting.nonstop else {"exploration_s_per_cell": round(a_cell_s, 1)}
     return {
         "mission": mission.name,
         "strategy": mission.strategy,
@@ -104,9 +107,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
         "search_time_s": round(search_s + overhead_s, 1),
         "search_sorties": math.ceil(search_s / max(usable_s, 1.0)),
         "usable_flight_s_per_battery": round(usable_s, 1),
-        "exploration_s_per_cell": round(
-            2.0 * mission.grid.cell_m / energy.speed_m_s + setting.look_s, 1
-        ),
+        **looks,
         "altitude_set_by": altitude_reason(mission),
         "layers": [_figures(layer) for layer in layers(mission)],
         "turn_back_reserve_wh": round(energy.reserve_wh, 2),
@@ -114,6 +115,25 @@ def estimate(setting: Setting) -> dict[str, Any]:
         "farthest_corner_m": round(corner.away_m, 1),
         "farthest_corner_wh": round(corner.sortie_wh - aside_wh, 2),
     }
+
+
+def _stopping_s(setting: Setting, longest_m: float) -> float:
+    """How long the longest share of the lanes takes with a stop at every end of a lane."""
+    energy = setting.energy
+    legs = 2 * max(map(len, setting.shares)) + 1
+    return longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
+
+
+def _passing_s(setting: Setting) -> float:
+    """How long the longest share of the lanes takes as one path from home and back."""
+    mission, home = setting.mission, GridPoint(0.0, 0.0)
+    ends_s = []
+    for index, block in enumerate(setting.shares):
+        speed_m_s = path_speed_m_s(mission, mission.altitude_m(index))
+        points = [home, *(end for lane in block for end in lane), home]
+        path = rounded_path(points, 0.0, speed_m_s=speed_m_s, cut_m=LANE_CUTS_M[0])
+        ends_s.append(path.end_s)
+    return max(ends_s)
 
 
 def _figures(layer: Layer) -> dict[str, Any]:
