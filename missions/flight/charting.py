@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from missions.flight.optics import kinematics
 from missions.state import Setting, State, VehicleState
-from missions.swath.chart import Chart, Flags
+from missions.swath.chart import Chart, Flags, Known
 from missions.units import Cell
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """A chart, and the cell where the region was first seen."""
-
-    chart: Chart
-    root: int
-    wanted: Flags | None = None
-    """Of a survey: 1 for each cell of the box."""
 
 
 def chart_of(

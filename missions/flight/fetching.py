@@ -12,12 +12,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from missions.flight.charting import Known
 from missions.flight.optics import kinematics
 from missions.flight.path_orders import NOTICE_S, allowed, through
 from missions.ground.fence import route_length_m
 from missions.motion.trajectory import Piece, Trajectory
 from missions.state import Setting, State, VehicleState
+from missions.swath.chart import Known
 from missions.units import Cell, GridPoint
 
 MOST_ROUTES: Final = 12
@@ -63,17 +63,13 @@ def fetch(
 
 def _needed(setting: Setting, known: Known) -> list[Cell]:
     """The cells that have to be decided, and are not."""
-    from missions.swath.planner import Planner, Tuning  # noqa: PLC0415 - numba takes a second
+    from missions.swath.memo import valued  # noqa: PLC0415 - numba takes a second
+    from missions.swath.planner import Planner, Tuning  # noqa: PLC0415, as above
 
-    votes, tuning, chart = setting.mission.votes, Tuning(), known.chart
-    planner = Planner(tuning)
-    if known.wanted is None:
-        valued = planner.worth(chart, known.root, votes.frames, votes.positive)
-    else:
-        valued = planner.worth_of_all(chart, known.wanted, votes.frames, votes.positive)
-    worth, need, candidates, _ = valued
+    votes, tuning = setting.mission.votes, Tuning()
+    worth, need, candidates, _ = valued(Planner(tuning), known, votes.frames, votes.positive)
     work = [int(i) for i in candidates if worth[i] * need[i] > 0.5 * tuning.penalty_s]
-    return [chart.cell(index) for index in work]
+    return [known.chart.cell(index) for index in work]
 
 
 def _vantages(

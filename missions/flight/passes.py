@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from missions.flight.charting import Known, chart_of
+from missions.flight.charting import chart_of
 from missions.flight.deconfliction import hold
 from missions.flight.fallback import fall_back, patience_s
 from missions.flight.fetching import fetch
@@ -28,6 +28,7 @@ from missions.flight.sightings import grown
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.swath.chart import Known
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
@@ -218,8 +219,8 @@ def _plan(
     votes = setting.mission.votes
     penalty_s = Tuning().penalty_s * PRESSING**memory.pressing
     return plan_once(
-        Tuning(penalty_s=penalty_s), known.chart, tuple(flyers.values()), known.root, votes.frames,
-        votes.positive, begin_s, memory.decisions, known.wanted,
+        Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames, votes.positive,
+        begin_s, memory.decisions,
     )  # fmt: skip
 
 

@@ -80,3 +80,14 @@ class Chart:
             if not allows(self.cell(index)):
                 self.allowed[index] = 0
                 self.fenced = True
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A chart, and what of it has to be decided: the region around a cell, or given cells."""
+
+    chart: Chart
+    root: int
+    """The cell where the region was first seen; -1 where cells are given."""
+    wanted: Flags | None = None
+    """Of a survey: 1 for each cell of the box."""

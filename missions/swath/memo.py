@@ -13,8 +13,8 @@ from dataclasses import astuple
 from typing import Final
 
 from missions.kernels.jit import COMPILED
-from missions.swath.chart import Chart, Flags
-from missions.swath.planner import Flyer, Plan, Planner, Tuning
+from missions.swath.chart import Known
+from missions.swath.planner import Flyer, Plan, Planner, Tuning, Valued
 
 REMEMBERED: Final = 4096
 UNCOMPILED_MOVES: Final = 20
@@ -23,58 +23,46 @@ UNCOMPILED_MOVES: Final = 20
 _plans: OrderedDict[bytes, Plan] = OrderedDict()
 
 
+def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued:
+    """What a frame of each cell is worth: `frames` votes of a cell count, `majority` elect it."""
+    if known.wanted is None:
+        return planner.worth(known.chart, known.root, frames, majority)
+    return planner.worth_of_all(known.chart, known.wanted, frames, majority)
+
+
 def plan_once(
     tuning: Tuning,
-    chart: Chart,
+    known: Known,
     team: Sequence[Flyer],
-    root: int,
     frames: int,
     majority: int,
     begin_s: float,
     decision: int,
-    wanted: Flags | None = None,
 ) -> Plan:
-    """The plan for a team from `begin_s` on; `decision` seeds the search.
-
-    What is worth a frame follows from the cell `root` where the region was first seen; or, with
-    `wanted`, it is every cell with a 1 there, whatever it may be.
-    """
-    key = _key(tuning, chart, team, root, frames, majority, begin_s, decision, wanted)
+    """The plan for a team from `begin_s` on; `decision` seeds the search."""
+    key = _key(known, team, astuple(tuning), frames, majority, begin_s, decision)
     plan = _plans.get(key)
     if plan is None:
         if not COMPILED:
             tuning = Tuning(penalty_s=tuning.penalty_s, moves=UNCOMPILED_MOVES)
         planner = Planner(tuning)
-        if wanted is None:
-            valued = planner.worth(chart, root, frames, majority)
-        else:
-            valued = planner.worth_of_all(chart, wanted, frames, majority)
+        worth = valued(planner, known, frames, majority)
         next_s = [flyer.kinematics.frame_s for flyer in team]
-        plan = planner.plan(chart, team, valued, begin_s, decision, next_s)
+        plan = planner.plan(known.chart, team, worth, begin_s, decision, next_s)
         _plans[key] = plan
         while len(_plans) > REMEMBERED:
             _plans.popitem(last=False)
     return plan
 
 
-def _key(
-    tuning: Tuning,
-    chart: Chart,
-    team: Sequence[Flyer],
-    root: int,
-    frames: int,
-    majority: int,
-    begin_s: float,
-    decision: int,
-    wanted: Flags | None,
-) -> bytes:
+def _key(known: Known, team: Sequence[Flyer], *others: object) -> bytes:
     made = hashlib.blake2b(digest_size=16)
-    if wanted is not None:
-        made.update(wanted.tobytes())
+    chart = known.chart
+    if known.wanted is not None:
+        made.update(known.wanted.tobytes())
     for array in (chart.yes, chart.no, chart.closed, chart.allowed):
         made.update(array.tobytes())
-    where = (*chart.grid, root, frames, majority, begin_s, decision, astuple(tuning))
-    made.update(repr(where).encode())
+    made.update(repr((*chart.grid, known.root, *others)).encode())
     for flyer in team:
         made.update(repr((flyer.kinematics, flyer.place, flyer.end, flyer.path)).encode())
         made.update(repr(flyer.route).encode())
