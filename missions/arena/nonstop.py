@@ -8,6 +8,7 @@ of the region and each of its neighbours is decided and everybody is at rest ove
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -175,6 +176,14 @@ class Ground:
         cells = {near for cell in self.roi.cells for near in cell.cross()}
         return np.array(sorted(map(self.chart.index, cells)), np.int64)
 
+    def along(self, paths: Sequence[Trajectory]) -> Flown:
+        """Fly paths to their ends, frame by frame, without a plan."""
+        end_s = max(path.end_s for path in paths)
+        for tick in range(math.floor(end_s / self.camera.frame_s + 1e-9) + 1):
+            for path in paths:
+                self.frame(tick * self.camera.frame_s, path)
+        return self.outcome(end_s, 0, tuple((path,) for path in paths))
+
     def outcome(
         self, makespan_s: float, decisions: int, paths: tuple[tuple[Trajectory, ...], ...]
     ) -> Flown:
@@ -191,6 +200,34 @@ class Ground:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Team:
+    """Vehicles that are all alike, and how large the cells are that they map."""
+
+    robots: int
+    camera: Camera
+    cell_m: float = 4.0
+    speed_m_s: float = 6.0
+    accel_m_s2: float = 2.5
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """What each of them flies.
+
+        Raises:
+            StrategyError: a footprint that never shows a whole cell for long enough.
+        """
+        return self.camera.kinematics(self.speed_m_s, self.accel_m_s2, self.cell_m)
+
+    def over(self, roi: Roi, seed: int = 1, *, record: bool = False) -> Ground:
+        """A region that nobody of them has seen yet.
+
+        Raises:
+            StrategyError: as `kinematics` does.
+        """
+        return Ground(roi, self.cell_m, self.kinematics, self.camera, seed, record)
+
+
 @dataclass(slots=True)
 class Run:
     """A run of the planner under way."""
@@ -198,7 +235,6 @@ class Run:
     ground: Ground
     robots: int
     planner: Planner
-    replan_s: float = REPLAN_S
     t_s: float = 0.0
     paths: list[Trajectory | None] = field(default_factory=list)
     routes: list[Route | None] = field(default_factory=list)
@@ -219,7 +255,7 @@ class Run:
             if sum(ground.frame(self.t_s, path) for path in self.paths):
                 news, fruitless = True, 0
             at_rest = all(path is not None and self.t_s >= path.end_s for path in self.paths)
-            if at_rest or (news and self.t_s - planned_s >= self.replan_s - 1e-9):
+            if at_rest or (news and self.t_s - planned_s >= REPLAN_S - 1e-9):
                 plan = self._decide()
                 if at_rest and plan.work == 0 and self._all_home():
                     break
@@ -259,18 +295,7 @@ class Run:
         )
 
 
-def flown(
-    roi: Roi,
-    robots: int,
-    *,
-    camera: Camera,
-    cell_m: float = 4.0,
-    speed_m_s: float = 6.0,
-    accel_m_s2: float = 2.5,
-    tuning: Tuning | None = None,
-    seed: int = 1,
-    record: bool = False,
-) -> Flown:
+def flown(roi: Roi, team: Team, *, seed: int = 1, record: bool = False) -> Flown:
     """One run of a team that plans in flight.
 
     Raises:
@@ -278,10 +303,8 @@ def flown(
 
     >>> from missions.units import Cell
     >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> run = flown(lake, 1, camera=Camera(15.0, 15.0))
+    >>> run = flown(lake, Team(1, Camera(15.0, 15.0)))
     >>> run.missed, run.makespan_s < 10.0
     (0, True)
     """
-    kinematics = camera.kinematics(speed_m_s, accel_m_s2, cell_m)
-    ground = Ground(roi, cell_m, kinematics, camera, seed, record)
-    return Run(ground, robots, Planner(tuning or Tuning())).fly()
+    return Run(team.over(roi, seed, record=record), team.robots, Planner(Tuning())).fly()

@@ -8,16 +8,17 @@ found: a way that shows every needed cell often enough, flown and judged as ever
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.arena.nonstop import Camera, Flown, Ground
+from missions.arena.nonstop import Flown, Ground, Team
 from missions.arena.roi import Roi
 from missions.errors import StrategyError
 from missions.kernels import swath as kernels
+from missions.motion.trajectory import Trajectory
 from missions.swath.paths import path_of
 from missions.swath.planner import Tuning
 from missions.units import GridPoint
@@ -72,50 +73,31 @@ class _Search:
             self.team, ways, cells, candidates, moves, hot_s, _COLD_S, 0.0, _LAST, self.random
         )
 
-    def flown(self, ways: kernels.Ways, judged: Ground) -> Flown:
-        """Fly the waypoints without errors, frame by frame."""
-        paths = [path_of(self.team, ways, k, 0.0)[0] for k in range(self.robots)]
-        end_s = max(path.end_s for path in paths)
-        tick = 0
-        while tick * judged.camera.frame_s <= end_s:
-            for path in paths:
-                judged.frame(tick * judged.camera.frame_s, path)
-            tick += 1
-        return judged.outcome(end_s, 0, tuple((path,) for path in paths))
+    def paths(self, ways: kernels.Ways) -> list[Trajectory]:
+        """The waypoints as paths."""
+        return [path_of(self.team, ways, k, 0.0)[0] for k in range(self.robots)]
 
 
-def reference(
-    roi: Roi,
-    robots: int,
-    *,
-    camera: Camera,
-    cell_m: float = 4.0,
-    speed_m_s: float = 6.0,
-    accel_m_s2: float = 2.5,
-    moves_a_cell: int = MOVES_A_CELL,
-    seed: int = 1,
-) -> Flown:
+def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: int = 1) -> Flown:
     """The best of what is found for a team that knows the region; frames do not err or get lost.
 
     Raises:
         StrategyError: a footprint that never shows a whole cell, or nothing is found.
 
+    >>> from missions.arena.nonstop import Camera
     >>> from missions.units import Cell
     >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> reference(lake, 1, camera=Camera(15.0, 15.0), moves_a_cell=20).missed
+    >>> reference(lake, Team(1, Camera(15.0, 15.0)), moves_a_cell=20).missed
     0
     """
-    exact = Camera(camera.east_m, camera.north_m, camera.frame_s, camera.frames, camera.majority)
-    kinematics = exact.kinematics(speed_m_s, accel_m_s2, cell_m)
+    team = replace(team, camera=replace(team.camera, error_rate=0.0, loss_rate=0.0))
     best: Flown | None = None
     for start in range(3):
-        search = _Search(
-            Ground(roi, cell_m, kinematics, exact), robots, seed=seed * 7919 + start * 104729
-        )
-        ways = _first(search.ground, robots, start)
+        search = _Search(team.over(roi), team.robots, seed=seed * 7919 + start * 104729)
+        ways = _first(search.ground, team.robots, start)
         search.improve(ways, moves_a_cell * int((search.need > 0).sum()), _HOT_S)
         for _ in range(_MENDS):
-            done = search.flown(ways, Ground(roi, cell_m, kinematics, exact))
+            done = team.over(roi).along(search.paths(ways))
             if not done.missed:
                 if best is None or done.makespan_s < best.makespan_s:
                     best = done

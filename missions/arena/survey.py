@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missions.arena.nonstop import Camera, Flown, Ground
+from missions.arena.nonstop import Flown, Ground, Team
 from missions.arena.roi import Roi
 from missions.errors import StrategyError
 from missions.kernels import worth as kernels
@@ -62,12 +62,8 @@ class Box:
 
 def surveyed(
     roi: Roi,
-    robots: int,
+    team: Team,
     *,
-    camera: Camera,
-    cell_m: float = 4.0,
-    speed_m_s: float = 6.0,
-    accel_m_s2: float = 2.5,
     box_factor: float | None = None,
     seed: int = 1,
     record: bool = False,
@@ -77,18 +73,13 @@ def surveyed(
     Raises:
         StrategyError: a footprint that never shows a whole cell, or not for long enough.
 
+    >>> from missions.arena.nonstop import Camera
     >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> surveyed(lake, 1, camera=Camera(15.0, 15.0)).missed
+    >>> surveyed(lake, Team(1, Camera(15.0, 15.0))).missed
     0
     """
-    kinematics = camera.kinematics(speed_m_s, accel_m_s2, cell_m)
-    ground = Ground(roi, cell_m, kinematics, camera, seed, record)
-    paths = survey_paths(Box.around(roi, box_factor), robots, ground)
-    end_s = max(path.end_s for path in paths)
-    for tick in range(math.floor(end_s / camera.frame_s + 1e-9) + 1):
-        for path in paths:
-            ground.frame(tick * camera.frame_s, path)
-    return ground.outcome(end_s, 0, tuple((path,) for path in paths))
+    ground = team.over(roi, seed, record=record)
+    return ground.along(survey_paths(Box.around(roi, box_factor), team.robots, ground))
 
 
 def survey_paths(box: Box, robots: int, ground: Ground) -> list[Trajectory]:

@@ -12,7 +12,7 @@ import math
 import time
 from statistics import fmean, stdev
 
-from missions.arena.nonstop import Camera, Ground, flown
+from missions.arena.nonstop import Camera, Ground, Team, flown
 from missions.arena.offline_reference import reference
 from missions.arena.roi import Roi, grown
 from missions.arena.survey import surveyed
@@ -47,21 +47,21 @@ def main() -> None:
     for kind, cells, robots in cases:
         rois = [grown(kind, cells, options.first_seed + i) for i in range(options.count)]
         print(
-            f"{kind:7}{cells:5}{robots:5}   {row(rois, robots, camera, options.offline)}",
+            f"{kind:7}{cells:5}{robots:5}   {row(rois, Team(robots, camera), options.offline)}",
             flush=True,
         )
 
 
-def row(rois: list[Roi], robots: int, camera: Camera, offline: int) -> str:
+def row(rois: list[Roi], team: Team, offline: int) -> str:
     begin_s = time.perf_counter()
-    runs = [flown(roi, robots, camera=camera) for roi in rois]
+    runs = [flown(roi, team) for roi in rois]
     wall_s = (time.perf_counter() - begin_s) / len(rois)
     swath_s = [run.makespan_s for run in runs]
     error_s = stdev(swath_s) / math.sqrt(len(swath_s)) if len(swath_s) > 1 else 0.0
-    survey_s = fmean(surveyed(roi, robots, camera=camera).makespan_s for roi in rois)
+    survey_s = fmean(surveyed(roi, team).makespan_s for roi in rois)
     known = ""
     if offline:
-        known_s = [reference(roi, robots, camera=camera).makespan_s for roi in rois[:offline]]
+        known_s = [reference(roi, team).makespan_s for roi in rois[:offline]]
         ratio = sum(swath_s[:offline]) / sum(known_s)
         known = f"{fmean(known_s):8.1f} {ratio:10.2f}"
     missed = sum(run.missed for run in runs)

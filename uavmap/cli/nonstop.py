@@ -67,7 +67,7 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     Raises:
         UavmapError: what these strategies do not take, or a footprint that is none.
     """
-    from missions.arena.nonstop import Camera  # noqa: PLC0415, as above
+    from missions.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
     from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
 
     for name, why in (
@@ -88,10 +88,9 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
         east_m, north_m, value["frame_s"], error_rate=value["error_rate"],
         loss_rate=value["loss_rate"],
     )  # fmt: skip
-    return trials.FlightTerms(
-        options.robots, camera, options.cell_m or _CELL_M, options.speed or _SPEED_M_S,
-        value["accel"], value["box_factor"], offline=value["offline"],
-    )  # fmt: skip
+    cell_m, speed_m_s = options.cell_m or _CELL_M, options.speed or _SPEED_M_S
+    team = Team(options.robots, camera, cell_m, speed_m_s, value["accel"])
+    return trials.FlightTerms(team, value["box_factor"], offline=value["offline"])
 
 
 def _figures(done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping]) -> dict[str, Any]:
@@ -115,11 +114,9 @@ def _table(
     from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
 
     runs = len(done) // len(strategies)
-    robots = f"{terms.robots} vehicle" + "s" * (terms.robots > 1)
-    table = Table(
-        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {robots}" if done else "",
-        title_justify="left",
-    )
+    what = f"means of {runs} ROIs" if runs != 1 else done[0].roi
+    title = f"{what}, {_vehicles(terms)}" if done else ""
+    table = Table(title=title, title_justify="left")
     table.add_column("strategy", no_wrap=True)
     offline = ("offline, s", "T / offline") if terms.offline else ()
     for title in ("T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"):
@@ -145,6 +142,10 @@ def _table(
         print("offline: the best way found for who knows the region; not proven to be the best")
 
 
+def _vehicles(terms: FlightTerms) -> str:
+    return f"{terms.team.robots} vehicle" + "s" * (terms.team.robots > 1)
+
+
 def _pictures(
     options: argparse.Namespace, roi: Roi, strategy: WithoutStopping, terms: FlightTerms
 ) -> None:
@@ -152,9 +153,7 @@ def _pictures(
     from uavmap.offline import nonstop_trials as trials  # noqa: PLC0415, as above
 
     shown = trials.flown_under(roi, strategy, terms, record=True)
-    robots = f"{terms.robots} vehicle" + "s" * (terms.robots > 1)
-    film = film_of_nonstop(
-        shown, roi, terms.cell_m, (terms.camera.east_m, terms.camera.north_m),
-        f"{roi.name}   ·   {strategy.name}, {robots}",
-    )  # fmt: skip
+    camera, title = terms.team.camera, f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
+    shows_m = (camera.east_m, camera.north_m)
+    film = film_of_nonstop(shown, roi, terms.team.cell_m, shows_m, title)
     write_pictures(options, film, None, lambda text: print(text, file=sys.stderr))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-from missions.arena.nonstop import Camera, Flown, flown
+from missions.arena.nonstop import Flown, Team, flown
 from missions.arena.offline_reference import reference
 from missions.arena.roi import Roi
 from missions.arena.survey import surveyed
@@ -20,11 +20,7 @@ from missions.swath.strategies import SURVEY, WithoutStopping
 class FlightTerms:
     """Under what terms a team flies without stopping."""
 
-    robots: int
-    camera: Camera
-    cell_m: float
-    speed_m_s: float
-    accel_m_s2: float
+    team: Team
     box_factor: float | None = None
     """Of a survey: how much wider its box is than the region; by default two cells a side."""
     offline: bool = False
@@ -76,17 +72,11 @@ def flown_under(
     Raises:
         StrategyError: a footprint too small for the cells, or for the speed.
     """
-    common: dict[str, Any] = {
-        "camera": terms.camera,
-        "cell_m": terms.cell_m,
-        "speed_m_s": terms.speed_m_s,
-        "accel_m_s2": terms.accel_m_s2,
-        "seed": terms.seed,
-        "record": record,
-    }
     if strategy is SURVEY:
-        return surveyed(roi, terms.robots, box_factor=terms.box_factor, **common)
-    return flown(roi, terms.robots, **common)
+        return surveyed(
+            roi, terms.team, box_factor=terms.box_factor, seed=terms.seed, record=record
+        )
+    return flown(roi, terms.team, seed=terms.seed, record=record)
 
 
 def nonstop_trials(
@@ -98,8 +88,10 @@ def nonstop_trials(
         StrategyError: a footprint too small for the cells, or for the speed.
     """
     for roi in rois:
-        bound_s = _lower_bound_s(roi, terms)
-        offline_s = _offline_s(roi, terms) if terms.offline else None
+        bound_s = _lower_bound_s(roi, terms.team)
+        offline_s = None
+        if terms.offline:
+            offline_s = reference(roi, terms.team, seed=terms.seed).makespan_s
         for strategy in strategies:
             begin_s = time.perf_counter()
             done = flown_under(roi, strategy, terms)
@@ -109,17 +101,9 @@ def nonstop_trials(
             )  # fmt: skip
 
 
-def _lower_bound_s(roi: Roi, terms: FlightTerms) -> float:
-    kinematics = terms.camera.kinematics(terms.speed_m_s, terms.accel_m_s2, terms.cell_m)
+def _lower_bound_s(roi: Roi, team: Team) -> float:
     needed = {near for cell in roi.cells for near in cell.cross()}
-    return lower_bound_s(needed, roi.start, terms.robots, terms.cell_m, kinematics)
-
-
-def _offline_s(roi: Roi, terms: FlightTerms) -> float:
-    return reference(
-        roi, terms.robots, camera=terms.camera, cell_m=terms.cell_m, speed_m_s=terms.speed_m_s,
-        accel_m_s2=terms.accel_m_s2, seed=terms.seed,
-    ).makespan_s  # fmt: skip
+    return lower_bound_s(needed, roi.start, team.robots, team.cell_m, team.kinematics)
 
 
 def nonstop_means(done: Sequence[NonstopTrial]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from missions.arena.nonstop import Camera, Ground, Run
+from missions.arena.nonstop import Camera, Ground, Run, Team
 from missions.arena.offline_reference import reference
 from missions.arena.roi import KINDS, Roi, grown
 from missions.arena.survey import surveyed
@@ -170,7 +170,7 @@ def test_errors_and_losses_cost_time_and_no_cell(roi, robots, seed):
 @settings(max_examples=10, deadline=None)
 @given(rois, st.integers(1, 4), st.sampled_from([None, 2.5]))
 def test_a_survey_misses_no_cell_of_its_box_and_does_not_beat_the_bound(roi, robots, factor):
-    run = surveyed(roi, robots, camera=CAMERA, box_factor=factor, record=True)
+    run = surveyed(roi, Team(robots, CAMERA), box_factor=factor, record=True)
     if factor is None:
         assert run.missed == 0
     needed = {near for cell in roi.cells for near in cell.cross()}
@@ -183,7 +183,7 @@ def test_a_survey_misses_no_cell_of_its_box_and_does_not_beat_the_bound(roi, rob
 @settings(max_examples=8, deadline=None)
 @given(rois, st.integers(1, 2))
 def test_the_reference_misses_no_cell_and_does_not_beat_the_bound(roi, robots):
-    run = reference(roi, robots, camera=CAMERA, moves_a_cell=20 if COMPILED else 2)
+    run = reference(roi, Team(robots, CAMERA), moves_a_cell=20 if COMPILED else 2)
     assert run.missed == 0
     needed = {near for cell in roi.cells for near in cell.cross()}
     assert run.makespan_s >= lower_bound_s(needed, roi.start, robots, 4.0, KINEMATICS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missions.arena.nonstop import Camera
+from missions.arena.nonstop import Camera, Team
 from missions.arena.roi import Roi
 from missions.arena.survey import surveyed
 from missions.units import Cell
@@ -14,7 +14,7 @@ ROI = Roi("three", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0), Cell(2, 0)}))
 
 
 def test_cells_are_seen_before_they_are_decided() -> None:
-    run = surveyed(ROI, 1, camera=Camera(15.0, 15.0), record=True)
+    run = surveyed(ROI, Team(1, Camera(15.0, 15.0)), record=True)
     film = film_of_nonstop(run, ROI, 4.0, (15.0, 12.0), "three")
     assert (film.unit, film.end_t, film.footprint) == (Unit.SECONDS, run.makespan_s, Place(3.75, 3))
     states: dict[Cell, list[str]] = {}
@@ -30,7 +30,7 @@ def test_cells_are_seen_before_they_are_decided() -> None:
 
 
 def test_the_track_is_the_path() -> None:
-    run = surveyed(ROI, 2, camera=Camera(15.0, 15.0), record=True)
+    run = surveyed(ROI, Team(2, Camera(15.0, 15.0)), record=True)
     film = film_of_nonstop(run, ROI, 4.0, (15.0, 15.0), "three")
     assert set(film.tracks) == {0, 1}
     (path,) = run.paths[0]
@@ -42,7 +42,7 @@ def test_the_track_is_the_path() -> None:
 
 
 def test_the_footprint_is_drawn_around_the_vehicle() -> None:
-    run = surveyed(ROI, 1, camera=Camera(15.0, 15.0), record=True)
+    run = surveyed(ROI, Team(1, Camera(15.0, 15.0)), record=True)
     frames = []
     for footprint in ((15.0, 15.0), (7.0, 7.0)):
         film = film_of_nonstop(run, ROI, 4.0, footprint, "three")
