@@ -152,15 +152,24 @@ def given_up(event: GivenUp, vehicle: VehicleState, setting: Setting) -> Vehicle
 
 def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """A pilot or a failsafe has it: nothing more is sent to it."""
+    returns = event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode
+    note = f"yielded to {event.mode}"
+    return taken_away(vehicle, setting, Phase.YIELDED, note, returns=returns)
+
+
+def taken_away(
+    vehicle: VehicleState, setting: Setting, phase: Phase, note: str, *, returns: bool
+) -> VehicleState:
+    """Somebody else flies it, who may have its autopilot return (`returns`)."""
     return replace(
         lane_left(vehicle, setting.grid.cell_m),
-        phase=Phase.YIELDED,
+        phase=phase,
         order=StandDown(),
         return_reason=None,
         over_home=False,
         at_target=False,
-        returns_by_itself=event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode,
-        note=f"yielded to {event.mode}",
+        returns_by_itself=returns,
+        note=note,
     )
 
 

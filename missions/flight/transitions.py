@@ -30,6 +30,7 @@ from missions.flight.connections import (
     overridden,
     released,
     resume,
+    taken_away,
 )
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
@@ -140,7 +141,7 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     )
     if blind:
         note = "the camera is silent: no picture of its path was judged"
-        vehicle = _blind(vehicle, event.t_s, setting, note)
+        vehicle = _comes_home(vehicle, event.t_s, setting, note)
     vehicle = off_path(setting, vehicle, event)
     return replace(
         vehicle,
@@ -194,7 +195,7 @@ def _(event: FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState
     if not exploring or soon or (lost.frames_lost < MOST_FRAMES_LOST and not nothing):
         return lost
     note = f"{lost.frames_lost} pictures in a row were lost: {event.reason}"
-    return _blind(lost, event.t_s, setting, note)
+    return _comes_home(lost, event.t_s, setting, note)
 
 
 def _nothing_s(setting: Setting) -> float:
@@ -202,26 +203,18 @@ def _nothing_s(setting: Setting) -> float:
     return NOTHING_S + 2.0 * setting.mission.camera.interval_s
 
 
-def _blind(lost: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
-    """A vehicle without pictures comes home, and takes no further part."""
-    left = lane_left(lost.interrupted(t_s), setting.grid.cell_m)
+def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
+    """A vehicle that cannot go on leaves what it does, and takes no further part."""
+    left = lane_left(vehicle.interrupted(t_s), setting.grid.cell_m)
     return replace(left, return_reason=ReturnReason.FAULT, over_home=False, at_target=False,
                    note=note)  # fmt: skip
 
 
 @_changed.register
 def _(event: Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    return replace(
-        lane_left(vehicle, setting.grid.cell_m),
-        phase=Phase.GUARDED,
-        order=StandDown(),
-        return_reason=None,
-        over_home=False,
-        at_target=False,
-        returns_by_itself=event.action == "rtl",
-        note=f"{'landing' if event.action == 'land' else 'returning'} by its guardian: "
-        f"{event.reason}",
-    )
+    does = "landing" if event.action == "land" else "returning"
+    note = f"{does} by its guardian: {event.reason}"
+    return taken_away(vehicle, setting, Phase.GUARDED, note, returns=event.action == "rtl")
 
 
 @_changed.register
@@ -245,10 +238,7 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
     if vehicle.phase is Phase.GROUNDED and not vehicle.landed:  # a take-off that failed half-way
         vehicle = replace(vehicle, phase=Phase.AIRBORNE)
     if vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None:  # it cannot stay there
-        home = lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
-        return replace(
-            home, return_reason=ReturnReason.FAULT, over_home=False, at_target=False, note=note
-        )
+        return _comes_home(vehicle, event.t_s, setting, note)
     if vehicle.phase is Phase.AIRBORNE:
         # not even the way home can be flown: its guardian has the autopilot try, and stays with it
         return replace(
