@@ -17,7 +17,8 @@ from shapely.geometry import Point
 
 from missions.errors import LinkError
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import Mission, SimFault, positions
+from missions.mission_file.schema import Mission, positions
+from missions.mission_file.sim_section import SimFault
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
 from sitl.camera.pinhole import CameraSpec

@@ -11,8 +11,9 @@ from shapely.validation import explain_validity
 
 from missions.ground.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.ground.grid import Grid
+from missions.mission_file.fields import Vertex
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import Mission, Vertex, positions
+from missions.mission_file.schema import Mission, positions
 from missions.units import GridPoint, LatLon
 
 FARTHEST_M = 50_000.0

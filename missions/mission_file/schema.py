@@ -19,9 +19,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetPydanticSchema,
@@ -33,18 +31,20 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from missions.errors import MissionFileError
 from missions.ground.footprint import Optics
+from missions.mission_file.fields import (
+    Count,
+    Degrees,
+    NotNegative,
+    Number,
+    Positive,
+    Ring,
+    Section,
+    Vertex,
+)
 from missions.mission_file.messages import explain
+from missions.mission_file.sim_section import Sim
 from missions.units import LatLon
 
-# strict: "4" and true are not numbers, although Python could make some of them
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Count = Annotated[int, Field(strict=True)]
-Degrees = Number
-Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
-Latitude = Annotated[Number, Field(ge=-90, le=90)]
-Longitude = Annotated[Number, Field(ge=-180, le=180)]
-Share = Annotated[Number, Field(ge=0, le=1)]
 HostName = Annotated[
     str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
 ]
@@ -66,8 +66,6 @@ def _altitude_schema(_: object, schema_of: GetCoreSchemaHandler) -> core_schema.
 Altitude = Annotated[float | Literal["auto"], GetPydanticSchema(_altitude_schema)]
 MAX_VEHICLES = 50
 MAX_PRIOR_PLACES = 1000
-Vertex = tuple[Latitude, Longitude]
-Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
 
 
 def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
@@ -101,18 +99,14 @@ def _file_name(name: str) -> str:
     return name
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Start(_Section):
+class Start(Section):
     """Where the first vehicle stands: home, and the centre of cell (0, 0)."""
 
     position: Vertex
     amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
 
 
-class PriorPlace(_Section):
+class PriorPlace(Section):
     """One of the places where the ROI may be: a point with a spread, or a polygon."""
 
     position: Vertex | None = None
@@ -149,7 +143,7 @@ def _prior_places(value: object) -> object:
     return value
 
 
-class Search(_Section):
+class Search(Section):
     """The box that holds at least a part of the ROI, and where in it the ROI probably is."""
 
     box: Ring
@@ -162,7 +156,7 @@ class Search(_Section):
     one beside the other."""
 
 
-class Fence(_Section):
+class Fence(Section):
     """The geofence: stay inside `polygon`, outside of every hole."""
 
     polygon: Ring
@@ -173,13 +167,13 @@ class Fence(_Section):
     """No layer is higher above the start; the default is the limit of most countries."""
 
 
-class GridSection(_Section):
+class GridSection(Section):
     """The grid."""
 
     cell_m: Positive = 4.0
 
 
-class Flight(_Section):
+class Flight(Section):
     """How the vehicles fly. `speed_m_s` is over ground."""
 
     altitude_m: Altitude = 12.0
@@ -192,7 +186,7 @@ class Flight(_Section):
     """What the airframe can hold against the wind."""
 
 
-class CameraSection(_Section):
+class CameraSection(Section):
     """The camera. `fixed` tilts with the airframe, `gimbal` holds it straight down."""
 
     hfov_deg: Annotated[Number, Field(gt=1, lt=170)] = 80.0
@@ -223,7 +217,7 @@ class CameraSection(_Section):
         return Optics(math.radians(self.hfov_deg), self.width_px, self.height_px)
 
 
-class DetectorSection(_Section):
+class DetectorSection(Section):
     """The classifier of section 7 and its parameters."""
 
     name: str = "threshold"
@@ -239,7 +233,7 @@ class DetectorSection(_Section):
     that it shows whole (recorded imagery from a height)."""
 
 
-class Votes(_Section):
+class Votes(Section):
     """How many frames a cell gets, and how many of them must say yes."""
 
     frames: Annotated[Count, Field(ge=1, le=100)] = 5
@@ -254,7 +248,7 @@ class Votes(_Section):
         return self
 
 
-class Battery(_Section):
+class Battery(Section):
     """The battery: what it holds and what must be left of it at touch-down."""
 
     capacity_wh: Positive = 60.0
@@ -267,21 +261,21 @@ class Battery(_Section):
         return self.capacity_wh * 3600.0 / self.hover_power_w
 
 
-class Wind(_Section):
+class Wind(Section):
     """The worst wind known for the flight."""
 
     speed_m_s: Annotated[Number, Field(ge=0, le=40)] = 0.0
     from_deg: Degrees = 0.0
 
 
-class Drift(_Section):
+class Drift(Section):
     """A rigid translation of the ROI, known beforehand (section 3)."""
 
     speed_m_s: Annotated[Number, Field(ge=0, le=20)] = 0.0
     toward_deg: Degrees = 0.0
 
 
-class Team(_Section):
+class Team(Section):
     """How several vehicles keep apart: a layer of height each."""
 
     separation_m: Positive = 4.0
@@ -290,106 +284,14 @@ class Team(_Section):
     """Height between two layers; more than `separation_m`, for what the vehicles waver."""
 
 
-class VehicleSection(_Section):
+class VehicleSection(Section):
     """One vehicle: where to reach it, and where it stands if not at the start."""
 
     url: str | None = None
     home: Vertex | None = None
 
 
-class SimRegion(_Section):
-    """One piece of the true ROI, for the simulator only."""
-
-    polygon: Ring
-    holes: tuple[Ring, ...] = ()
-
-
-class SimFault(_Section):
-    """Something that goes wrong in the simulation; the kinds are those of `sitl.faults.faults`."""
-
-    vehicle: Annotated[Count, Field(ge=1, le=50)] = 1
-    """Which vehicle, from 1; nothing happens where it does not fly."""
-    at_s: NotNegative
-    """When, on the mission's time."""
-    for_s: Positive | None = None
-    """How long; without it, to the end."""
-    kind: Literal[
-        "gps", "gps_glitch", "gps_drift", "battery_sag", "battery_cell", "compass", "wind_gust",
-        "motor", "camera_stall", "camera_black", "camera_corrupt", "reject", "rc", "link",
-        "companion_reboot",
-    ]  # fmt: skip
-    metres: Number | None = None
-    m_s: Number | None = None
-    volts: Number | None = None
-    deg: Number | None = None
-    toward_deg: Number | None = None
-    from_deg: Number | None = None
-    share: Share | None = None
-    command: Annotated[Count, Field(ge=0, le=65535)] | None = None
-    result: Annotated[Count, Field(ge=1, le=255)] | None = None
-    loss: Share | None = None
-    duplicate: Share | None = None
-    reorder: Share | None = None
-    corrupt: Share | None = None
-    delay_s: Annotated[Number, Field(ge=0, le=3600)] | None = None
-    jitter_s: Annotated[Number, Field(ge=0, le=3600)] | None = None
-    silent: bool | None = None
-
-    @property
-    def values(self) -> dict[str, float]:
-        """The kind's own numbers, as far as they are given."""
-        everywhere = {"vehicle", "at_s", "for_s", "kind"}
-        return self.model_dump(exclude=everywhere, exclude_none=True)
-
-    @model_validator(mode="after")
-    def _fitting_values(self) -> SimFault:
-        needed, possible = _FAULT_VALUES.get(self.kind, ((), ()))
-        given = set(self.values)
-        if missing := [key for key in needed if key not in given]:
-            raise ValueError(f"kind = {self.kind!r} needs {', '.join(missing)}")
-        if foreign := sorted(given - {*needed, *possible}):
-            raise ValueError(f"kind = {self.kind!r} has no {', '.join(foreign)}")
-        if self.kind == "link" and not given:
-            raise ValueError(f"kind = 'link' needs one of {', '.join(possible)}")
-        if self.kind == "battery_cell" and self.for_s is not None:
-            raise ValueError("kind = 'battery_cell' has no for_s: a dead cell stays dead")
-        return self
-
-
-# of a kind of fault: the keys it needs, and those it may have besides
-_FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "gps_glitch": (("metres",), ("toward_deg",)),
-    "gps_drift": (("m_s",), ("toward_deg",)),
-    "battery_sag": (("volts",), ()),
-    "compass": (("deg",), ()),
-    "wind_gust": (("m_s",), ("from_deg",)),
-    "motor": ((), ("share",)),
-    "reject": (("command",), ("result",)),
-    "link": ((), ("loss", "duplicate", "reorder", "corrupt", "delay_s", "jitter_s", "silent")),
-}
-
-
-class Sim(_Section):
-    """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
-
-    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    """Whose behaviour the simulated vehicles have."""
-    roi: tuple[SimRegion, ...] = ()
-    roi_intensity: Annotated[Count, Field(ge=0, le=255)] = 85
-    ground_intensity: Annotated[Count, Field(ge=0, le=255)] = 190
-    texture: NotNegative = 14.0
-    sensor_noise: NotNegative = 4.0
-    illumination: Annotated[Number, Field(ge=0, lt=1)] = 0.08
-    gust_m_s: NotNegative = 0.5
-    gps_sigma_m: NotNegative = 0.3
-    gps_tau_s: Positive = 60.0
-    swap_s: NotNegative = 60.0
-    """How long the ground crew needs for a battery swap."""
-    faults: tuple[SimFault, ...] = ()
-    """What goes wrong, and when."""
-
-
-class Mission(_Section):
+class Mission(Section):
     """A whole mission file.
 
     Examples of keys and defaults are in the shipped missions (`missions/shipped`).

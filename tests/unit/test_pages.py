@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from missions.mission_file.schema import Mission, SimFault, VehicleSection
+from missions.mission_file.schema import Mission, VehicleSection
+from missions.mission_file.sim_section import SimFault
 from missions.state import Phase, ReturnReason
 from sitl.testing import Vehicle
 from uavmap.cli import parser

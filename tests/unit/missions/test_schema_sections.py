@@ -12,11 +12,11 @@ from missions.mission_file.messages import explain
 from missions.mission_file.schema import (
     MAX_VEHICLES,
     Mission,
-    SimFault,
     parse_fields,
     parse_toml,
     positions,
 )
+from missions.mission_file.sim_section import SimFault
 from missions.units import LatLon
 from tests.unit.missions.test_mission_file import HEAD, faults
 

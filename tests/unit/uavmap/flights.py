@@ -11,7 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Event, Overridden
 from missions.ground.grid import Grid
-from missions.mission_file.schema import Mission, SimRegion
+from missions.mission_file.schema import Mission
+from missions.mission_file.sim_section import SimRegion
 from missions.orders import Order, StandDown
 from missions.state import Setting
 from missions.units import GridPoint

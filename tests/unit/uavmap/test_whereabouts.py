@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Arrived, FrameLost, FrameSeen
 from missions.ground.grid import Grid
-from missions.mission_file.schema import Mission, SimRegion
+from missions.mission_file.schema import Mission
+from missions.mission_file.sim_section import SimRegion
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import Cell, GridPoint, LatLon, Quaternion

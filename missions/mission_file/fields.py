@@ -1,0 +1,25 @@
+"""What single fields of a mission file may hold, and the tables that they are in."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+# strict: "4" and true are not numbers, although Python could make some of them
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
+Degrees = Number
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Latitude = Annotated[Number, Field(ge=-90, le=90)]
+Longitude = Annotated[Number, Field(ge=-180, le=180)]
+Share = Annotated[Number, Field(ge=0, le=1)]
+Vertex = tuple[Latitude, Longitude]
+Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
+
+
+class Section(BaseModel):
+    """A table of a mission file: no other keys than its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
