@@ -33,8 +33,8 @@ def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
         if speed < 0.0:
             speed = max(0.0, piece.speed_m_s + piece.accel_m_s2 * into_s)
         here = piece.after(into_s)
-        heading = piece.heading_rad + piece.curvature_1_m * _way_m(piece, into_s)
-        left_m = _way_m(piece, piece.duration_s) - _way_m(piece, into_s)
+        heading = piece.heading_rad + piece.curvature_1_m * piece.way_m(into_s)
+        left_m = piece.length_m - piece.way_m(into_s)
         slows = ARC_BRAKE_M_S2 if piece.curvature_1_m else brake_m_s2
         stop_m = speed * speed / (2.0 * slows)
         end = 0.0 if stop_m <= left_m else math.sqrt(speed * speed - 2.0 * slows * left_m)
@@ -56,7 +56,3 @@ def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
         east_m, north_m = at.east_m - drift_east * t_s, at.north_m - drift_north * t_s
         pieces.append(Piece(now_s, 0.0, east_m, north_m, 0.0, 0.0, 0.0, 0.0))
     return Trajectory(pieces[0].begin_s, now_s, tuple(pieces), path.drift_m_s)
-
-
-def _way_m(piece: Piece, time_s: float) -> float:
-    return (piece.speed_m_s + 0.5 * piece.accel_m_s2 * time_s) * time_s

@@ -58,10 +58,19 @@ class Piece:
     speed_m_s: float
     accel_m_s2: float
 
+    def way_m(self, time_s: float) -> float:
+        """How far along it a vehicle is `time_s` after it began, 0 to `duration_s`."""
+        return (self.speed_m_s + 0.5 * self.accel_m_s2 * time_s) * time_s
+
+    @property
+    def length_m(self) -> float:
+        """From end to end, along it."""
+        return self.way_m(self.duration_s)
+
     def after(self, time_s: float) -> Motion:
         """The motion `time_s` after this piece began, 0 to `duration_s`."""
         speed = max(self.speed_m_s + self.accel_m_s2 * time_s, 0.0)
-        way_m = (self.speed_m_s + 0.5 * self.accel_m_s2 * time_s) * time_s
+        way_m = self.way_m(time_s)
         begin, bend = self.heading_rad, self.curvature_1_m
         heading = begin + bend * way_m
         if bend == 0.0:
@@ -103,10 +112,7 @@ class Trajectory:
     @property
     def length_m(self) -> float:
         """How long it is in the frame of the region."""
-        return sum(
-            (piece.speed_m_s + 0.5 * piece.accel_m_s2 * piece.duration_s) * piece.duration_s
-            for piece in self.pieces
-        )
+        return sum(piece.length_m for piece in self.pieces)
 
     def at(self, t_s: float) -> Motion:
         """The motion at mission time `t_s`, in the grid's fixed frame.

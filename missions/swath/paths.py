@@ -79,23 +79,19 @@ def within(path: Trajectory, t_s: float) -> Now | None:
         ends_s = piece.begin_s + piece.duration_s
         if t_s < ends_s or index == len(path.pieces) - 1:
             dt_s = min(max(t_s - piece.begin_s, 0.0), piece.duration_s)
-            into_m = (piece.speed_m_s + 0.5 * piece.accel_m_s2 * dt_s) * dt_s
+            into_m = piece.way_m(dt_s)
             found = piece.after(dt_s)
             speed = piece.speed_m_s + piece.accel_m_s2 * dt_s
             return Now(
                 index, into_m, along_m + into_m, max(0.0, speed), found.east_m, found.north_m
             )
-        along_m += _length_m(piece)
+        along_m += piece.length_m
     return None
-
-
-def _length_m(piece: Piece) -> float:
-    return (piece.speed_m_s + 0.5 * piece.accel_m_s2 * piece.duration_s) * piece.duration_s
 
 
 def path_length_m(path: Trajectory) -> float:
     """How long a path is in the frame of the region, metres."""
-    return sum(map(_length_m, path.pieces))
+    return path.length_m
 
 
 def ahead(route: Route, along_m: float) -> list[tuple[float, float, float]]:
@@ -108,7 +104,7 @@ def geometry(path: Trajectory, speed_m_s: float) -> Floats:
     """The pieces of a path as the kernels take them: lines may be flown at full speed."""
     rows = [
         (
-            p.east_m, p.north_m, p.heading_rad, p.curvature_1_m, _length_m(p),
+            p.east_m, p.north_m, p.heading_rad, p.curvature_1_m, p.length_m,
             p.speed_m_s if p.curvature_1_m else speed_m_s, speed_m_s,
         )
         for p in path.pieces
