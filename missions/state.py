@@ -206,7 +206,7 @@ class Setting:
         box = [grid.fixed(p) for p in positions(mission.search.box)]
         ahead = along_east(box)
         nonstop = mission.strategy in NONSTOP
-        rows = rows_across(mission, east_ahead=ahead) if nonstop else LANE_CELLS
+        rows = rows_across(mission, grid, east_ahead=ahead) if nonstop else LANE_CELLS
         flown = lanes(box, mission.grid.cell_m, fence, rows)
         prior = prior_of(mission, grid) if flown else ()
         return cls(

@@ -13,7 +13,8 @@ from dataclasses import replace
 
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
-from missions.flight.passes import explore_passes, give_up_rest, search_passes
+from missions.flight.lane_passes import end_searched, search_passes
+from missions.flight.passes import explore_passes, give_up_rest
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
@@ -39,7 +40,8 @@ def assign(setting: Setting, state: State) -> State:
     for number in sorted(state.vehicles):
         state = turn_back(setting, state, state.vehicles[number])
     if setting.nonstop and not state.falls_back:
-        state = explore_passes(setting, keep_clear(setting, state))
+        state = end_searched(setting, keep_clear(setting, state))
+        state = explore_passes(setting, state)
     else:
         state = explore_moves(setting, state)
     for number in sorted(state.vehicles):
@@ -71,6 +73,9 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
     inside = come_inside(setting, state, vehicle)
     if inside is not None:
         return inside
+    if setting.surveys and not vehicle.lanes:
+        state = find_work(setting, state, vehicle)
+        vehicle = state.vehicles[vehicle.vehicle]
     if state.tree is None and vehicle.lanes:
         return search_passes(setting, state, vehicle)
     if state.tree is None and not setting.surveys:
@@ -89,7 +94,7 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
     if state.tree is None and idle_in_search(vehicle):
-        state = find_work(state, vehicle)
+        state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     target = _first_target(setting, state, vehicle)
     if target is None and setting.surveys and not any(v.lanes for v in state.vehicles.values()):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from missions.ground.grid import Grid
-from missions.mission_file.schema import Mission
-from missions.mission_file.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
+from missions.mission_file.views import (
+    DRAG_1_S,
+    G_M_S2,
+    path_speed_m_s,
+    seen_whole_m,
+    wind_toward,
+)
 from missions.motion.trajectory import ACCELERATION_M_S2
 from missions.state import Setting, VehicleState
 
@@ -26,7 +29,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
     height_m = vehicle.cruise_height_m
     half_east_m, half_north_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
     fixed = mission.camera.mounting == "fixed"
-    wind_east, wind_north = _wind(mission, grid)
+    wind_east, wind_north = wind_toward(mission, grid)
     return Kinematics(
         speed_m_s=path_speed_m_s(mission, height_m, vehicle.wind_m_s),
         accel_m_s2=ACCELERATION_M_S2,
@@ -35,16 +38,6 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
         half_north_m=max(half_north_m, 0.1),
         tilt_m_s2=height_m / G_M_S2 if fixed else 0.0,
         drag_1_s=DRAG_1_S,
-        wind_east_m_s=wind_east,
-        wind_north_m_s=wind_north,
-    )
-
-
-def _wind(mission: Mission, grid: Grid) -> tuple[float, float]:
-    """Of the mission file, where it blows to, relative to the region."""
-    toward = math.radians(mission.wind.from_deg) + math.pi - grid.convergence_rad
-    speed = mission.wind.speed_m_s
-    return (
-        speed * math.sin(toward) - grid.drift_east_m_s,
-        speed * math.cos(toward) - grid.drift_north_m_s,
+        wind_east_m_s=wind_east - grid.drift_east_m_s,  # relative to the region
+        wind_north_m_s=wind_north - grid.drift_north_m_s,
     )

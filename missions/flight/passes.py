@@ -18,18 +18,16 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.charting import chart_of
-from missions.flight.deconfliction import hold
 from missions.flight.fallback import fall_back, patience_s
 from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of
-from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside, through
-from missions.flight.return_home import REACTION_S, go_home, has_energy_for
+from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
 from missions.flight.sightings import grown
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.swath.chart import Known
-from missions.units import Cell, GridPoint
+from missions.units import Cell
 
 if TYPE_CHECKING:
     from missions.swath.paths import Route
@@ -72,31 +70,6 @@ class PassMemory:
     """Who was sent straight to what is left: they are not planned for until they are there."""
     tried: frozenset[Cell] = frozenset()
     """Where they looked from since a vote was last added."""
-
-
-# --- search ------------------------------------------------------------------------------------
-def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
-    points: list[GridPoint] = []
-    corners: list[bool] = []
-    at = vehicle.position
-    for start, end in vehicle.lanes:
-        route = setting.fence.route(at, start)
-        across = setting.fence.route(start, end)
-        if route is None or across is None:
-            break
-        for leg in (route, across):
-            points.extend(leg)
-            corners.extend([True] * (len(leg) - 1) + [False])
-        at = end
-    if not points:  # a part of the box that no way inside the fence leads to
-        lost = (*state.unreachable_lanes, vehicle.lanes[0])
-        state = replace(state, unreachable_lanes=lost)
-        return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
-    if not has_energy_for(setting, vehicle, points[0], REACTION_S):
-        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
-    path = through(setting, vehicle, points, corners, state.t_s + NOTICE_S)
-    return give_path(setting, state, replace(vehicle, on_lane=True), path)
 
 
 # --- exploration -------------------------------------------------------------------------------

@@ -153,10 +153,17 @@ def keep_clear(setting: Setting, state: State) -> State:
         order = vehicle.order
         if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):
             continue
-        path = order.trajectory
-        if path.end_s <= state.t_s + NOTICE_S or is_clear(setting, state, vehicle, order):
+        if order.trajectory.end_s <= state.t_s + NOTICE_S:
             continue
-        stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), ACCELERATION_M_S2)
-        if stop.end_s < path.end_s - 0.5:
-            state = state.with_vehicle(replace(vehicle, order=replace(order, trajectory=stop)))
+        if not is_clear(setting, state, vehicle, order):
+            state = brake(state, vehicle, order)
     return state
+
+
+def brake(state: State, vehicle: VehicleState, order: FlyPath) -> State:
+    """Let a vehicle come to rest along its path, unless it does so anyway."""
+    path = order.trajectory
+    stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), ACCELERATION_M_S2)
+    if stop.end_s >= path.end_s - 0.5:
+        return state
+    return state.with_vehicle(replace(vehicle, order=replace(order, trajectory=stop)))

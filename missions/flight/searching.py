@@ -8,7 +8,7 @@ from missions.flight.deconfliction import give_if_clear, hold
 from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.visiting import visit
-from missions.orders import FlyTo, Order, Sweep
+from missions.orders import FlyPath, FlyTo, Order, Sweep
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 
 
@@ -17,7 +17,7 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.candidate is not None:
         return visit(setting, state, vehicle, vehicle.candidate, stop=True)
     if not vehicle.lanes:
-        state = find_work(state, vehicle)
+        state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
         if not idle_in_search(vehicle):
             return state
@@ -51,10 +51,12 @@ def idle_in_search(vehicle: VehicleState) -> bool:
     return not vehicle.lanes and vehicle.candidate is None
 
 
-def find_work(state: State, vehicle: VehicleState) -> State:
+def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Take over a suspicion of a vehicle that dropped out, or lanes of the one with most left.
 
-    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes.
+    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes. A path
+    leads along all lanes of a vehicle. In a search it pays to be at the far end sooner than that;
+    in a survey the lane would be flown twice.
     """
     for other in state.vehicles.values():
         gone = other.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
@@ -64,6 +66,8 @@ def find_work(state: State, vehicle: VehicleState) -> State:
             return state.with_vehicle(heir)
 
     def spare(other: VehicleState) -> int:
+        if setting.surveys and other.on_lane and isinstance(other.order, FlyPath):
+            return 0
         active = other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
         return len(other.lanes) - (1 if active else 0)
 

@@ -59,7 +59,8 @@ def _seen_in_passing(
     if not setting.nonstop:
         return state.with_vehicle(vehicle)
     shown = [vote.cell for vote in event.votes]
-    vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, shown, event.t_s)
+    judged = state.belief.open_ballots
+    vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s)
     state = state.with_vehicle(vehicle)
     roi = [cell for cell in votes if cell in state.belief.roi]
     if not roi or setting.surveys:

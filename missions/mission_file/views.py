@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from missions.ground.grid import Grid
 from missions.mission_file.height_and_speed import headway_m_s, speed_limit_m_s
 from missions.mission_file.schema import Mission
 
@@ -48,14 +49,45 @@ def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tupl
     return (along_m, across_m) if east_ahead else (across_m, along_m)
 
 
-def rows_across(mission: Mission, *, east_ahead: bool) -> int:
-    """How many rows of cells a lane decides, from the lowest layer.
+def wind_toward(mission: Mission, grid: Grid) -> tuple[float, float]:
+    """The wind of the mission file along the grid's axes: where it blows to, east and north."""
+    toward = math.radians(mission.wind.from_deg) + math.pi - grid.convergence_rad
+    return mission.wind.speed_m_s * math.sin(toward), mission.wind.speed_m_s * math.cos(toward)
 
-    A camera that tilts with the airframe looks aside as far as the vehicle leans against the wind.
+
+def reaches_m(
+    mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool
+) -> tuple[float, float]:
+    """How far to either side of a lane the centre of a cell may lie, to be shown whole.
+
+    To the west and to the east of lanes along north, to the south and to the north of lanes along
+    east. A camera that tilts with the airframe looks aside as far as the vehicle leans against the
+    wind: the edge of the picture on the windward side comes nearer. What is given is shown both
+    in calm air and in the wind of the mission.
     """
-    height_m = mission.altitude_m(0)
     halves = seen_whole_m(mission, height_m, east_ahead=east_ahead)
-    across_m = halves[1] if east_ahead else halves[0]
-    if mission.camera.mounting == "fixed":
-        across_m -= height_m * DRAG_1_S * mission.wind.speed_m_s / G_M_S2
-    return max(1, math.floor(2.0 * max(across_m, 0.0) / mission.grid.cell_m) + 1)
+    level_m = halves[1] if east_ahead else halves[0]
+    if mission.camera.mounting != "fixed":
+        return level_m, level_m
+    blows_m_s = wind_toward(mission, grid)[1 if east_ahead else 0]
+    lean_rad = math.atan(DRAG_1_S * abs(blows_m_s) / G_M_S2)
+    margin_m = mission.grid.cell_m / 2.0 + mission.camera.pose_error_m + TRACK_ERROR_M
+    edge_rad = math.atan((level_m + margin_m) / height_m)
+    windward_m = height_m * math.tan(edge_rad - lean_rad) - margin_m
+    return (windward_m, level_m) if blows_m_s > 0.0 else (level_m, windward_m)
+
+
+def rows_across(mission: Mission, grid: Grid, *, east_ahead: bool) -> int:
+    """How many rows of cells a lane decides, from the lowest layer."""
+    reaches = reaches_m(mission, grid, mission.altitude_m(0), east_ahead=east_ahead)
+    return max(1, math.floor(max(sum(reaches), 0.0) / mission.grid.cell_m) + 1)
+
+
+def beside_rows_m(mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool) -> float:
+    """How far to windward of the middle of its rows a lane is flown: to the east, or to the north.
+
+    So the rows are in the picture whether the wind of the mission blows or not.
+    """
+    low_m, high_m = reaches_m(mission, grid, height_m, east_ahead=east_ahead)
+    most_m = max(low_m, high_m, 0.0)
+    return min(max((low_m - high_m) / 2.0, -most_m), most_m)

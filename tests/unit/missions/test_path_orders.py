@@ -231,11 +231,11 @@ def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
     grid, lane = Grid.at(START, 4.0), (GridPoint(0, 20), GridPoint(40, 20))
     vehicle = VehicleState(1, 12.0, lanes=(lane,), on_lane=True)
     whole = [Cell(e, n) for e in (4, 5, 6) for n in (4, 5, 6)]
-    assert lane_passed(vehicle, grid, 3, whole, 0.0).lane_seen_m == (20.0,)
+    assert lane_passed(vehicle, grid, 3, set(whole), whole, 0.0).lane_seen_m == (20.0,)
     aside = [Cell(e, n) for e in (4, 5, 6) for n in (5, 6, 7)]
-    assert lane_passed(vehicle, grid, 3, aside, 0.0).lane_seen_m == ()
-    assert lane_passed(vehicle, grid, 1, aside, 0.0).lane_seen_m == (20.0,)
-    assert lane_passed(vehicle, grid, 3, [], 0.0) == vehicle
+    assert lane_passed(vehicle, grid, 3, set(aside), aside, 0.0).lane_seen_m == ()
+    assert lane_passed(vehicle, grid, 1, set(aside), aside, 0.0).lane_seen_m == (20.0,)
+    assert lane_passed(vehicle, grid, 3, set(), [], 0.0) == vehicle
 
 
 def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
@@ -243,9 +243,9 @@ def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -
     lanes = ((GridPoint(0, 20), GridPoint(40, 20)), (GridPoint(40, 32), GridPoint(0, 32)))
     vehicle = VehicleState(1, 12.0, lanes=lanes, on_lane=True)
     second = [Cell(e, n) for e in (8, 9, 10) for n in (7, 8, 9)]
-    passed = lane_passed(vehicle, grid, 3, second, 0.0)
+    passed = lane_passed(vehicle, grid, 3, set(second), second, 0.0)
     assert passed.lanes == (lanes[1], lanes[0])
-    assert passed.lane_seen_m == (4.0,)
+    assert passed.lane_seen_m == (4.0, 0.0)  # its end, too: there is no column behind it
 
 
 # --- the guardian ------------------------------------------------------------------------------

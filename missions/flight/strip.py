@@ -1,0 +1,101 @@
+"""The cells that a lane decides: its rows, column by column, as they lie at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Container, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from missions.ground.grid import Grid
+from missions.ground.lanes import Lane
+from missions.units import Cell
+
+ON_ROW_M: Final = 0.01
+"""Lanes lie on rows of cells, or between them, but for rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """The rows of a lane. A column is the cells of one coordinate along it, one in each row."""
+
+    cell_m: float
+    eastward: bool
+    """Whether the lane lies along east, else along north."""
+    start_m: float
+    """Where it begins, along it, in the frame of the region."""
+    end_m: float
+    line_m: float
+    """Where it lies, across it."""
+    rows: range
+
+    @classmethod
+    def of(cls, grid: Grid, lane: Lane, rows: int, t_s: float) -> Strip:
+        """The strip of a lane that decides so many rows, at a time."""
+        cell_m = grid.cell_m
+        start, end = (grid.to_moving(place, t_s) for place in lane)
+        eastward = abs(end.east_m - start.east_m) >= abs(end.north_m - start.north_m)
+        start_m, end_m = (p.east_m if eastward else p.north_m for p in (start, end))
+        line_m = start.north_m if eastward else start.east_m
+        reach_m = (rows - 1) / 2 * cell_m + ON_ROW_M
+        first = math.ceil((line_m - reach_m) / cell_m)
+        last = math.floor((line_m + reach_m) / cell_m)
+        if last < first:  # one row, and the lane off its middle
+            first = last = math.floor(line_m / cell_m + 0.5)
+        return cls(cell_m, eastward, start_m, end_m, line_m, range(first, last + 1))
+
+    @property
+    def columns(self) -> range:
+        """Those that the lane leads over."""
+        low_m, high_m = sorted((self.start_m, self.end_m))
+        first = math.floor((low_m + ON_ROW_M) / self.cell_m + 0.5)
+        last = math.ceil((high_m - ON_ROW_M) / self.cell_m - 0.5)
+        return range(first, max(first, last) + 1)
+
+    def cell(self, column: int, row: int) -> Cell:
+        """The cell of a column in a row."""
+        return Cell(column, row) if self.eastward else Cell(row, column)
+
+    def judged_m(
+        self, judged: Container[Cell], near: Collection[Cell] | None = None
+    ) -> list[float]:
+        """How far along the lane the middles of columns lie that are judged in all rows.
+
+        Both columns beside it have to be so, too, as far as the lane leads over them: what is told
+        of as seen counts for a cell before it and a cell behind it (`missions.ground.lanes`).
+        `near` are cells beside which it is looked for, None for everywhere.
+        """
+        columns: Iterable[int] = self.columns
+        if near is not None:
+            along = [cell.east if self.eastward else cell.north for cell in near]
+            columns = [c for c in range(min(along) - 1, max(along) + 2) if c in self.columns]
+        whole: dict[int, bool] = {}
+        for column in {c + k for c in columns for k in (-1, 0, 1)}:
+            whole[column] = column not in self.columns or all(
+                self.cell(column, row) in judged for row in self.rows
+            )
+        return [
+            self._along_m(column)
+            for column in columns
+            if whole[column - 1] and whole[column] and whole[column + 1]
+        ]
+
+    def is_known(self, known: Callable[[Cell], bool]) -> bool:
+        """Whether that is so of all its cells; the end is asked for first."""
+        columns = self.columns if self.end_m < self.start_m else reversed(self.columns)
+        return all(known(self.cell(column, row)) for column in columns for row in self.rows)
+
+    def missing_rows(self, judged: Container[Cell]) -> list[int]:
+        """The rows in which a cell is not judged yet."""
+        return [
+            row
+            for row in self.rows
+            if not all(self.cell(column, row) in judged for column in self.columns)
+        ]
+
+    def _along_m(self, column: int) -> float:
+        """How far from the start of the lane a column lies, 0 to the length."""
+        ahead_m = column * self.cell_m - self.start_m
+        length_m = self.end_m - self.start_m
+        along_m = ahead_m if length_m >= 0.0 else -ahead_m
+        return round(min(max(along_m, 0.0), abs(length_m)), 2)
