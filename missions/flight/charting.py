@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from missions.flight.optics import kinematics
+from missions.flight.strip import Strip
 from missions.state import Setting, State, VehicleState
 from missions.swath.chart import Chart, Flags, Known
 from missions.units import Cell
@@ -38,6 +39,10 @@ def chart_of(
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
     wanted[[chart.index(cell) for cell in box]] = 1
+    lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
+    strips = (Strip.of(setting.grid, lane, setting.lane_rows, state.t_s) for lane in lanes)
+    shown = {cell for strip in strips for cell in strip.cells if chart.holds(cell)}
+    wanted[[chart.index(cell) for cell in shown]] = 0
     return Known(chart, -1, wanted)
 
 

@@ -21,7 +21,7 @@ from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 
 SHORT_CELLS: Final = 10.0
-"""Lanes of a survey that are shorter are left to the planner of paths."""
+"""What is left of a lane of a survey, and is shorter, is left to the planner of paths."""
 
 WORTH_S: Final = 8.0
 """A path that ends sooner is flown to its end."""
@@ -29,7 +29,7 @@ WORTH_S: Final = 8.0
 
 def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
-    lanes = still_open(setting, state, vehicle.lanes)
+    lanes = turned(setting, vehicle.position, still_open(setting, state, vehicle.lanes))
     if lanes != vehicle.lanes:
         vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
     if not lanes:
@@ -68,16 +68,37 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     if grid.drift_speed_m_s > 0.0:
         return lanes
     least_m = SHORT_CELLS * grid.cell_m if setting.surveys else 0.0
-    return tuple(
-        part
-        for lane in lanes
-        for part in unseen(
-            lane,
-            Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(judged),
-            grid.cell_m,
-        )
-        if part[0].distance_to(part[1]) >= least_m
-    )
+    found: list[Lane] = []
+    for lane in lanes:
+        seen_m = Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(judged)
+        if not seen_m:
+            found.append(lane)
+            continue
+        parts = unseen(lane, seen_m, grid.cell_m)
+        found.extend(part for part in parts if part[0].distance_to(part[1]) >= least_m)
+    return tuple(found)
+
+
+def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
+    """Lanes in such directions that the ways between them are shortest, from a place on.
+
+    With a prior whole lanes are flown as they are: it has chosen their directions.
+    """
+    ways: list[tuple[float, tuple[Lane, ...]]] = [(0.0, ())]
+    for lane in lanes:
+        back = (lane[1], lane[0])
+        whole = lane in setting.lanes or back in setting.lanes
+        ways = [
+            min(
+                (
+                    (way_m + (done[-1][1] if done else at).distance_to(each[0]), (*done, each))
+                    for way_m, done in ways
+                ),
+                key=lambda way: way[0],
+            )
+            for each in ((lane,) if whole and setting.likely else (lane, back))
+        ]
+    return min(ways, key=lambda way: way[0])[1]
 
 
 def end_searched(setting: Setting, state: State) -> State:

@@ -74,10 +74,14 @@ class PassMemory:
 
 # --- exploration -------------------------------------------------------------------------------
 def explore_passes(setting: Setting, state: State) -> State:
-    """Plan anew for everybody who explores, if there is news and the last plan is not quite new."""
+    """Plan anew for everybody who explores, if there is news and the last plan is not quite new.
+
+    In a survey that is who has no lanes left, for what those of the others do not show.
+    """
     tree = state.tree
+    lanes_left = setting.surveys and any(v.lanes for v in state.vehicles.values())
     if setting.surveys:
-        if state.exhausted or any(v.lanes for v in state.vehicles.values()):
+        if state.exhausted:
             return state
     elif tree is None or tree.is_explored(tree.root):
         return state
@@ -98,7 +102,7 @@ def explore_passes(setting: Setting, state: State) -> State:
     memory = _gone_on(memory, state, team)
     if tree is not None and memory.flown_s > patience_s(setting, state):
         return fall_back(state)
-    if _in_vain(memory):
+    if _in_vain(memory) and not lanes_left:
         return give_up_rest(setting, replace(state, memory=memory))
     if memory.tried and waiting == frozenset(team):
         return _fetch(setting, state, memory, known, waiting)
@@ -109,7 +113,8 @@ def explore_passes(setting: Setting, state: State) -> State:
     }
     plan = _plan(setting, known, flyers, memory, begin_s)
     if plan.work == 0:
-        return give_up_rest(setting, replace(state, memory=memory))
+        state = replace(state, memory=replace(memory, waiting=waiting))
+        return state if lanes_left else give_up_rest(setting, state)
     state, memory, blocked = _fly(setting, state, team, plan, memory)
     idle = frozenset(n for n in team if state.vehicles[n].idle)
     if idle != frozenset(team) or blocked:
@@ -171,7 +176,7 @@ def _takes_part(setting: Setting, vehicle: VehicleState, memory: PassMemory) -> 
         apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
     else:
         apart = is_outside(setting.fence, vehicle.position)  # it comes inside first
-    return not apart and (
+    return not (apart or (setting.surveys and vehicle.lanes)) and (
         vehicle.phase is Phase.AIRBORNE
         and vehicle.return_reason is None
         and vehicle.braking_until_s is None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Container, Iterable
+from collections.abc import Callable, Collection, Container, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -51,6 +51,11 @@ class Strip:
         first = math.floor((low_m + ON_ROW_M) / self.cell_m + 0.5)
         last = math.ceil((high_m - ON_ROW_M) / self.cell_m - 0.5)
         return range(first, max(first, last) + 1)
+
+    @property
+    def cells(self) -> Iterator[Cell]:
+        """All of its cells."""
+        return (self.cell(column, row) for column in self.columns for row in self.rows)
 
     def cell(self, column: int, row: int) -> Cell:
         """The cell of a column in a row."""

@@ -90,4 +90,4 @@ class Known:
     root: int
     """The cell where the region was first seen; -1 where cells are given."""
     wanted: Flags | None = None
-    """Of a survey: 1 for each cell of the box."""
+    """Of a survey: 1 for each cell of the box that no lane shows which is still to be flown."""
