@@ -71,11 +71,12 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     found: list[Lane] = []
     for lane in lanes:
         seen_m = Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(judged)
-        if not seen_m:
-            found.append(lane)
-            continue
-        parts = unseen(lane, seen_m, grid.cell_m)
-        found.extend(part for part in parts if part[0].distance_to(part[1]) >= least_m)
+        parts = unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,)
+        found.extend(
+            part
+            for part in parts
+            if _is_whole(setting, part) or part[0].distance_to(part[1]) >= least_m
+        )
     return tuple(found)
 
 
@@ -87,7 +88,6 @@ def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[La
     ways: list[tuple[float, tuple[Lane, ...]]] = [(0.0, ())]
     for lane in lanes:
         back = (lane[1], lane[0])
-        whole = lane in setting.lanes or back in setting.lanes
         ways = [
             min(
                 (
@@ -96,9 +96,14 @@ def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[La
                 ),
                 key=lambda way: way[0],
             )
-            for each in ((lane,) if whole and setting.likely else (lane, back))
+            for each in ((lane,) if setting.likely and _is_whole(setting, lane) else (lane, back))
         ]
     return min(ways, key=lambda way: way[0])[1]
+
+
+def _is_whole(setting: Setting, lane: Lane) -> bool:
+    """Whether it is a lane of the mission, of which nothing was flown yet."""
+    return lane in setting.lanes or (lane[1], lane[0]) in setting.lanes
 
 
 def end_searched(setting: Setting, state: State) -> State:

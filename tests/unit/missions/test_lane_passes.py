@@ -73,6 +73,16 @@ def test_a_rest_is_flown_with_the_missing_row_in_the_middle() -> None:
     assert (start.east_m, end.east_m) == (lane[0].east_m, lane[1].east_m)
 
 
+def test_a_short_rest_is_left_to_the_planner_in_a_survey_and_flown_in_a_search() -> None:
+    for strategy, flown in (("survey", False), ("swath", True)):
+        made = service(strategy)
+        lane = made.setting.lanes[0]
+        rest = (lane[0], GridPoint(lane[0].east_m + 12.0, lane[0].north_m))
+        left = still_open(made.setting, made.state, (rest, *made.setting.lanes[1:]))
+        assert (rest in left) is flown
+        assert left[-1] == made.setting.lanes[-1]
+
+
 def test_lanes_are_begun_at_the_nearer_end() -> None:
     setting = service("swath").setting
     lanes = tuple((end, start) for start, end in setting.lanes)
