@@ -19,8 +19,9 @@ Nothing is done to a vehicle that a pilot or a failsafe flies (`mode` "other").
 
 from __future__ import annotations
 
-from missions.guardian.rules import landing_wh, watch
+from missions.guardian.rules import landing_wh, quick_aim_m, watch
 from missions.guardian.thresholds import (
+    AT_ONCE_S,
     BLOWN_S,
     DOWN_M,
     DOWN_M_S,
@@ -44,6 +45,7 @@ from missions.guardian.thresholds import (
     OUTSIDE_S,
     PAD_M,
     PROGRESS_M,
+    QUICK_AIM_M,
     QUICK_M,
     REACH_M,
     REACH_M_S,
@@ -60,6 +62,7 @@ from missions.guardian.thresholds import (
 from missions.guardian.values import Action, Doing, Guard, Limits, Mode, Seen, Task, Verdict
 
 __all__ = [
+    "AT_ONCE_S",
     "BLOWN_S",
     "DOWN_M",
     "DOWN_M_S",
@@ -83,6 +86,7 @@ __all__ = [
     "OUTSIDE_S",
     "PAD_M",
     "PROGRESS_M",
+    "QUICK_AIM_M",
     "QUICK_M",
     "REACH_M",
     "REACH_M_S",
@@ -104,5 +108,6 @@ __all__ = [
     "Task",
     "Verdict",
     "landing_wh",
+    "quick_aim_m",
     "watch",
 ]
