@@ -227,8 +227,10 @@ class Guardian:
             self._pursuit = None
 
     def _aim_m(self) -> float | None:
-        """How high to aim in a quick descent; None where it should land from, and on the ground."""
-        return quick_aim_m(self._view.height_m) if self._monitor.airborne else None
+        """How high to aim in a quick descent; None where it should land from, on the ground, and
+        when a pilot has it."""
+        ours = self._monitor.airborne and not self._monitor.overridden
+        return quick_aim_m(self._view.height_m) if ours else None
 
     async def _descend(self) -> bool:
         """Quickly down to where a landing takes but a few seconds; False if it refuses that."""
@@ -264,7 +266,7 @@ class Guardian:
         quickly = hurry and await self._descend()
         wanted = kind.rtl if action == "rtl" else kind.land
         command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
-        while self._view.mode != wanted and self._view.armed:
+        while self._view.mode != wanted and self._view.armed and not self._monitor.overridden:
             try:
                 await self._session.command(command)
             except CommandRefusedError as refusal:
