@@ -12,6 +12,7 @@ from missions.guardian.thresholds import (
     FALL_M_S,
     HEIGHT_LOST_M,
     HEIGHT_LOST_SHARE,
+    LEAVES_S,
     OFF_PATH_M,
     OFF_PLAN_M,
     OFF_PLAN_WIND_S,
@@ -66,14 +67,10 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     if guard.action == "land" or not path or task.doing in ("land", "ground"):
         path = path if guard.action == "rtl" else ()
     outside_m = float(limits.fence.outer.distance(Point(seen.position)))
-    before = guard.last_position or seen.position
-    soon = Point(
-        2.0 * seen.position.east_m - before.east_m, 2.0 * seen.position.north_m - before.north_m
-    )
     guard = replace(
         guard,
         outside_m=outside_m,
-        leaves_fence=outside_m > 0.0 or not limits.fence.outer.covers(soon),
+        leaves_fence=outside_m > 0.0 or not limits.fence.outer.covers(_soon(guard, seen)),
         outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
     )
     swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
@@ -115,6 +112,17 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         sunk_since_s=since(
             guard.sunk_since_s, guard.action is None and guard.at_height and sunk, seen.t_s
         ),
+    )
+
+
+def _soon(guard: Guard, seen: Seen) -> Point:
+    """Where it will be in `LEAVES_S` if it moves on as since the last look."""
+    (east_m, north_m), before = seen.position, guard.last_position
+    if before is None or guard.last_s is None or seen.t_s <= guard.last_s:
+        return Point(east_m, north_m)
+    share = LEAVES_S / (seen.t_s - guard.last_s)
+    return Point(
+        east_m + share * (east_m - before.east_m), north_m + share * (north_m - before.north_m)
     )
 
 

@@ -28,10 +28,12 @@ SWEPT_SHARE: Final = 1.2
 SWEPT_S: Final = 3.0
 """One that is carried away faster than this, and than it flies, can do nothing against it."""
 AT_ONCE_S: Final = 0.5
-"""In a climb, and where the next second takes it out of the fence, two looks are enough for that.
+"""In a climb, and where it leaves the fence, two looks are enough for that.
 
 A climb goes straight up, and each second more of it is one more to come down.
 """
+LEAVES_S: Final = 4.0
+"""It leaves the fence if it is outside, or will be after so long: soon after `SWEPT_S`."""
 BLOWN_S: Final = 2.0
 """In a wind that the airframe cannot hold, being carried away for so long is enough.
 

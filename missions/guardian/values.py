@@ -109,7 +109,7 @@ class Guard:
     outside_since_s: float | None = None
     outside_m: float = 0.0
     leaves_fence: bool = False
-    """It is outside of the fence, or will be at the next look if it moves on like this."""
+    """It is outside of the fence, or soon will be if it moves on like this."""
     low_since_s: float | None = None
     sunk_since_s: float | None = None
     spent_since_s: float | None = None
