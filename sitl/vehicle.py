@@ -177,6 +177,7 @@ class SimVehicle:
             energy_wh=self._battery.energy_wh,
             mode=self._ap.mode,
             swaps=self._swaps,
+            failsafe=self._ap.failsafes.active,
         )
 
     def _hear(self, messages: list[Message]) -> None:

@@ -74,3 +74,5 @@ class VehicleTruth:
     energy_wh: float
     mode: IntEnum
     swaps: int
+    failsafe: bool
+    """One of its own failsafes is on."""

@@ -49,8 +49,7 @@ def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: 
     if isinstance(order, FlyTo) and vehicle.return_reason is not None:
         others = _claims_of_others(setting, state, vehicle, order)
         for detour in _detours(setting, vehicle, order, others):
-            volume = _volume(setting, state, vehicle, detour)
-            if is_free(volume, others, _distance_m(setting)):
+            if is_clear(setting, state, vehicle, detour):
                 return state.with_vehicle(replace(vehicle, order=detour))
     return state if vehicle.landed else hold(state, vehicle)
 
@@ -255,12 +254,28 @@ def _claims(
         # nobody can tell it to make way: who is near it must be free to leave
         return [claim for claim in claims if not here.meets(claim, distance_m)]
     claims = [_volume(setting, state, other, other.order)]
+    if other.idle and _leads_out(setting, state, asking, order, claims[0]):
+        claims = []  # two that a pilot has left too near would else wait for each other
     if other.over_home and other.idle:
         # it waits to land; whoever is in its column already must be free to leave
         column = _volume(setting, state, other, Land())
         if not asking.landed and not here.meets(column, distance_m):
             claims.append(column)
     return claims
+
+
+def _leads_out(
+    setting: Setting, state: State, asking: VehicleState, order: Order, claim: Volume
+) -> bool:
+    """Whether an order leads out of air that another hovers in, and never nearer to it."""
+    now = Volume((asking.position,), asking.level_m, asking.level_m)
+    distance_m = _distance_m(setting)
+    if asking.landed or not now.meets(claim, distance_m):
+        return False
+    needs = _volume(setting, state, asking, order)
+    end = replace(needs, path=needs.path[-1:])
+    past = needs.low_m < claim.high_m and needs.high_m > claim.low_m  # through its height
+    return not past and not end.meets(claim, distance_m) and needs.parts_from(claim)
 
 
 def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[Volume]:

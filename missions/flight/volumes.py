@@ -43,6 +43,12 @@ class Volume:
         gap_m = _line(self.path).distance(_line(other.path)) - self.stray_m - other.stray_m
         return bool(gap_m < distance_m)
 
+    def parts_from(self, other: Volume) -> bool:
+        """Whether its path is nowhere nearer to the other's than at its beginning, over ground."""
+        there = _line(other.path)
+        nearest_m = float(_line(self.path).distance(there))
+        return nearest_m >= float(Point(self.path[0]).distance(there)) - _ROUNDING_M
+
 
 def is_free(volume: Volume, others: Iterable[Volume], distance_m: float) -> bool:
     """Whether a volume keeps its distance from all others."""

@@ -19,15 +19,14 @@ Nothing is done to a vehicle that a pilot or a failsafe flies (`mode` "other").
 
 from __future__ import annotations
 
-from missions.guardian.rules import landing_wh, watch
-from missions.guardian.thresholds import HARD_M_S, OFF_PLAN_M, PAD_M, QUICK_M, SPENT_S
+from missions.guardian.rules import landing_wh, quick_aim_m, watch
+from missions.guardian.thresholds import HARD_M_S, OFF_PLAN_M, PAD_M, SPENT_S
 from missions.guardian.values import Action, Doing, Guard, Limits, Mode, Seen, Task, Verdict
 
 __all__ = [
     "HARD_M_S",
     "OFF_PLAN_M",
     "PAD_M",
-    "QUICK_M",
     "SPENT_S",
     "Action",
     "Doing",
@@ -38,5 +37,6 @@ __all__ = [
     "Task",
     "Verdict",
     "landing_wh",
+    "quick_aim_m",
     "watch",
 ]

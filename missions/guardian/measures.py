@@ -12,6 +12,7 @@ from missions.guardian.thresholds import (
     FALL_M_S,
     HEIGHT_LOST_M,
     HEIGHT_LOST_SHARE,
+    LEAVES_S,
     OFF_PATH_M,
     OFF_PLAN_M,
     OFF_PLAN_WIND_S,
@@ -69,8 +70,13 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     guard = replace(
         guard,
         outside_m=outside_m,
+        leaves_fence=outside_m > 0.0 or not limits.fence.outer.covers(_soon(guard, seen)),
         outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
     )
+    swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
+    if guard.landing:  # straight down: whatever it moves is away
+        swept = _speed_m_s(guard, seen) > swept_m_s
+        guard = replace(guard, swept_since_s=since(guard.swept_since_s, swept, seen.t_s))
     if not path:
         return replace(guard, last_gap_m=None, receding_since_s=None, off_since_s=None)
     along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
@@ -80,10 +86,14 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         guard = replace(guard, last_gap_m=guard.last_position.distance_to(place))
     receding = guard.receding_since_s is not None  # a new order does not bring it to rest
     swept = guard.swept_since_s is not None
-    if guard.last_gap_m is not None and guard.last_s is not None and seen.t_s > guard.last_s:
-        away_m_s = (gap_m - guard.last_gap_m) / (seen.t_s - guard.last_s)
+    away_m_s = _away_m_s(guard, seen, guard.last_gap_m, gap_m)
+    if away_m_s is not None:
         receding = away_m_s > RECEDING_M_S
-        swept = away_m_s > max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
+        swept = away_m_s > swept_m_s
+    elif guard.last_position is not None and guard.action is None:
+        # orders may follow one another faster than looks: what it did before the new one counts
+        before_m = _left_m(guard.last_position, path, 0.0)
+        swept = swept or (_away_m_s(guard, seen, before_m, gap_m) or 0.0) > swept_m_s
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
     allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
     if place is not None:
@@ -103,6 +113,32 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
             guard.sunk_since_s, guard.action is None and guard.at_height and sunk, seen.t_s
         ),
     )
+
+
+def _soon(guard: Guard, seen: Seen) -> Point:
+    """Where it will be in `LEAVES_S` if it moves on as since the last look."""
+    (east_m, north_m), before = seen.position, guard.last_position
+    if before is None or guard.last_s is None or seen.t_s <= guard.last_s:
+        return Point(east_m, north_m)
+    share = LEAVES_S / (seen.t_s - guard.last_s)
+    return Point(
+        east_m + share * (east_m - before.east_m), north_m + share * (north_m - before.north_m)
+    )
+
+
+def _away_m_s(guard: Guard, seen: Seen, before_m: float | None, gap_m: float) -> float | None:
+    """How fast the way to the goal has become longer since the last look; None: not known."""
+    if before_m is None or guard.last_s is None or seen.t_s <= guard.last_s:
+        return None
+    return (gap_m - before_m) / (seen.t_s - guard.last_s)
+
+
+def _speed_m_s(guard: Guard, seen: Seen) -> float:
+    """How fast it has moved over ground since the last look; 0 at the first."""
+    if guard.last_position is None:
+        return 0.0
+    moved_m = guard.last_position.distance_to(seen.position)
+    return _away_m_s(guard, seen, 0.0, moved_m) or 0.0
 
 
 def since(since_s: float | None, holds: bool, t_s: float) -> float | None:

@@ -17,6 +17,7 @@ from missions.guardian.measures import (
     since,
 )
 from missions.guardian.thresholds import (
+    AT_ONCE_S,
     BLOWN_S,
     HARD_M_S,
     HEIGHT_LOST_S,
@@ -31,9 +32,12 @@ from missions.guardian.thresholds import (
     OUTSIDE_S,
     PAD_M,
     PROGRESS_M,
+    QUICK_AIM_M,
+    QUICK_M,
     RECEDING_S,
     RECOVERY_S,
     SPENT_S,
+    SWEPT_M_S,
     SWEPT_S,
     UP_M,
 )
@@ -71,8 +75,19 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
         return replace(guard, reported=True, reported_s=seen.t_s), verdict
     if verdict.rung in ("rtl", "land"):
         action: Action = "rtl" if verdict.rung == "rtl" else "land"
-        guard = guard.acting(action, seen.t_s)
+        guard = guard.acting(action, seen.t_s, hurry=verdict.hurry)
     return guard, verdict
+
+
+def quick_aim_m(height_m: float) -> float | None:
+    """How high a vehicle that is carried away has to aim, to descend quickly; None: it lands.
+
+    >>> quick_aim_m(9.0), quick_aim_m(0.5), quick_aim_m(-3.0)
+    (-1.0, None, -7.0)
+    """
+    if height_m > QUICK_M:
+        return QUICK_M - QUICK_AIM_M
+    return height_m - 2.0 * QUICK_AIM_M if height_m < -QUICK_M else None
 
 
 def landing_wh(energy: EnergyModel, height_m: float) -> float:
@@ -101,6 +116,8 @@ def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
 
 def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     """The next rung of the ladder, if something is wrong for too long."""
+    if _carried_off_landing(limits, guard, seen):
+        return Verdict("land", "it is carried off while it lands", hurry=True)
     if guard.action == "land":
         return None
     if guard.task.doing == "land" and guard.action is None:
@@ -113,9 +130,13 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         # it did not take the command, or was told something else
         due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None
-    if lasted(limits, guard.swept_since_s, seen.t_s, SWEPT_S):
+    swept_s = AT_ONCE_S if guard.leaves_fence else SWEPT_S
+    if lasted(limits, guard.swept_since_s, seen.t_s, swept_s):
         # nothing that it flies helps, and a climb would cost the time to land near
         return Verdict("land", "it is carried off faster than it flies", hurry=True)
+    climbs = guard.task.doing == "climb" and seen.ground_speed_m_s > SWEPT_M_S
+    if climbs and lasted(limits, guard.receding_since_s, seen.t_s, AT_ONCE_S):
+        return Verdict("land", "it is carried off while it climbs", hurry=True)
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
         return Verdict("land", blown, hurry=True)
@@ -135,6 +156,13 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     if seen.t_s - guard.reported_s >= RECOVERY_S + limits.slack_s:
         return Verdict("rtl", f"{reason}, and the mission did not bring it home")
     return None
+
+
+def _carried_off_landing(limits: Limits, guard: Guard, seen: Seen) -> bool:
+    """Whether it lands, at the pace of a landing, and is carried away meanwhile."""
+    if guard.hurries or not guard.landing or seen.height_m <= 2.0 * QUICK_M:
+        return False
+    return lasted(limits, guard.swept_since_s, seen.t_s, BLOWN_S)
 
 
 def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:

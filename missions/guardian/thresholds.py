@@ -27,8 +27,18 @@ SWEPT_M_S: Final = 6.0
 SWEPT_SHARE: Final = 1.2
 SWEPT_S: Final = 3.0
 """One that is carried away faster than this, and than it flies, can do nothing against it."""
+AT_ONCE_S: Final = 0.5
+"""In a climb, and where it leaves the fence, two looks are enough for that.
+
+A climb goes straight up, and each second more of it is one more to come down.
+"""
+LEAVES_S: Final = 4.0
+"""It leaves the fence if it is outside, or will be after so long: soon after `SWEPT_S`."""
 BLOWN_S: Final = 2.0
-"""In a wind that the airframe cannot hold, being carried away for so long is enough."""
+"""In a wind that the airframe cannot hold, being carried away for so long is enough.
+
+So it is in a landing: to hasten that costs nothing.
+"""
 HOPELESS: Final = 1.5
 """In so many times the wind that it can hold it lands before it is seen to be carried away."""
 OUTSIDE_S: Final = 2.0
@@ -53,8 +63,11 @@ REACH_M_S: Final = 15.0
 """A vehicle is looked for on its path no farther ahead than it can have flown."""
 PAD_M: Final = 5.0
 """A landing nearer to its pad than this is a landing at home."""
-QUICK_M: Final = 2.0
-"""Down to this height a vehicle that is carried away descends quickly."""
+QUICK_M: Final = 1.0
+"""Down to this height over home a vehicle that is carried away descends quickly, and again when it
+is so far below home: where it has been carried to the ground is lower."""
+QUICK_AIM_M: Final = 2.0
+"""It is told to fly so much lower than that: near a target it would slow down."""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
 SPENT_S: Final = 2.5

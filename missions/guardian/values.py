@@ -86,6 +86,8 @@ class Guard:
     action: Action | None = None
     """What it has the autopilot do by itself; None while the mission flies the vehicle."""
     acted_s: float = 0.0
+    hurries: bool = False
+    """Its action is to land, and to descend as fast as it flies before."""
     reported: bool = False
     reported_s: float = 0.0
     was_up: bool = False
@@ -106,9 +108,16 @@ class Guard:
     off_since_s: float | None = None
     outside_since_s: float | None = None
     outside_m: float = 0.0
+    leaves_fence: bool = False
+    """It is outside of the fence, or soon will be if it moves on like this."""
     low_since_s: float | None = None
     sunk_since_s: float | None = None
     spent_since_s: float | None = None
+
+    @property
+    def landing(self) -> bool:
+        """Whether it lands by our order, the mission's or its own."""
+        return self.action == "land" or (self.action is None and self.task.doing == "land")
 
     def told(self, task: Task) -> Guard:
         """This guard after a new order; a vehicle that it has taken over it keeps."""
@@ -132,10 +141,11 @@ class Guard:
             sunk_since_s=self.sunk_since_s if goes_on else None,
         )
 
-    def acting(self, action: Action, t_s: float) -> Guard:
+    def acting(self, action: Action, t_s: float, *, hurry: bool = False) -> Guard:
         """This guard after it had the autopilot return or land by itself."""
         return replace(
-            self, action=action, acted_s=t_s, along_m=0.0, best_m=float("inf"), best_s=t_s,
+            self, action=action, acted_s=t_s, hurries=hurry,
+            along_m=0.0, best_m=float("inf"), best_s=t_s,
             receding_since_s=None, last_gap_m=None, off_since_s=None,
         )  # fmt: skip
 

@@ -126,8 +126,10 @@ class Witness(Truth):
             since_s = self.outside_s.setdefault(number, truth.t_s)
             if out_m > FAR_M:
                 self._flag(number, "far", f"{truth.t_s:.1f} s: {out_m:.0f} m outside")
-            if truth.t_s - since_s > FORGIVEN_S and truth.mode.name not in RETURNS:
-                self._flag(number, "breach", f"{truth.t_s:.1f} s: still {truth.mode.name}")
+            by_itself = truth.failsafe and truth.mode.name in RETURNS
+            if truth.t_s - since_s > FORGIVEN_S and not by_itself:
+                text = f"{truth.t_s:.1f} s: {out_m:.0f} m outside, still in {truth.mode.name}"
+                self._flag(number, "breach", text)
 
     def _flag(self, number: int, kind: str, text: str) -> None:
         if (number, kind) not in self.flagged:
@@ -211,7 +213,7 @@ def _judged(
     """What of a flight is forbidden."""
     blind = _blind(text, flight)
     found = list(witness.found)
-    if not blind and witness.fence_breaches and "reject" not in flight.kinds:
+    if not blind and witness.fence_breaches:
         found.append(("breach", f"{witness.fence_breaches} breaches"))
     if not blind and witness.reserve_violations and not _poor(flight):
         found.append(("reserve", f"{witness.reserve_violations} violations"))

@@ -21,6 +21,12 @@ def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
     assert any("ok" in o.counts for o in outcomes)
 
 
+@pytest.mark.parametrize("seed", [300136, 300307])
+def test_what_once_went_wrong_does_not_again(seed: int) -> None:
+    """Two that a pilot left side by side waited for each other; a storm took one down a slope."""
+    assert fly(seed).found == ()
+
+
 def test_the_same_seed_flies_the_same_flight() -> None:
     assert [fly(seed) for seed in (6, 9)] == [fly(seed) for seed in (6, 9)]
 
@@ -42,6 +48,12 @@ def test_the_table_counts_each_flight_in_its_row_and_in_all() -> None:
         cells = dict(zip(COLUMNS, row.split()[1:], strict=True))
         assert (cells["n"], cells["ok"], cells["inc"], cells["far"]) == ("2", "1", "1", "1")
     assert set(FORBIDDEN.values()) <= set(COLUMNS)
+
+
+@pytest.mark.parametrize("seed", [910005, 910146, 910155, 910160, 920099])
+def test_nobody_is_carried_far(seed: int) -> None:
+    """A compass that points backwards in the climb and in the landing, and storms of 25 m/s."""
+    assert simulated.fly(seed).found == ()
 
 
 @pytest.mark.parametrize("seed", [1, 3, 4, 9])

@@ -34,7 +34,7 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.guardian import QUICK_M, Guard, Limits, Mode, Seen, Task, watch
+from missions.guardian import Guard, Limits, Mode, Seen, Task, quick_aim_m, watch
 from missions.motion.course import Course
 from missions.orders import (
     AwaitBattery,
@@ -570,9 +570,10 @@ class Driver:
         named = {"rtl": "ReturnToLaunch", "land": "Land"}
         if action is None or self.overridden or not self.obeys or not craft.flying:
             return
-        if action == "land" and self.hurry and craft.height_m > QUICK_M:
+        aim_m = quick_aim_m(self.height_m) if action == "land" and self.hurry else None
+        if aim_m is not None:
             craft.switch("follow")
-            craft.aim(craft.believed, QUICK_M - 1.0)
+            craft.aim(craft.believed, aim_m)
         elif named[action] not in self.refuses:
             craft.switch(action)
 

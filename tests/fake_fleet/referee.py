@@ -145,14 +145,13 @@ class Referee:
         if out_m < 0.01 or fleet.stood_outside or t_s - notes.spoofed_s < FORGIVEN_S:
             return  # who is led away by positions and velocities that agree cannot know it
         forgiven = max(notes.blind_s, notes.hands_s) >= notes.outside_s - FORGIVEN_S
-        ours = craft.mode == "follow"
-        if ours and not notes.breach_told and not forgiven:
+        if not notes.breach_told and not forgiven:
             notes.breach_told = True
             self.note(t_s, "breach", f"vehicle {craft.number} is {out_m:.1f} m outside the fence")
         late = t_s - notes.outside_s > FORGIVEN_S and fleet.drivers[craft.number].obeys
-        if ours and forgiven and late and not notes.breach_told:
+        if forgiven and late and not notes.breach_told:
             notes.breach_told = True
-            text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and still ours"
+            text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and in the air"
             self.note(t_s, "breach", text)
         heard = t_s - notes.deaf_s > FORGIVEN_S
         if out_m > FAR_M and not notes.far_told and heard:

@@ -17,7 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
-from missions.guardian import PAD_M, QUICK_M, Action, Guard, Limits, Seen, Task, watch
+from missions.guardian import PAD_M, Action, Guard, Limits, Seen, Task, quick_aim_m, watch
+from missions.guardian.down import low
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import Reporter
@@ -94,7 +95,7 @@ class Guardian:
 
         `hurry`: it descends as fast as it flies before it lands.
         """
-        self._guard = self._guard.acting(action, self._reporter.now_s())
+        self._guard = self._guard.acting(action, self._reporter.now_s(), hurry=hurry)
         self._reason = reason
         self._flew = self._monitor.was_airborne
         self.stand_aside()
@@ -169,6 +170,8 @@ class Guardian:
         leapt, leaps.leapt = leaps.leapt, ""
         if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
             self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
+        if low(seen):
+            return  # the ground has stopped it: nothing that lies there is told to fly on
         if leapt and not self.acting and seen.airborne and seen.mode != "other":
             self.order_failed(f"{leapt}: satellite navigation is not to be trusted")
 
@@ -223,18 +226,24 @@ class Guardian:
             self._pursuit.cancel()
             self._pursuit = None
 
-    async def _descend(self) -> None:
-        """Quickly down to where a landing takes but a few seconds, as far as it can be told to."""
+    def _aim_m(self) -> float | None:
+        """How high to aim in a quick descent; None where it should land from, on the ground, and
+        when a pilot has it."""
+        ours = self._monitor.airborne and not self._monitor.overridden
+        return quick_aim_m(self._view.height_m) if ours else None
+
+    async def _descend(self) -> bool:
+        """Quickly down to where a landing takes but a few seconds; False if it refuses that."""
         kind, view, session = self._view.kind, self._view, self._session
         self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
         loop = asyncio.get_running_loop()
-        due_s = loop.time() + view.height_m / DESCENT_M_S + RETRY_S
-        while view.armed and view.height_m > QUICK_M and loop.time() < due_s:
+        due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
+        while (aim_m := self._aim_m()) is not None and view.armed and loop.time() < due_s:
             try:
                 if view.mode != kind.follows:
                     await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
                 here = self._reporter.grid.position(self._reporter.position())
-                frame, wire_m = kind.altitude_on_wire(QUICK_M - 1.0, view.home_amsl_m)
+                frame, wire_m = kind.altitude_on_wire(aim_m, view.home_amsl_m)
                 await session.command_at(
                     mav.MAV_CMD_DO_REPOSITION,
                     frame,
@@ -244,20 +253,20 @@ class Guardian:
                     wire_m,
                 )
             except CommandRefusedError:
-                return
+                return False
             except LinkError:
                 await asyncio.sleep(WATCH_S / 10)
                 continue
-            await session.until(lambda: view.height_m <= QUICK_M, RETRY_S)
+            await session.until(lambda: self._aim_m() is None, RETRY_S)
+        return True
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
-        if hurry:
-            await self._descend()
+        quickly = hurry and await self._descend()
         wanted = kind.rtl if action == "rtl" else kind.land
         command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
-        while self._view.mode != wanted and self._view.armed:
+        while self._view.mode != wanted and self._view.armed and not self._monitor.overridden:
             try:
                 await self._session.command(command)
             except CommandRefusedError as refusal:
@@ -267,6 +276,9 @@ class Guardian:
             except LinkError:
                 pass  # no answer: ask again, for as long as it takes
             await self._session.until(lambda: self._view.mode == wanted, RETRY_S)
+        # where it has been carried to the ground may be lower than at its home
+        if quickly and await self._session.until(lambda: self._aim_m() is not None, PATIENCE_S):
+            await self._pursue(action, hurry=True)
 
     # --- the end of a flight ----------------------------------------------------------------
     @property

@@ -295,6 +295,60 @@ def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour() -> Non
     assert "carried off" in watched.verdicts[0][1].reason
 
 
+def test_orders_that_follow_one_another_faster_than_looks_hide_nothing() -> None:
+    """A vehicle that looks from cell to cell is told a new place each second."""
+    watched = Watched(hold())
+    verdicts: list[str] = []
+    for _ in range(4):
+        here = watched.seen.position
+        watched.guard = watched.guard.told(replace(hold(), since_s=watched.seen.t_s, path=(here,)))
+        verdicts += watched.pass_time(1, east_m=8.0)
+    assert verdicts == ["land"]
+
+
+def test_who_is_carried_off_and_out_of_the_fence_lands_at_once() -> None:
+    at_fence = GridPoint(84.0, 0.0)
+    watched = Watched(replace(hold(), path=(at_fence,)), replace(IN_AIR, position=at_fence))
+    assert watched.pass_time(2, east_m=8.0) == ["land"]
+    assert watched.verdicts[0][1].hurry
+    inside = Watched(hold())
+    assert inside.pass_time(2, east_m=8.0) == []
+
+
+CLIMB = Task("climb", 0.0, (HOME,), False, 12.0, name="TakeOff")
+
+
+@pytest.mark.parametrize(("speed_m_s", "rungs"), [(7.0, ["land"]), (1.5, [])])
+def test_a_climb_that_does_not_go_straight_up_ends_at_once(
+    speed_m_s: float, rungs: list[str]
+) -> None:
+    """A wrong compass shows at the first gust; a gust alone does not carry it far."""
+    climbing = replace(IN_AIR, height_m=1.0, ground_speed_m_s=speed_m_s)
+    watched = Watched(CLIMB, climbing)
+    assert watched.pass_time(2, east_m=speed_m_s, height_m=1.5) == rungs
+    assert all(verdict.hurry for _, verdict in watched.verdicts)
+
+
+def test_a_leap_in_a_climb_is_no_reason_to_land() -> None:
+    watched = Watched(CLIMB, replace(IN_AIR, height_m=1.0))
+    watched.pass_time(1, east_m=40.0, height_m=1.5)
+    assert watched.pass_time(4, east_m=-4.0, height_m=1.5) == []
+
+
+def test_who_is_carried_off_while_it_lands_descends_faster() -> None:
+    """By the mission's order or by its guardian's: once, and not where the ground is near."""
+    watched = Watched(Task("land", 0.0, name="Land"), replace(IN_AIR, mode="land"))
+    assert watched.pass_time(8, east_m=8.0, height_m=-0.5) == ["land"]
+    assert watched.verdicts[0][1].hurry
+    slowly = Watched(hold())
+    slowly.guard = slowly.guard.acting("land", 0.0)
+    assert slowly.pass_time(8, east_m=8.0, height_m=-0.5) == ["land"]
+    low = Watched(Task("land", 0.0, name="Land"), replace(IN_AIR, height_m=2.0, mode="land"))
+    assert low.pass_time(3, east_m=8.0, height_m=-0.3) == []
+    calm = Watched(Task("land", 0.0, name="Land"), replace(IN_AIR, mode="land"))
+    assert calm.pass_time(10, east_m=3.0, height_m=-0.5) == []
+
+
 def test_a_single_jump_of_the_position_is_no_reason_to_land() -> None:
     watched = Watched(hold())
     watched.pass_time(2)

@@ -116,6 +116,39 @@ def test_a_pilot_has_the_last_word_with_the_guardian_too() -> None:
     assert len(fly(body).seen(Overridden)) == 1
 
 
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_who_hurries_lands_from_near_the_ground_and_does_not_break(autopilot: str) -> None:
+    made = small_mission()
+    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        begun_s = flight.vehicle.t_s
+        flight.driver.guardian.take_over("land", "a test", hurry=True)
+        await flight.until(lambda: flight.vehicle.truth.mode.name == "LAND")
+        assert 0.5 < flight.vehicle.truth.height_m < 1.2
+        await flight.sees(Landed, within_s=20.0)
+        assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 5.0
+        assert not flight.vehicle.truth.crashed
+
+    fly(body, made)
+
+
+def test_who_is_taken_by_its_pilot_in_a_hurry_is_the_pilots() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.driver.guardian.take_over("land", "a test", hurry=True)
+        await asyncio.sleep(3.0)
+        flight.pilot_mode(LOITER)
+        await flight.sees(Overridden)
+        sent = len(flight.sent)
+        await asyncio.sleep(10.0)
+        assert flight.commands_after(sent) == []
+        assert flight.vehicle.truth.mode == Mode.LOITER
+
+    fly(body)
+
+
 def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing() -> None:
     async def body(flight: Flight) -> None:
         await out(flight)
