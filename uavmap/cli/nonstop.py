@@ -90,7 +90,8 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     )  # fmt: skip
     cell_m, speed_m_s = options.cell_m or _CELL_M, options.speed or _SPEED_M_S
     team = Team(options.robots, camera, cell_m, speed_m_s, value["accel"])
-    return trials.FlightTerms(team, value["box_factor"], offline=value["offline"])
+    seed = 1 if options.seed is None else options.seed  # of the errors, and of the search for plans
+    return trials.FlightTerms(team, value["box_factor"], offline=value["offline"], seed=seed)
 
 
 def _figures(done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping]) -> dict[str, Any]:

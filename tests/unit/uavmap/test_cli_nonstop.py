@@ -53,6 +53,16 @@ def test_both_strategies_in_seconds(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert once["survey"]["rois"][0]["plans"] == 0
 
 
+def test_the_seed_draws_the_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    def survey(seed: int) -> Any:
+        arguments = ("--roi", "eden:60:1", "--strategy", "survey", "--error-rate", 0.3)
+        return printed(capsys, *arguments, "--seed", seed)["rois"][0]["cells_wrong"]
+
+    wrong = [survey(seed) for seed in (1, 1, 2, 3)]
+    assert wrong[0] == wrong[1]
+    assert len(set(wrong)) > 1
+
+
 def test_a_survey_is_quicker_with_more_speed_footprint_and_vehicles(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
