@@ -81,7 +81,12 @@ def add_parser(commands: Any) -> None:
     count = number_type(int, 1, 100_000)
     add("--cells", metavar="N", type=cells, help=f"of a grown ROI (default {_CELLS})")
     add("--count", metavar="K", type=count, help=f"how many to grow (default {_COUNT})")
-    add("--seed", metavar="S", type=seed_number, help=f"of the first (default {_SEED}); then S + 1")
+    add(
+        "--seed",
+        metavar="S",
+        type=seed_number,
+        help=f"of the first (default {_SEED}); then S + 1; of swath's errors",
+    )
     cell_m = number_type(float, 0.01, 10_000.0)
     add(
         "--cell-m",
@@ -208,7 +213,8 @@ def _read_or_grown(options: argparse.Namespace, *, nonstop: bool) -> list[Roi]:
         seed = _SEED if options.seed is None else options.seed
         cells = options.cells or _CELLS
         return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]
-    _refuse(options, ("cells", "count", "seed"), "is for --generate")
+    refused = ("cells", "count") if nonstop else ("cells", "count", "seed")
+    _refuse(options, refused, "is for --generate")
     start = None
     if options.start is not None:
         start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
