@@ -27,6 +27,14 @@ def fall(height_m: float, every_s: float) -> list[float]:
     return [*(G_M_S2 * n * every_s for n in range(count + 1)), 0.0, 0.0]
 
 
+def test_motors_that_stop_in_the_last_metre_are_an_impact() -> None:
+    """As told of a fall of 0.8 m: only its last message is faster than a hard landing."""
+    end = [0.78, 1.25, 1.79, 2.33, 2.87]
+    assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_M_S
+    # the same last message, from nowhere
+    assert told([*[0.48] * 24, 2.87, 0.0, 0.0]).speed_m_s == 0.48
+
+
 @pytest.mark.parametrize("fast_m_s", [0.7, 1.5, 2.4])
 def test_a_landing_is_no_impact(fast_m_s: float) -> None:
     impact = told([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
