@@ -207,13 +207,17 @@ class GivenUp:
 
 @dataclass(frozen=True, slots=True)
 class OrderFailed:
-    """An order could not be carried out; the vehicle comes home and takes no further part."""
+    """An order could not be carried out; the vehicle comes home and takes no further part.
+
+    Who is only `behind` its path may go on from where it is.
+    """
 
     vehicle: int
     t_s: float
     order: str
     reason: str
     kind: Literal["order_failed"] = "order_failed"
+    behind: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,8 +109,10 @@ class VehicleState:
     """Pictures in a row that were lost or cannot be believed."""
     judged_s: float = 0.0
     """On a path: when its last picture was judged, or it was given the first path."""
-    off_path_s: float | None = None
-    """Since when it is not where its path is by now."""
+    behind: int = 0
+    """How often in a row, `BEHIND_S` apart at most, it was left behind by its path..."""
+    behind_s: float = float("-inf")
+    """... and when last."""
     candidate: Cell | None = None
     vertex: Cell | None = None
     at_target: bool = False

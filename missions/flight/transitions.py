@@ -34,7 +34,6 @@ from missions.flight.connections import (
 )
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
-from missions.flight.off_path import off_path
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
@@ -49,6 +48,10 @@ MOST_SILENT_S = 10.0
 many were lost..."""
 NOTHING_S = 25.0
 """... and after so long, and twice the time between two, if not even a lost one was told."""
+MOST_BEHIND = 3
+"""A vehicle that its path has left behind goes on from where it is, so often in a row..."""
+BEHIND_S = 30.0
+"""... if it was not for so long between."""
 MOST_EMPTY_PASSES = 2
 """After so many lanes in a row without a judged frame the vehicle comes home."""
 
@@ -142,7 +145,6 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if blind:
         note = "the camera is silent: no picture of its path was judged"
         vehicle = _comes_home(vehicle, event.t_s, setting, note)
-    vehicle = off_path(setting, vehicle, event)
     return replace(
         vehicle,
         landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),
@@ -237,7 +239,13 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
     note = f"{event.order}: {event.reason}"
     if vehicle.phase is Phase.GROUNDED and not vehicle.landed:  # a take-off that failed half-way
         vehicle = replace(vehicle, phase=Phase.AIRBORNE)
-    if vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None:  # it cannot stay there
+    explores = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
+    if explores and event.behind:
+        soon = event.t_s - vehicle.behind_s < BEHIND_S
+        vehicle = replace(vehicle, behind=vehicle.behind * soon + 1, behind_s=event.t_s)
+        if vehicle.behind <= MOST_BEHIND:
+            return lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
+    if explores:  # it cannot stay there
         return _comes_home(vehicle, event.t_s, setting, note)
     if vehicle.phase is Phase.AIRBORNE:
         # not even the way home can be flown: its guardian has the autopilot try, and stays with it

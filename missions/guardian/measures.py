@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
 from missions.guardian.thresholds import (
+    BEHIND_M_S,
     FALL_M_S,
     HEIGHT_LOST_M,
     HEIGHT_LOST_SHARE,
@@ -57,6 +59,23 @@ def _goal(guard: Guard, seen: Seen) -> tuple[GridPoint, ...]:
 def planned(task: Task, seen: Seen) -> GridPoint | None:
     """Where a course has it by now; None where there is no course."""
     return None if task.course is None else task.course.at(seen.t_s).place
+
+
+def is_behind(guard: Guard, seen: Seen) -> bool:
+    """Whether a vehicle flies where its path leads, inside of the fence, and later than planned.
+
+    So it is in a wind against which it cannot fly as fast as was planned.
+    """
+    if guard.task.course is None or guard.outside_m > 0.0:
+        return False
+    due = guard.task.course.at(seen.t_s)
+    speed_m_s = math.hypot(due.v_east_m_s, due.v_north_m_s)
+    if speed_m_s < BEHIND_M_S:
+        return False
+    east_m, north_m = seen.position.east_m - due.east_m, seen.position.north_m - due.north_m
+    along_m = (east_m * due.v_east_m_s + north_m * due.v_north_m_s) / speed_m_s
+    aside_m = abs(north_m * due.v_east_m_s - east_m * due.v_north_m_s) / speed_m_s
+    return along_m < 0.0 and aside_m <= OFF_PLAN_M / 2.0
 
 
 def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:

@@ -9,6 +9,7 @@ from missions.ground.fence import route_length_m
 from missions.guardian.down import crashed, low
 from missions.guardian.measures import (
     falling,
+    is_behind,
     lasted,
     measured,
     near_height,
@@ -152,7 +153,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:
-        return Verdict("report", reason)
+        return Verdict("report", reason, behind=is_behind(guard, seen))
     if seen.t_s - guard.reported_s >= RECOVERY_S + limits.slack_s:
         return Verdict("rtl", f"{reason}, and the mission did not bring it home")
     return None

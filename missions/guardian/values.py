@@ -76,6 +76,8 @@ class Verdict:
 
     A landing takes twenty seconds for the last ten metres, in which a storm carries it 200 m.
     """
+    behind: bool = False
+    """It is on its path, and only later than planned: it may go on from where it is."""
 
 
 @dataclass(frozen=True, slots=True)

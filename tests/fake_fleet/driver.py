@@ -553,7 +553,9 @@ class Driver:
         if verdict.rung == "report":
             name = self.guard.task.name
             self.order = self.course = None
-            self.around.post(OrderFailed(self.number, now_s, name, verdict.reason))
+            self.around.post(
+                OrderFailed(self.number, now_s, name, verdict.reason, behind=verdict.behind)
+            )
         elif verdict.rung == "crashed":
             self.order, self.was_airborne = None, False
             self.around.post(Crashed(self.number, now_s, self.position, verdict.reason))

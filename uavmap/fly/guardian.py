@@ -71,7 +71,7 @@ class Guardian:
         self.entrusted = False
         """Whether it was in the air by our order when an earlier process ended."""
         self.stand_aside: Callable[[], None] = lambda: None
-        self.order_failed: Callable[[str], None] = lambda reason: None
+        self.order_failed: Callable[[str, bool], None] = lambda reason, behind: None
 
     def _tell(self, text: str) -> None:
         """A line for the operator; a terminal that is gone must not keep an aircraft in the air."""
@@ -157,7 +157,7 @@ class Guardian:
         if verdict is None:
             return
         if verdict.rung == "report":
-            self.order_failed(verdict.reason)
+            self.order_failed(verdict.reason, verdict.behind)
         elif verdict.rung == "crashed":
             self._crashed(seen, verdict.reason)
         else:
@@ -173,7 +173,7 @@ class Guardian:
         if low(seen):
             return  # the ground has stopped it: nothing that lies there is told to fly on
         if leapt and not self.acting and seen.airborne and seen.mode != "other":
-            self.order_failed(f"{leapt}: satellite navigation is not to be trusted")
+            self.order_failed(f"{leapt}: satellite navigation is not to be trusted", False)
 
     def _seen(self) -> Seen | None:
         """What telemetry says, None where it says nothing of now."""

@@ -254,6 +254,8 @@ def _remarkable(event: Event, state: State) -> str:
             return f"vehicle {number} is ours again"
         case LinkLost(vehicle=number):
             return f"vehicle {number}: link lost"
+        case OrderFailed(vehicle=number, reason=reason, behind=True):
+            return f"vehicle {number}: {reason}; it stops, and goes on from where it is"
         case OrderFailed(vehicle=number, order=order, reason=reason):
             return f"vehicle {number}: {order} failed: {reason}"
         case Crashed(vehicle=number, reason=reason):

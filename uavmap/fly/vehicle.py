@@ -209,9 +209,11 @@ class MavlinkVehicle:
         except* LinkError as group:
             self._order_failed("; ".join(str(error) for error in leaves(group)))
 
-    def _order_failed(self, reason: str) -> None:
+    def _order_failed(self, reason: str, behind: bool = False) -> None:
         name = type(self._order).__name__
-        self._reporter.report(OrderFailed(self.number, self._reporter.t_s(), name, reason))
+        self._reporter.report(
+            OrderFailed(self.number, self._reporter.t_s(), name, reason, behind=behind)
+        )
 
     def _on_message(self, message: Message) -> None:
         self._monitor.on_message(message)

@@ -6,13 +6,22 @@ from dataclasses import replace
 
 import pytest
 
-from missions.events import Arrived, FrameLost, FrameSeen, LinkLost, Tracked, Vote
+from missions.events import (
+    Arrived,
+    FrameLost,
+    FrameSeen,
+    LinkLost,
+    OrderFailed,
+    Tracked,
+    Vote,
+)
 from missions.flight.lane_progress import lane_passed
 from missions.flight.path_orders import NOTICE_S, allowed, come_inside, is_outside
 from missions.flight.return_home import turn_back
+from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.ground.fence import Fence
 from missions.ground.grid import Grid
-from missions.guardian import Guard, Task
+from missions.guardian import Guard, Limits, Seen, Task, watch
 from missions.motion.course import Course
 from missions.motion.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath, FlyTo, Hold
@@ -189,41 +198,55 @@ def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
     assert isinstance(vehicle.order, Hold)  # it comes to rest first
 
 
-def test_who_is_left_behind_stops_and_goes_on_no_faster_than_the_wind_allows() -> None:
+def test_who_is_behind_stops_and_goes_on_no_faster_than_the_wind_allows() -> None:
     made = flying()
     changed(made, 1, on_lane=True, lanes=((GridPoint(-40, 30), GridPoint(50, 30)),))
-    path = made.state.vehicles[1].order
-    assert isinstance(path, FlyPath)
-
-    def report(t_s: float, behind_m: float, wind_m_s: float) -> None:
-        place = path.trajectory.at(t_s).place
-        at = GridPoint(place.east_m - behind_m, place.north_m)
-        made.post(Tracked(1, t_s, at, 12.0, 60.0, wind_m_s=wind_m_s))
-
-    report(15.0, 7.0, 8.0)
-    report(15.5, 4.0, 8.0)  # it has caught up
-    report(16.0, 7.0, 8.0)
-    report(16.8, 8.0, 8.0)
-    assert made.state.vehicles[1].order is path
-    report(17.2, 9.0, 8.0)
+    at = GridPoint(-10.0, 30.0)
+    made.post(Tracked(1, 17.0, at, 12.0, 60.0, wind_m_s=8.0))
+    made.post(OrderFailed(1, 17.2, "FlyPath", "it is 13 m off its path by now", behind=True))
     vehicle = made.state.vehicles[1]
     assert isinstance(vehicle.order, Hold)
     assert vehicle.return_reason is None
-    at = path.trajectory.at(17.2).place
-    made.post(Tracked(1, 17.6, GridPoint(at.east_m - 9.0, 30.0), 12.0, 60.0, wind_m_s=9.5))
-    made.post(Tracked(1, 18.0, GridPoint(at.east_m - 9.0, 30.0), 12.0, 60.0, wind_m_s=9.5))
+    made.post(Tracked(1, 17.6, at, 12.0, 60.0, wind_m_s=9.5))
+    made.post(Tracked(1, 18.0, at, 12.0, 60.0, wind_m_s=9.5))
     again = made.state.vehicles[1].order
     assert isinstance(again, FlyPath)
-    assert again.trajectory.at(18.0).place == (at.east_m - 9.0, 30.0)
+    assert again.trajectory.at(18.0).place == at
     assert max(piece.speed_m_s for piece in again.trajectory.pieces) <= 2.5  # of 12 m/s
 
 
-def test_who_comes_home_is_left_to_its_guardian() -> None:
+@pytest.mark.parametrize(("every_s", "comes_home"), [(5.0, True), (BEHIND_S + 1.0, False)])
+def test_who_is_behind_again_and_again_comes_home(every_s: float, comes_home: bool) -> None:
     made = flying()
-    changed(made, 1, return_reason=ReturnReason.DONE)
-    for t_s in (15.0, 16.0, 17.0):
-        made.post(Tracked(1, t_s, GridPoint(-40.0, 30.0), 12.0, 50.0))
-    assert isinstance(made.state.vehicles[1].order, FlyPath)
+    order = made.state.vehicles[1].order
+    for k in range(MOST_BEHIND + 1):
+        t_s = 17.0 + every_s * k
+        changed(made, 1, order=order, braking_until_s=None, judged_s=t_s)
+        assert made.state.vehicles[1].return_reason is None
+        made.post(OrderFailed(1, t_s, "FlyPath", "it is 13 m off its path by now", behind=True))
+    assert (made.state.vehicles[1].return_reason is ReturnReason.FAULT) == comes_home
+
+
+@pytest.mark.parametrize(
+    ("east_m", "north_m", "behind"),
+    [(-14.0, 0.0, True), (-14.0, 2.5, True), (14.0, 0.0, False), (-14.0, 9.0, False)],
+)
+def test_behind_is_on_the_path_and_late(east_m: float, north_m: float, behind: bool) -> None:
+    made = flying()
+    order = made.state.vehicles[1].order
+    assert isinstance(order, FlyPath)
+    limits = Limits(made.setting.fence, made.setting.energy)
+    task = Task("path", 10.0, height_m=12.0, name="FlyPath", course=Course((order.trajectory,)))
+    guard, verdicts = Guard().told(task), []
+    for k in range(6):
+        t_s = 15.0 + 0.5 * k
+        due = order.trajectory.at(t_s).place
+        at = GridPoint(due.east_m + east_m, due.north_m + north_m)
+        seen = Seen(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
+        guard, verdict = watch(limits, guard, seen)
+        verdicts.append(verdict)
+    told = [verdict for verdict in verdicts if verdict is not None]
+    assert [(verdict.rung, verdict.behind) for verdict in told] == [("report", behind)]
 
 
 # --- the search --------------------------------------------------------------------------------
