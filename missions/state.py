@@ -109,6 +109,8 @@ class VehicleState:
     """Pictures in a row that were lost or cannot be believed."""
     judged_s: float = 0.0
     """On a path: when its last picture was judged, or it was given the first path."""
+    home_refused: int = 0
+    """How often the way home could not be flown since it last took off."""
     behind: int = 0
     """How often in a row, `BEHIND_S` apart at most, it was left behind by its path..."""
     behind_s: float = float("-inf")

@@ -48,6 +48,8 @@ MOST_SILENT_S = 10.0
 many were lost..."""
 NOTHING_S = 25.0
 """... and after so long, and twice the time between two, if not even a lost one was told."""
+MOST_HOME_REFUSED = 2
+"""So often the way home is tried again before the autopilot returns by itself."""
 MOST_BEHIND = 3
 """A vehicle that its path has left behind goes on from where it is, so often in a row..."""
 BEHIND_S = 30.0
@@ -117,6 +119,7 @@ def _(event: Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
         order=None,
         landed=False,
         cleared=False,
+        home_refused=0,
     )
 
 
@@ -247,6 +250,10 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
             return lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
     if explores:  # it cannot stay there
         return _comes_home(vehicle, event.t_s, setting, note)
+    if vehicle.phase is Phase.AIRBORNE and vehicle.home_refused < MOST_HOME_REFUSED:
+        # on our way it stays inside of the fence; an autopilot that returns flies straight
+        again = replace(vehicle.interrupted(event.t_s), over_home=False, note=note)
+        return replace(again, home_refused=vehicle.home_refused + 1)
     if vehicle.phase is Phase.AIRBORNE:
         # not even the way home can be flown: its guardian has the autopilot try, and stays with it
         return replace(

@@ -734,12 +734,18 @@ def test_a_vehicle_that_stands_outside_of_the_fence_stays_there(service: Service
 def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Recalled(9.0))
-    assert service.post(OrderFailed(1, 10.0, "FlyTo", "denied")) == ((1, ReturnToLaunch()),)
+    far = GridPoint(9.0, 0.0)
+    for t_s in (10.0, 16.0):  # it waits, and tries again
+        service.post(Tracked(1, t_s, far, 10.0, 50.0))
+        assert service.post(OrderFailed(1, t_s + 1.0, "FlyTo", "denied")) == ((1, Hold()),)
+        service.post(Tracked(1, t_s + 2.0, far, 10.0, 50.0), Tracked(1, t_s + 4.0, far, 10.0, 50.0))
+        assert isinstance(service.state.vehicles[1].order, FlyTo)
+    assert service.post(OrderFailed(1, 21.0, "FlyTo", "denied")) == ((1, ReturnToLaunch()),)
     assert not service.state.over
-    assert service.post(OrderFailed(1, 11.0, "ReturnToLaunch", "denied")) == ()
+    assert service.post(OrderFailed(1, 22.0, "ReturnToLaunch", "denied")) == ()
     assert service.state.vehicles[1].phase is Phase.GUARDED
     assert not service.state.over
-    service.post(Landed(1, 60.0, 20.0, HOME))
+    service.post(Tracked(1, 59.0, HOME, 0.0, 20.0), Landed(1, 60.0, 20.0, HOME))
     assert service.state.vehicles[1].phase is Phase.FAILED
     assert service.state.over
 
