@@ -57,7 +57,7 @@ def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: 
 def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> bool:
     """Whether the air that an order needs is free of all claims that bind the vehicle."""
     others = _claims_of_others(setting, state, vehicle, order)
-    return is_free(_volume(setting, state, vehicle, order), others, _distance_m(setting))
+    return is_free(_volume(setting, state, vehicle, order), others, *_apart(setting))
 
 
 def revise(setting: Setting, state: State) -> State:
@@ -76,7 +76,7 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
 
     Who is in such air already may leave it.
     """
-    distance_m, here = _distance_m(setting), _here(vehicle)
+    apart, here = _apart(setting), _here(vehicle)
     volume = _volume(setting, state, vehicle, order)
     leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
     end = replace(volume, path=volume.path[-1:])
@@ -84,8 +84,8 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
         if other.phase not in UNTOLD or other.landed or other.vehicle == vehicle.vehicle:
             continue
         for claim in _untold_claims(setting, state, other):
-            out = here.meets(claim, distance_m) and (leaves or not end.meets(claim, distance_m))
-            if not out and volume.meets(claim, distance_m):
+            out = here.meets(claim, *apart) and (leaves or not end.meets(claim, *apart))
+            if not out and volume.meets(claim, *apart):
                 return True
     return False
 
@@ -95,14 +95,14 @@ def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | N
 
     None where it is in no such air, or where no place beside it is free.
     """
-    distance_m = _distance_m(setting)
+    distance_m, apart = _distance_m(setting), _apart(setting)
     claims = [
         claim
         for other in state.vehicles.values()
         if other.vehicle != vehicle.vehicle and other.phase in UNTOLD and not other.landed
         for claim in _untold_claims(setting, state, other)
     ]
-    if not any(_here(vehicle).meets(claim, distance_m) for claim in claims):
+    if not any(_here(vehicle).meets(claim, *apart) for claim in claims):
         return None
     for times in WAY_TIMES:
         for eighth in range(8):
@@ -110,7 +110,7 @@ def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | N
             route = setting.fence.route(vehicle.position, spot)
             order = FlyTo(route or (spot,), None, stop=True, height_m=vehicle.cruise_height_m)
             at_spot = replace(vehicle, position=spot)
-            free = not any(_here(at_spot).meets(claim, distance_m) for claim in claims)
+            free = not any(_here(at_spot).meets(claim, *apart) for claim in claims)
             if free and route is not None and is_clear(setting, state, vehicle, order):
                 off_lane = lane_left(vehicle, setting.grid.cell_m)
                 return state.with_vehicle(replace(off_lane, order=order, at_target=False))
@@ -168,9 +168,13 @@ def _detours(
 
 
 def _distance_m(setting: Setting) -> float:
-    """How far the claims of two vehicles lie apart; never so far that layers meet."""
-    team = setting.mission.team
-    return min(team.separation_m + SEPARATION_BUFFER_M, team.layer_m)
+    """How far the claims of two vehicles lie apart over ground."""
+    return setting.mission.team.separation_m + SEPARATION_BUFFER_M
+
+
+def _apart(setting: Setting) -> tuple[float, float]:
+    """How far the claims of two vehicles lie apart over ground and in height; layers never meet."""
+    return _distance_m(setting), setting.mission.team.layer_m
 
 
 # --- what an order needs ----------------------------------------------------------------------
@@ -246,20 +250,20 @@ def _claims(
     climbing = isinstance(other.order, TakeOff)
     if other.phase is Phase.LOST or (other.landed and not climbing):
         return []
-    here, distance_m = _here(asking), _distance_m(setting)
+    here, apart = _here(asking), _apart(setting)
     if other.phase in UNTOLD:
         claims = _untold_claims(setting, state, other)
         if asking.landed or isinstance(order, Land):
             return claims
         # nobody can tell it to make way: who is near it must be free to leave
-        return [claim for claim in claims if not here.meets(claim, distance_m)]
+        return [claim for claim in claims if not here.meets(claim, *apart)]
     claims = [_volume(setting, state, other, other.order)]
     if other.idle and _leads_out(setting, state, asking, order, claims[0]):
         claims = []  # two that a pilot has left too near would else wait for each other
     if other.over_home and other.idle:
         # it waits to land; whoever is in its column already must be free to leave
         column = _volume(setting, state, other, Land())
-        if not asking.landed and not here.meets(column, distance_m):
+        if not asking.landed and not here.meets(column, *apart):
             claims.append(column)
     return claims
 
@@ -269,13 +273,13 @@ def _leads_out(
 ) -> bool:
     """Whether an order leads out of air that another hovers in, and never nearer to it."""
     now = Volume((asking.position,), asking.level_m, asking.level_m)
-    distance_m = _distance_m(setting)
-    if asking.landed or not now.meets(claim, distance_m):
+    apart = _apart(setting)
+    if asking.landed or not now.meets(claim, *apart):
         return False
     needs = _volume(setting, state, asking, order)
     end = replace(needs, path=needs.path[-1:])
     past = needs.low_m < claim.high_m and needs.high_m > claim.low_m  # through its height
-    return not past and not end.meets(claim, distance_m) and needs.parts_from(claim)
+    return not past and not end.meets(claim, *apart) and needs.parts_from(claim)
 
 
 def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[Volume]:

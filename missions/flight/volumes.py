@@ -7,6 +7,7 @@ while somebody is in it, and nobody enters a column while a leg passes through i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -35,10 +36,13 @@ class Volume:
     high_m: float
     stray_m: float = 0.0
 
-    def meets(self, other: Volume, distance_m: float) -> bool:
-        """Whether the two come nearer to each other than a distance."""
+    def meets(self, other: Volume, distance_m: float, layer_m: float = math.inf) -> bool:
+        """Whether the two come nearer to each other than a distance.
+
+        In height layers that lie `layer_m` apart are far enough from each other.
+        """
         gap_m = max(self.low_m - other.high_m, other.low_m - self.high_m)
-        if gap_m >= distance_m - _ROUNDING_M:
+        if gap_m >= min(distance_m, layer_m) - _ROUNDING_M:
             return False
         gap_m = _line(self.path).distance(_line(other.path)) - self.stray_m - other.stray_m
         return bool(gap_m < distance_m)
@@ -50,9 +54,11 @@ class Volume:
         return nearest_m >= float(Point(self.path[0]).distance(there)) - _ROUNDING_M
 
 
-def is_free(volume: Volume, others: Iterable[Volume], distance_m: float) -> bool:
+def is_free(
+    volume: Volume, others: Iterable[Volume], distance_m: float, layer_m: float = math.inf
+) -> bool:
     """Whether a volume keeps its distance from all others."""
-    return not any(volume.meets(other, distance_m) for other in others)
+    return not any(volume.meets(other, distance_m, layer_m) for other in others)
 
 
 def _line(path: Sequence[GridPoint]) -> LineString | Point:

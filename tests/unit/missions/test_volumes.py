@@ -85,6 +85,14 @@ def test_straying_does_not_change_heights() -> None:
     assert not spot(0, 0, 12, 9.0).meets(spot(0, 0, 18, 9.0), APART_M)
 
 
+def test_low_layers_bring_nobody_nearer_over_ground() -> None:
+    """A column 5 m beside a leg, layers 4.5 m apart: the claims lie 6 m apart over ground still."""
+    assert column(0.0, 5.0).meets(LEG, 6.0, 4.5)
+    assert not is_free(LEG, [column(0.0, 5.0)], 6.0, 4.5)
+    assert not spot(0.0, 0.0, 12.0).meets(spot(0.0, 0.0, 16.5), 6.0, 4.5)
+    assert spot(0.0, 0.0, 12.0).meets(spot(0.0, 0.0, 16.0), 6.0, 4.5)
+
+
 def test_a_repeated_point_is_a_claim_like_any_other() -> None:
     """Who hovers at the end of its leg has a path of two equal points."""
     twice = Volume((ORIGIN, ORIGIN), 12.0, 12.0)
