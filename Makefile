@@ -6,6 +6,8 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
+# one more than there are cores: tests on sockets wait for a simulator most of their time
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 
 .PHONY: run test check setup lock clean
 
@@ -13,7 +15,7 @@ run: setup
 	$(BIN)/uavmap fly runway --sim
 
 test: setup
-	$(BIN)/pytest -q -rfEs -n auto --dist loadfile
+	$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile
 
 check: setup
 	$(BIN)/ruff check .

@@ -99,7 +99,7 @@ def test_the_shipped_missions_are_sound(name, capsys):
 
 
 AUTO = ("altitude_m = 12.0", 'altitude_m = "auto"')
-FAST = ("speed_m_s = 5.0", "speed_m_s = 25.0")
+FAST = ("speed_m_s = 5.0", "speed_m_s = 25.0\nmax_airspeed_m_s = 30.0")
 SLOW_SHUTTER = ("interval_s = 0.25", "interval_s = 0.25\nexposure_s = 0.005\npixels_per_cell = 60")
 PAIR = ("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
 LAYERS = {
@@ -120,6 +120,15 @@ LAYERS = {
         "fence.ceiling_m sets the height",
         "18 m: a picture shows 30.2 m x 22.7 m, 4.7 cm a pixel, 84.7 pixels a cell; "
         "without stopping up to 14.1 m/s (votes.frames)",
+    ),
+    "wind": (
+        (
+            ("speed_m_s = 2.0", "speed_m_s = 8.5"),
+            ("interval_s = 0.25", 'interval_s = 0.25\nmounting = "gimbal"'),
+        ),
+        "flight.altitude_m sets the height",
+        "12 m: a picture shows 20.1 m x 15.1 m, 3.1 cm a pixel, 127.1 pixels a cell; "
+        "without stopping up to 3.5 m/s (flight.max_airspeed_m_s, less wind.speed_m_s)",
     ),
     "two layers": (
         (AUTO, FAST, SLOW_SHUTTER, PAIR),
