@@ -1,7 +1,8 @@
 """MAV_CMD_* that fly a PX4.
 
 Refusals are TEMPORARILY_REJECTED with a text. The altitude of every command is above sea level,
-whatever the frame of a COMMAND_INT says: PX4 does not look at it.
+whatever the frame of a COMMAND_INT says: a PX4 of 2024 does not look at it; one of 2026 takes
+GLOBAL_INT only, which is right for all.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ class Px4Commands(BaseCommands):
         place = request.place
         if place is not None and place[1:] == (_NAN_AS_INT, _NAN_AS_INT):
             return Reply(DENIED)
-        if (request.integer(2) or 0) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        changes_mode = (request.integer(2) or 0) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+        if changes_mode:
             refusal = self._ap.set_mode(Px4Mode.HOLD)
             if refusal is not None:
                 return self.answer("Reposition command rejected")
@@ -86,7 +88,8 @@ class Px4Commands(BaseCommands):
             return Reply(ACCEPTED, (statustext(mav.MAV_SEVERITY_CRITICAL, text),))
         if math.isfinite(speed_m_s) and speed_m_s > 0.0:
             self._ap.set_speed("speed_m_s", speed_m_s)
-        return Reply(ACCEPTED)
+        # without the flag it flies there in Hold, and says that it does not
+        return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
     def _flat_or_none(self, request: Request) -> tuple[float | None, float | None]:
         """East and north of a command's place, None where it leaves them."""

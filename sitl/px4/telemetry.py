@@ -31,6 +31,7 @@ _AUTO = (
 )
 _BY_HAND = mav.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mav.MAV_MODE_FLAG_STABILIZE_ENABLED
 _ESTIMATOR_GOOD = 0x33F  # attitude, velocities, relative and absolute position, predictions
+_ESTIMATOR_AT_REST = 0x3FF  # and, on the ground, that the position is held constant
 _ESTIMATOR_NO_POSITION = 0xA7
 
 DEFAULT_HZ = {
@@ -106,7 +107,9 @@ class Px4Telemetry(Telemetry):
 
     def estimator_status(self) -> Message:
         """ESTIMATOR_STATUS: no absolute position until ready."""
-        flags = _ESTIMATOR_GOOD if self._ap.position_ok else _ESTIMATOR_NO_POSITION
+        flags = _ESTIMATOR_GOOD if self._ap.airborne else _ESTIMATOR_AT_REST
+        if not self._ap.position_ok:
+            flags = _ESTIMATOR_NO_POSITION
         return mav.MAVLink_estimator_status_message(
             round(self._ap.t_s * 1e6), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.5
         )

@@ -80,7 +80,7 @@ def main(address: str) -> None:
     wait(link, "HEARTBEAT", custom_mode=HOLD)
     amsl_m = home.alt / 1000.0 + 12.0
     link.mav.command_int_send(
-        1, 1, mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_DO_REPOSITION, 0, 0,
+        1, 1, mav.MAV_FRAME_GLOBAL_INT, mav.MAV_CMD_DO_REPOSITION, 0, 0,
         -1, 1, 0, nan, home.lat, home.lon + north, amsl_m,
     )  # fmt: skip
     seen["reposition"] = int(wait(link, "COMMAND_ACK", command=192).result)

@@ -251,6 +251,7 @@ class Guardian:
                     here.lat_deg,
                     here.lon_deg,
                     wire_m,
+                    kind.target_taken,
                 )
             except CommandRefusedError:
                 return False

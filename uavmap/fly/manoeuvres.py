@@ -242,6 +242,7 @@ class Manoeuvres:
             position.lat_deg,
             position.lon_deg,
             wire_m,
+            self._view.kind.target_taken,
         )
         if not self._aimed and self._order is not None:
             self._aimed = True

@@ -50,6 +50,10 @@ class Autopilot:
     """The mode in which a stream of setpoints is followed."""
     stream_params: tuple[float, ...]
     """Of MAV_CMD_DO_SET_MODE for it."""
+    rests_constant: bool = False
+    """Whether its estimator tells of every vehicle at rest that its position is held constant."""
+    target_taken: tuple[int, ...] = (mav.MAV_RESULT_ACCEPTED,)
+    """Answers to a target (MAV_CMD_DO_REPOSITION) that is flown to."""
     stream_timeout: str | None = None
     """The parameter that says how long it flies on when a stream ends; None: left as it is."""
 
@@ -62,12 +66,13 @@ class Autopilot:
         """Frame and height on the wire of a command for `height_m` above home.
 
         >>> PX4.altitude_on_wire(12.0, home_amsl_m=488.0)
-        (0, 500.0)
+        (5, 500.0)
         >>> ARDUPILOT.altitude_on_wire(12.0, home_amsl_m=488.0)
         (3, 12.0)
         """
         if self.amsl:
-            return mav.MAV_FRAME_GLOBAL, home_amsl_m + height_m
+            # a PX4 takes no command in the frame 0, which means the same
+            return mav.MAV_FRAME_GLOBAL_INT, home_amsl_m + height_m
         return mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m
 
 
@@ -124,6 +129,10 @@ PX4: Final = Autopilot(
     velocity_lead_s=0.2,
     stream_mode=_OFFBOARD,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 6),
+    rests_constant=True,
+    # without the flag that changes the mode it says "unsupported", and flies there in Hold; with
+    # the flag it would take the vehicle back from a pilot, or from a landing by a failsafe
+    target_taken=(mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_UNSUPPORTED),
 )  # fmt: skip
 
 AUTOPILOTS: Final = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -33,6 +33,7 @@ _RESULTS = {
     for number, value in mav.enums["MAV_RESULT"].items()
 }
 _RESULT_NAMES = {number: name.lower().replace("_", " ") for name, number in _RESULTS.items()}
+_RESULT_NAMES[9] = "unsupported frame"  # newer than the dialect
 
 
 class Session:
@@ -172,8 +173,9 @@ class Session:
         lat_deg: float,
         lon_deg: float,
         z: float,
+        taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
     ) -> None:
-        """COMMAND_INT for a place. Errors as for `command`."""
+        """COMMAND_INT for a place; `taken` are results that mean yes. Errors as for `command`."""
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and math.isfinite(z)):
             raise LinkError(f"no place to send a vehicle to: {lat_deg}, {lon_deg}, {z} m")
         place = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
@@ -191,7 +193,7 @@ class Session:
                 *place,
             )
 
-        await self._until_acknowledged(command, asked, message)
+        await self._until_acknowledged(command, asked, message, taken=taken)
 
     @property
     def _autopilot(self) -> int:
@@ -203,6 +205,7 @@ class Session:
         asked: int,
         message: Callable[[int], Message],
         done: Callable[[], bool] = lambda: False,
+        taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
     ) -> None:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
@@ -216,7 +219,7 @@ class Session:
                     ack = await self._ack(queue)
                     if ack is None or ack.result in _MAY_PASS:
                         continue
-                    if ack.result == mav.MAV_RESULT_ACCEPTED:
+                    if ack.result in taken:
                         return
                     await self._hear_why()
                     break

@@ -145,8 +145,8 @@ class VehicleView:
     @property
     def ready_to_arm(self) -> bool:
         """The prearm bit alone turns true before the position is usable."""
-        absolute = bool(self.ekf_flags & EKF_ABSOLUTE) and not self.ekf_flags & EKF_CONSTANT
-        return self.prearm_ok and absolute
+        unknown = self.ekf_flags & EKF_CONSTANT and not self.kind.rests_constant
+        return self.prearm_ok and bool(self.ekf_flags & EKF_ABSOLUTE) and not unknown
 
     @property
     def since_boot_s(self) -> float | None:

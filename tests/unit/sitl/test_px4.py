@@ -25,6 +25,7 @@ LAT, LON = 473977420, 85455940
 NORTH = LAT + 2700  # 30 m
 INT32, REAL32 = mav.MAV_PARAM_TYPE_INT32, mav.MAV_PARAM_TYPE_REAL32
 ACCEPTED, REJECTED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_TEMPORARILY_REJECTED
+UNSUPPORTED = mav.MAV_RESULT_UNSUPPORTED
 ARM, TAKEOFF, LAND, RTL, SET_MODE = 400, 22, 21, 20, 176
 MAIN = {
     "HOLD": (4, 3), "MISSION": (4, 4), "RTL": (4, 5), "LAND": (4, 6), "OFFBOARD": (6, 0),
@@ -51,7 +52,9 @@ def take_off(sitl, height_m=10.0):
     sitl.until(lambda: sitl.truth.mode == Px4Mode.HOLD)
 
 
-def reposition(sitl, lat, lon, amsl_m, *, flags=1, frame=0, yaw=NAN, speed=-1.0):
+def reposition(
+    sitl, lat, lon, amsl_m, *, flags=1, frame=mav.MAV_FRAME_GLOBAL_INT, yaw=NAN, speed=-1.0
+):
     p = (speed, flags, 0.0, yaw)
     sitl.send(mav.MAVLink_command_int_message(1, 1, frame, 192, 0, 0, *p, lat, lon, amsl_m))
     return sitl.expect("COMMAND_ACK", command=192).result
@@ -228,7 +231,7 @@ def test_a_take_off_to_nowhere_goes_there(sitl):
 
 def test_reposition_is_amsl_whatever_the_frame(sitl):
     take_off(sitl)
-    for frame in (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT):
+    for frame in (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, 5):
         assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, frame=frame) == ACCEPTED
         sitl.run(15.0)
         assert sitl.truth.height_m == pytest.approx(15.0, abs=0.3)
@@ -253,10 +256,24 @@ def test_reposition_leaves_what_it_is_not_told(sitl):
 def test_reposition_without_its_flag_does_nothing_in_another_mode(sitl):
     take_off(sitl)
     assert mode(sitl, "RTL") == ACCEPTED
-    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == ACCEPTED
+    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
     assert sitl.truth.mode == Px4Mode.RTL
     assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=1) == ACCEPTED
     assert sitl.truth.mode == Px4Mode.HOLD
+
+
+def test_reposition_without_its_flag_is_flown_in_hold_and_answered_by_unsupported(sitl):
+    take_off(sitl)
+    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
+    sitl.run(15.0)
+    assert sitl.truth.position.lat_deg == pytest.approx(NORTH / 1e7, abs=3e-6)
+
+
+def test_at_rest_its_estimator_says_that_the_position_is_constant(sitl):
+    assert sitl.expect("ESTIMATOR_STATUS").flags == 1023
+    take_off(sitl)
+    sitl.receive()
+    assert not sitl.expect("ESTIMATOR_STATUS").flags & 0x80
 
 
 def test_in_the_air_it_does_not_disarm_and_by_hand_is_not_possible(sitl):

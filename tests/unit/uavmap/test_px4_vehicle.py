@@ -249,6 +249,6 @@ def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_landing()
         assert len(modes_of(flight)) == before
         targets = [m for _, m in flight.sent if getattr(m, "command", 0) == 192]
         assert {m.param2 for m in targets} == {0.0}
-        assert {m.frame for m in targets} == {mav.MAV_FRAME_GLOBAL}
+        assert {m.frame for m in targets} == {mav.MAV_FRAME_GLOBAL_INT}
 
     fly(body, on_px4())
