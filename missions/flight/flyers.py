@@ -47,7 +47,8 @@ def flyer_of(
             moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
         )
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
-    over_home_s = begin_s if path is None else max(begin_s, path.end_s)
+    # the path of a search may end minutes later than the plan that replaces it
+    over_home_s = max(begin_s, path.end_s) if path is not None and mine else begin_s
     end = grid.to_moving(_over_pad(setting, vehicle), over_home_s)
     return Flyer(
         flown,
