@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 import shapely
 
 from missions.flight.optics import kinematics
 from missions.flight.strip import Strip
+from missions.orders import FlyPath
 from missions.state import Setting, State, VehicleState
 from missions.swath.chart import Chart, Flags, Known
 from missions.units import Cell
+
+LONGEST_S: Final = 300.0
+"""A path that ends later, of a search, is not flown to its end."""
 
 
 def chart_of(
@@ -26,7 +31,8 @@ def chart_of(
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     ballots = belief.open_ballots
     box = setting.box_cells if root is None else ()
-    chart = Chart.around([*((root,) if root else box), *ballots], cell_m)
+    ways = _ways(setting, begin_s, team)
+    chart = Chart.around([*((root,) if root else box), *ballots, *ways], cell_m)
     for cell, ballot in ballots.items():
         index = chart.index(cell)
         yes = sum(vote for _, vote in ballot)
@@ -44,6 +50,27 @@ def chart_of(
     shown = {cell for strip in strips for cell in strip.cells if chart.holds(cell)}
     wanted[[chart.index(cell) for cell in shown]] = 0
     return Known(chart, -1, wanted)
+
+
+def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:
+    """Where vehicles are, and where they will end: what lies outside of a chart is closed.
+
+    A region that drifts leaves their pads behind.
+    """
+    grid, cell_m = setting.grid, setting.mission.grid.cell_m
+    cells = []
+    for vehicle in team.values():
+        order = vehicle.order
+        end_s = order.trajectory.end_s if isinstance(order, FlyPath) else begin_s
+        places = [
+            grid.to_moving(vehicle.position, begin_s),
+            grid.to_moving(vehicle.pad, begin_s),
+            grid.to_moving(vehicle.pad, min(max(end_s, begin_s), begin_s + LONGEST_S)),
+        ]
+        cells += [
+            Cell(round(place.east_m / cell_m), round(place.north_m / cell_m)) for place in places
+        ]
+    return cells
 
 
 def _fence(
