@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from shapely.geometry import Point
+
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
 from missions.flight.lane_passes import end_searched, search_passes
@@ -28,6 +30,9 @@ MOST_FRUITLESS_SORTIES = 3
 """After so many in a row the next place counts as out of reach."""
 FRESH = 0.9
 """From this part of its capacity on a battery counts as fresh."""
+
+CLIMB_ROOM_M = 0.5
+"""A climb strays from where it began by less than this."""
 
 
 def assign(setting: Setting, state: State) -> State:
@@ -127,6 +132,12 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     """Why a vehicle may not take off from where it stands; empty if it may."""
     if not setting.fence.contains(vehicle.position):
         return "it stands outside of the geofence; move it, or the fence"
+    room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
+    if room_m < min(CLIMB_ROOM_M, setting.mission.fence.margin_m):
+        return (
+            f"it stands {room_m:.1f} m from the edge of the geofence, and may stray that far while "
+            "it climbs; move it, or the fence"
+        )
     if vehicle.cruise_height_m < LEAST_HEIGHT_M:
         return (
             f"it stands {vehicle.home_level_m:.0f} m higher than the first vehicle, and its layer "

@@ -4,7 +4,7 @@
 
 It knows the fence, the battery, what the vehicle was told last, and what its telemetry says; not
 the journal, the explorer, the camera or the other vehicles. So it goes on when they fail. Pure,
-as the reducer is: the driver feeds it about once a second and carries out its verdicts, and the
+as the reducer is: the driver feeds it once or twice a second and carries out its verdicts, and the
 tests feed it from a fleet of points.
 
 A verdict climbs a ladder, one rung at a time, and stops where it helps:
@@ -22,6 +22,7 @@ from __future__ import annotations
 from missions.guardian.rules import landing_wh, quick_aim_m, watch
 from missions.guardian.thresholds import HARD_M_S, OFF_PLAN_M, PAD_M, SPENT_S
 from missions.guardian.values import Action, Doing, Guard, Limits, Mode, Seen, Task, Verdict
+from missions.guardian.way_home import corners_home
 
 __all__ = [
     "HARD_M_S",
@@ -36,6 +37,7 @@ __all__ = [
     "Seen",
     "Task",
     "Verdict",
+    "corners_home",
     "landing_wh",
     "quick_aim_m",
     "watch",

@@ -94,7 +94,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     )
     swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
     if guard.landing:  # straight down: whatever it moves is away
-        swept = _speed_m_s(guard, seen) > swept_m_s
+        swept = _speed_m_s(guard, seen) > swept_m_s and not seen.slews
         guard = replace(guard, swept_since_s=since(guard.swept_since_s, swept, seen.t_s))
     if not path:
         return replace(guard, last_gap_m=None, receding_since_s=None, off_since_s=None)
@@ -113,6 +113,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         # orders may follow one another faster than looks: what it did before the new one counts
         before_m = _left_m(guard.last_position, path, 0.0)
         swept = swept or (_away_m_s(guard, seen, before_m, gap_m) or 0.0) > swept_m_s
+    swept = swept and not seen.slews
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
     allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
     if place is not None:

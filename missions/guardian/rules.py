@@ -48,7 +48,7 @@ from missions.guardian.values import Action, Guard, Limits, Seen, Verdict
 def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
     """What the guard remembers after a look at the vehicle, and what must happen.
 
-    Call it about once a second. A verdict of `rtl` or `land` is in force at once: the guard that
+    Call it once or twice a second. A verdict of `rtl` or `land` is in force at once: the guard that
     is returned has it as its action.
     """
     guard = falling(guard, seen)

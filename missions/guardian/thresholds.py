@@ -29,8 +29,8 @@ SWEPT_M_S: Final = 6.0
 SWEPT_SHARE: Final = 1.2
 SWEPT_S: Final = 3.0
 """One that is carried away faster than this, and than it flies, can do nothing against it."""
-AT_ONCE_S: Final = 0.5
-"""In a climb, and where it leaves the fence, two looks are enough for that.
+AT_ONCE_S: Final = 1.0
+"""In a climb, and where it leaves the fence, so long is enough for that.
 
 A climb goes straight up, and each second more of it is one more to come down.
 """

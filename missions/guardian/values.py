@@ -63,6 +63,8 @@ class Seen:
     wind_m_s: float | None = None
     struck_m_s: float = 0.0
     """How fast it came down at the touch-down since the last look; 0 if it flies, or stands."""
+    slews: bool = False
+    """Its position leapt just now, and still follows: how fast that moves is no speed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,9 +124,9 @@ class Witness(Truth):
                 self.outside_s.pop(number, None)
                 continue
             since_s = self.outside_s.setdefault(number, truth.t_s)
-            if out_m > FAR_M:
-                self._flag(number, "far", f"{truth.t_s:.1f} s: {out_m:.0f} m outside")
             by_itself = truth.failsafe and truth.mode.name in RETURNS
+            if out_m > FAR_M and not by_itself:
+                self._flag(number, "far", f"{truth.t_s:.1f} s: {out_m:.0f} m outside")
             if truth.t_s - since_s > FORGIVEN_S and not by_itself:
                 text = f"{truth.t_s:.1f} s: {out_m:.0f} m outside, still in {truth.mode.name}"
                 self._flag(number, "breach", text)

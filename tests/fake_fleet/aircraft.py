@@ -67,7 +67,7 @@ class Aircraft:
     crashed: bool = False
     crash_height_m: float = 0.0
     unseen: bool = False
-    """It crashed while no process watched it."""
+    """Nobody heard all of its fall."""
     motors_failed: bool = False
     stays_armed: bool = False
     """After a crash its motors go on turning: no crash detection."""

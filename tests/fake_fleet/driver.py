@@ -34,7 +34,16 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.guardian import Guard, Limits, Mode, Seen, Task, quick_aim_m, watch
+from missions.guardian import (
+    Guard,
+    Limits,
+    Mode,
+    Seen,
+    Task,
+    corners_home,
+    quick_aim_m,
+    watch,
+)
 from missions.motion.course import Course
 from missions.orders import (
     AwaitBattery,
@@ -56,6 +65,7 @@ from .air import Vector
 from .aircraft import LIFTED_M, Aircraft
 
 TRACK_S = 1.0
+WATCH_S = 0.5
 PATH_TRACK_S = 0.4
 """On a path that is flown without stopping."""
 LEAD_S = 0.3
@@ -71,6 +81,7 @@ REFUSED_S = 0.5
 CLIMB_TOLERANCE_M = 0.4
 STOP_M = 0.7
 PASS_M = 2.0
+CORNER_M = 2.0
 SLOW_M_S = 0.5
 FRESH = 0.9
 WIND_WINDOW = 8
@@ -150,6 +161,8 @@ class Driver:
     """When and where, in truth, frames were judged."""
     misplaced: bool = False
     """A frame was judged while satellite navigation was off by more than half a cell."""
+    corners: list[GridPoint] | None = None
+    """Where to turn on the way home after the mission has failed; None before."""
     fail_in_s: float = math.inf
     """The present order fails after so long."""
 
@@ -495,7 +508,7 @@ class Driver:
 
     def _on_ground(self) -> None:
         self.was_airborne = False
-        if self._watch_over():
+        if self.watch_over():
             return  # it lies there: that is told already
         self.guard, self.order = self.guard.released(), None
         now_s = self.around.now_s
@@ -516,6 +529,41 @@ class Driver:
                 reason = f"it has been silent for {self.silent_s:.0f} s"
                 self.around.post(GivenUp(self.number, self.around.now_s, reason))
 
+    @property
+    def responsible(self) -> bool:
+        """Whether its guardian has to bring it home: in the air, as far as anybody knows, ours."""
+        return self.craft.flying and not self.overridden and not self.given_up
+
+    def bring_home(self) -> None:
+        """The mission has failed: by the corners of the fence, then its autopilot returns."""
+        craft, t_s, way = self.craft, self.around.now_s, self.corners
+        if self.guard.action is not None:
+            return
+        if way is None:
+            self.order = self.course = None
+            way = list(corners_home(self.around.limits.fence, self.position, rounded(craft.home)))
+            self.corners = way
+            self._turn(way)
+        if way and craft.mode == "follow":
+            self._aim(way[0], self.guard.task.height_m)
+            if self.position.distance_to(way[0]) <= CORNER_M:
+                way.pop(0)
+                self._turn(way)
+        else:
+            self.guard = self.guard.acting("rtl", t_s)
+            self._insist()
+
+    def _turn(self, way: list[GridPoint]) -> None:
+        """The next corner on the way home."""
+        if not way:
+            return
+        path = (self.position, way[0])
+        estimate_s = self.around.setting.energy.leg_s(path[0].distance_to(path[1])) + 5.0
+        self.guard = self.guard.told(
+            Task("leg", self.around.now_s, path, homeward=True, height_m=self.height_m,
+                 estimate_s=estimate_s, name="way home")
+        )  # fmt: skip
+
     def track(self) -> None:
         """Once a second: where it is, and whether all is well."""
         craft, self.tracked_s = self.craft, self.around.t_s
@@ -528,7 +576,7 @@ class Driver:
                 wind_m_s=wind_m_s,
             )
         )  # fmt: skip
-        self._watch_over()
+        self.watch_over()
 
     def _measured_m_s(self) -> float | None:
         """The mean wind of the last seconds, None while nothing can be said."""
@@ -537,8 +585,8 @@ class Driver:
         east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
         return round(math.hypot(east, north), 1)
 
-    def _watch_over(self) -> bool:
-        """Let the guardian look; whether it found the vehicle down."""
+    def watch_over(self) -> bool:
+        """Let the guardian look, twice a second; whether it found the vehicle down."""
         craft, now_s = self.craft, self.around.now_s
         mode: Mode = "other" if self.overridden else craft.mode
         wind_m_s = self._measured_m_s()

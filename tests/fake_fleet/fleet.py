@@ -25,7 +25,7 @@ from missions.units import Cell, GridPoint
 
 from .air import Air
 from .aircraft import Aircraft
-from .driver import PATH_TRACK_S, TRACK_S, Driver, Surroundings
+from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver, Surroundings
 from .pilot import Pilot
 from .referee import Referee
 from .troubles import ACTS, LASTING, Trouble, in_phase
@@ -68,7 +68,9 @@ class Fleet:
     events: list[Event] = field(default_factory=list)
     orders: list[tuple[float, int, Order]] = field(default_factory=list)
     dead: bool = False
-    """The process has ended."""
+    """The mission has ended, and nothing is taken in."""
+    homing: bool = False
+    """It failed, and the process goes on until its guardians have brought everybody down."""
     back_s: float = math.inf
     """When it is started again."""
     failure: Exception | None = None
@@ -132,24 +134,27 @@ class Fleet:
             self.drivers[number].give(order)
 
     def die(self, *, kill: bool, away_s: float) -> None:
-        """The process ends: killed, or by an error, which has time to bring everybody home."""
+        """The process ends: killed, or by an error, after which everybody is brought home first.
+
+        It is started again `away_s` later, or once everybody is down if that is later.
+        """
         if self.dead:
             return
-        if not kill:
-            for number, craft in self.vehicles.items():
-                driver = self.drivers[number]
-                if craft.flying and craft.mode == "follow" and driver.obeys:
-                    craft.switch("rtl")
-        self.dead, self.back_s = True, self.t_s + away_s
+        self.dead, self.homing, self.back_s = True, not kill, self.t_s + away_s
+
+    @property
+    def gone(self) -> bool:
+        """Whether no process looks after anybody."""
+        return self.dead and not self.homing
 
     def revive(self) -> None:
         """The operator resumes: all that there is is the journal."""
         if fold(self.setting, self.events) != self.state:
             self.referee.note(self.t_s, "fold", "the journal tells another state")
-        self.dead, self.back_s = False, math.inf
+        self.dead, self.homing, self.back_s = False, False, math.inf
         for driver in self.drivers.values():
             driver.order, driver.course, driver.guard, driver.late = None, None, Guard(), []
-            driver.connected, driver.given_up = False, False
+            driver.connected, driver.given_up, driver.corners = False, False, None
         self.post(Resumed(self.around.now_s))
         for driver in self.drivers.values():
             if driver.hears:
@@ -191,15 +196,17 @@ class Fleet:
         for number, craft in self.vehicles.items():
             crashed = craft.crashed
             craft.step(TICK_S, self.air, self._ground_m(craft))
-            craft.unseen = craft.unseen or (
-                (self.dead or not self.drivers[number].hears) and craft.crashed and not crashed
-            )
+            falls = craft.crashed and (craft.flying or not crashed)
+            unheard = self.gone or not self.drivers[number].hears
+            craft.unseen = craft.unseen or (falls and unheard)
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
                     craft.failsafe = self.rng.random() < 0.5
                     craft.switch("rtl")
-        if self.dead and self.t_s >= self.back_s:
+        if self.homing:
+            self._bring_home()
+        if self.gone and self.t_s >= self.back_s:
             self.revive()
         if not self.dead:
             self._drive()
@@ -213,6 +220,8 @@ class Fleet:
                 driver.carry_out(TICK_S)
                 if self._due(driver) and not self.dead:
                     driver.track()
+                elif self._looks(driver) and not self.dead:
+                    driver.watch_over()
             elif not driver.connected:
                 driver.carry_out(TICK_S)
         waited_s = max(driver.waited_s for driver in self.drivers.values())
@@ -222,11 +231,28 @@ class Fleet:
         if not self.state.over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
 
+    def _bring_home(self) -> None:
+        """The guardians go on alone until everybody is down, or somebody else's."""
+        for driver in self.drivers.values():
+            driver.listen(TICK_S)
+            if driver.responsible and driver.hears:
+                driver.bring_home()
+                if self._due(driver):
+                    driver.track()
+                elif self._looks(driver):
+                    driver.watch_over()
+        self.homing = any(driver.responsible for driver in self.drivers.values())
+
     def _due(self, driver: Driver) -> bool:
         """Whether a vehicle tells where it is: each second, or faster along a path."""
         if driver.course is None:
             return abs(self.t_s % TRACK_S - TICK_S * (driver.number % 4)) < 1e-6
         return self.t_s - driver.tracked_s >= PATH_TRACK_S - 1e-6
+
+    def _looks(self, driver: Driver) -> bool:
+        """Whether its guardian looks between two reports."""
+        shifted_s = self.t_s - TICK_S * (driver.number % 4)
+        return driver.course is None and abs(shifted_s % WATCH_S) < 1e-6
 
     def _ground_m(self, craft: Aircraft) -> float:
         """The ground below a vehicle, above its home: level, but for the places of homes."""

@@ -115,7 +115,7 @@ class Referee:
             notes.known_s = t_s
         if driver.link == "silent" and driver.silent_s <= 0.5:
             notes.silent_s = t_s
-        if not driver.obeys or fleet.dead:
+        if not driver.obeys or fleet.gone:
             notes.deaf_s = t_s
         if vehicle.phase is not Phase.GUARDED:
             notes.guarded_s = t_s
@@ -148,12 +148,12 @@ class Referee:
         if not notes.breach_told and not forgiven:
             notes.breach_told = True
             self.note(t_s, "breach", f"vehicle {craft.number} is {out_m:.1f} m outside the fence")
-        late = t_s - notes.outside_s > FORGIVEN_S and fleet.drivers[craft.number].obeys
+        heard = t_s - notes.deaf_s > FORGIVEN_S
+        late = t_s - notes.outside_s > FORGIVEN_S and heard
         if forgiven and late and not notes.breach_told:
             notes.breach_told = True
             text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and in the air"
             self.note(t_s, "breach", text)
-        heard = t_s - notes.deaf_s > FORGIVEN_S
         if out_m > FAR_M and not notes.far_told and heard:
             notes.far_told = True
             self.note(t_s, "far", f"vehicle {craft.number} is {out_m:.0f} m outside the fence")
@@ -176,9 +176,11 @@ class Referee:
             self.note(fleet.t_s, "reserve", text)
 
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
-        """Whether nobody could have brought it down: it was deaf until late, or not ours."""
+        """Whether nobody could have brought it down: it was deaf until late, obeyed nothing that
+        leads down, or was not ours."""
         theirs = craft.mode == "other" or craft.failsafe
-        return (
+        refuses = {"FlyTo", "Land", "ReturnToLaunch"} <= {*fleet.drivers[craft.number].refuses}
+        return refuses or (
             fleet.t_s - notes.deaf_s < FORGIVEN_S
             or theirs
             or fleet.emptied.get(craft.number, 0) > 0.3

@@ -11,13 +11,24 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
-from missions.guardian import PAD_M, Action, Guard, Limits, Seen, Task, quick_aim_m, watch
+from missions.guardian import (
+    PAD_M,
+    Action,
+    Guard,
+    Limits,
+    Seen,
+    Task,
+    corners_home,
+    quick_aim_m,
+    watch,
+)
 from missions.guardian.down import low
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
@@ -25,7 +36,10 @@ from uavmap.fly.reporter import Reporter
 from uavmap.link.session import Session
 
 HEARTBEAT_S: Final = 1.0
-WATCH_S: Final = 1.0
+WATCH_S: Final = 0.5
+"""Between two looks, if the vehicle has told a new position; else twice as long."""
+SLEW_S: Final = 4.0
+"""So long a navigation filter takes to follow a leap."""
 STALE_S: Final = 3.0
 """Telemetry that is older says nothing of now."""
 RETRY_S: Final = 2.0
@@ -33,6 +47,12 @@ DESCENT_M_S: Final = 1.0
 """A multicopter that is told to sink does so at least this fast, in GUIDED or Hold."""
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
+CORNER_M: Final = 2.0
+"""A corner of the way around a fence is turned so near to it."""
+CORNER_S: Final = 5.0
+"""To get going towards one, and to come to rest there."""
+PAUSE_S: Final = 0.1
+"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
 LEAVE_S: Final = 15.0
 """An operator who leaves at once still waits so long to see that the autopilot returns."""
 
@@ -66,6 +86,10 @@ class Guardian:
         self._jumps = session.view.gate.track.jumps
         self._last_wh = limits.energy.capacity_wh
         self._reason = ""
+        self._looked_s = float("-inf")
+        """When the position that was looked at last was told, on the loop's clock."""
+        self._leapt_s = float("-inf")
+        """When its position leapt last, on the loop's clock."""
         self._flew = False
         """Whether it was in the air since it was taken over."""
         self.entrusted = False
@@ -133,9 +157,14 @@ class Guardian:
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self) -> None:
+        """Look at every new position, but not too often: of an old one it seems to stand still."""
+        looked_s = float("-inf")
         while True:
             await asyncio.sleep(WATCH_S)
-            self._look()
+            now_s, told_s = self._reporter.loop_s(), self._view.position_s
+            if told_s > self._looked_s or now_s - looked_s >= 2.0 * WATCH_S:
+                self._looked_s, looked_s = told_s, now_s
+                self._look()
 
     def _look(self) -> None:
         """One look at the vehicle."""
@@ -148,6 +177,7 @@ class Guardian:
         if self._monitor.overridden and self.acting:
             self._let_go()
         self._look_for_leaps(seen)
+        seen = replace(seen, slews=self._reporter.loop_s() - self._leapt_s < SLEW_S)
         self._guard, verdict = watch(self._limits, self._guard, seen)
         self._monitor.struck_m_s = 0.0
         if not seen.armed and not seen.airborne and self.acting:
@@ -170,6 +200,8 @@ class Guardian:
         leapt, leaps.leapt = leaps.leapt, ""
         if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
             self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
+        if leapt:
+            self._leapt_s = self._reporter.loop_s()
         if low(seen):
             return  # the ground has stopped it: nothing that lies there is told to fly on
         if leapt and not self.acting and seen.airborne and seen.mode != "other":
@@ -240,26 +272,31 @@ class Guardian:
         due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
         while (aim_m := self._aim_m()) is not None and view.armed and loop.time() < due_s:
             try:
-                if view.mode != kind.follows:
-                    await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
-                here = self._reporter.grid.position(self._reporter.position())
-                frame, wire_m = kind.altitude_on_wire(aim_m, view.home_amsl_m)
-                await session.command_at(
-                    mav.MAV_CMD_DO_REPOSITION,
-                    frame,
-                    (-1.0, 0.0, 0.0, float("nan")),
-                    here.lat_deg,
-                    here.lon_deg,
-                    wire_m,
-                    kind.target_taken,
-                )
+                await self._aim(self._reporter.position(), aim_m)
             except CommandRefusedError:
                 return False
             except LinkError:
-                await asyncio.sleep(WATCH_S / 10)
+                await asyncio.sleep(PAUSE_S)
                 continue
             await session.until(lambda: self._aim_m() is None, RETRY_S)
         return True
+
+    async def _aim(self, point: GridPoint, height_m: float) -> None:
+        """Into the mode that follows targets, and a target. Raises `LinkError`."""
+        kind, view, session = self._view.kind, self._view, self._session
+        if view.mode != kind.follows:
+            await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
+        place = self._reporter.grid.position(point)
+        frame, wire_m = kind.altitude_on_wire(height_m, view.home_amsl_m)
+        await session.command_at(
+            mav.MAV_CMD_DO_REPOSITION,
+            frame,
+            (-1.0, 0.0, 0.0, float("nan")),
+            place.lat_deg,
+            place.lon_deg,
+            wire_m,
+            kind.target_taken,
+        )
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
@@ -295,10 +332,75 @@ class Guardian:
 
         Gives up on a silent one when its battery cannot have lasted any longer.
         """
+        await self._turn_corners(reason)
         while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
             if not self.acting:
                 self.take_over("rtl", reason)
-            await self._session.until(lambda: not self.responsible, min(left_s, max(WATCH_S, 1e-3)))
+            await self._session.until(
+                lambda: not self.responsible, min(left_s, max(HEARTBEAT_S, 1e-3))
+            )
+
+    async def _turn_corners(self, reason: str) -> None:
+        """Fly it around what the fence forbids until home lies straight ahead.
+
+        Watched by the same rules as ever: what goes wrong ends in its autopilot's return.
+        """
+        reporter, height_m = self._reporter, self._view.height_m
+        if self.acting or not self._flies_for_us():
+            return
+        fence, energy = self._limits.fence, self._limits.energy
+        corners = corners_home(fence, reporter.position(), reporter.home())
+        if not corners:
+            return
+        self._tell(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
+        self.stand_aside()
+        kind = self._view.kind
+        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+        for corner in corners:
+            here = reporter.position()
+            leg_s = energy.leg_s(here.distance_to(corner)) + CORNER_S
+            self.told(self._towards(here, corner, height_m, leg_s))
+            if not await self._reach(corner, height_m):
+                return
+
+    def _towards(
+        self, here: GridPoint, corner: GridPoint, height_m: float, estimate_s: float
+    ) -> Task:
+        """The task of flying to a corner on the way home."""
+        return Task(
+            "leg", self._reporter.now_s(), (here, corner), homeward=True, height_m=height_m,
+            estimate_s=estimate_s, name="way home",
+        )  # fmt: skip
+
+    async def _reach(self, corner: GridPoint, height_m: float) -> bool:
+        """Fly to a corner; False if that ends, or is refused, before it is there."""
+
+        def there() -> bool:
+            return self._reporter.position().distance_to(corner) <= CORNER_M
+
+        def over() -> bool:
+            return self.acting or not self._flies_for_us()
+
+        while not over() and self._endurance_left_s() > 0.0:
+            try:
+                await self._aim(corner, height_m)
+                await self._session.command(
+                    mav.MAV_CMD_DO_CHANGE_SPEED, 1, self._limits.energy.speed_m_s, -1
+                )
+            except CommandRefusedError:
+                return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
+            await self._session.until(lambda: there() or over(), RETRY_S)
+            if there():
+                return not over()
+        return False
+
+    def _flies_for_us(self) -> bool:
+        """Whether it is in the air, heard, and in a mode that follows targets."""
+        heard = self._monitor.met and self._reporter.loop_s() - self._view.position_s <= STALE_S
+        return self.responsible and heard and self._monitor.mode == "follow"
 
     def _endurance_left_s(self) -> float:
         """How long a vehicle that is silent since then can still be in the air."""

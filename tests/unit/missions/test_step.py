@@ -731,6 +731,15 @@ def test_a_vehicle_that_stands_outside_of_the_fence_stays_there(service: Service
     assert "outside of the geofence" in service.state.vehicles[1].note
 
 
+def test_a_vehicle_that_stands_at_the_edge_of_the_fence_stays_there(service: Service) -> None:
+    """A climb strays by some decimetres."""
+    x, y, _, _ = service.setting.fence.outer.bounds
+    near = GridPoint(x + 0.4, y + 30.0)
+    orders = service.post(Connected(1, 1.0, near, near, 0.0, False, True, 60.0))
+    assert orders == ((1, StandDown()),)
+    assert "m from the edge of the geofence" in service.state.vehicles[1].note
+
+
 def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0), Recalled(9.0))

@@ -29,7 +29,7 @@ def test_with_a_fifth_of_everything_lost_the_mission_is_complete(seed: int) -> N
 
 
 def test_with_most_of_everything_lost_nobody_is_left_in_the_air() -> None:
-    flight = fly(("loss=0.6", 2), "speck")
+    flight = fly(("loss=0.6", 4), "speck")
     assert flight.kinds["lifted_off"] >= 1, flight.line()
     assert flight.truth.aircraft[1].landed, flight.line()
     assert flight.code in (0, 3)

@@ -7,10 +7,11 @@ import asyncio
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
-from shapely.geometry import Point
+from shapely.geometry import Point, Polygon
 
 from missions.events import (
     Airborne,
+    Arrived,
     Crashed,
     Guarded,
     Landed,
@@ -19,9 +20,11 @@ from missions.events import (
     OrderFailed,
     Overridden,
 )
+from missions.mission_file.schema import Mission
 from missions.orders import FlyTo, Hold, Land, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
+from tests.small_missions import square
 from tests.unit.uavmap.flights import Flight, fly, small_mission
 
 UP_M = 12.0
@@ -52,6 +55,67 @@ def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: s
     ]
     assert [e.action for e in flight.seen(Guarded)] == ["rtl"]
     assert not flight.seen(Overridden)
+
+
+HOUSE = square(10, 6, 6, 16)
+"""A hole in the fence between the way out and home."""
+
+
+async def behind_the_house(flight: Flight) -> None:
+    """In the air, with the house between it and home."""
+    await flight.after(TakeOff(UP_M), Airborne)
+    route = (GridPoint(24.0, 0.0), GridPoint(24.0, 14.0))
+    await flight.after(FlyTo(route, None, stop=True, height_m=UP_M), Arrived)
+
+
+def beside_a_house(autopilot: str) -> Mission:
+    """A small mission in whose fence stands a house."""
+    made = small_mission(holes=[HOUSE])
+    return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
+    autopilot: str,
+) -> None:
+    nearest_m: list[float] = []
+
+    async def body(flight: Flight) -> None:
+        await behind_the_house(flight)
+        hole = Polygon([tuple(corner) for corner in HOUSE])
+
+        def watch() -> bool:
+            at = flight.setting.grid.fixed(flight.vehicle.truth.position)
+            nearest_m.append(float(hole.distance(Point(at))))
+            return flight.vehicle.truth.landed
+
+        homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
+        await flight.until(watch, within_s=200.0)
+        await homeward
+        assert flight.driver.guardian.fate() == ""
+
+    flight = fly(body, beside_a_house(autopilot))
+    assert min(nearest_m) > 0.5
+    assert flight.told == [
+        "vehicle 1: the disk is full; it is flown home around the fence",
+        "vehicle 1: the disk is full; it is told to return by its autopilot",
+    ]
+    assert not flight.seen(Overridden)
+
+
+def test_a_pilot_who_takes_it_on_the_way_around_keeps_it() -> None:
+    async def body(flight: Flight) -> None:
+        await behind_the_house(flight)
+        homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
+        await asyncio.sleep(3.0)
+        flight.pilot_mode(LOITER)
+        await homeward
+        sent = len(flight.sent)
+        await asyncio.sleep(20.0)
+        assert flight.commands_after(sent) == []
+        assert flight.session.view.mode == LOITER
+
+    fly(body, beside_a_house("ardupilot"))
 
 
 def test_a_terminal_that_is_gone_keeps_nobody_in_the_air() -> None:
