@@ -13,8 +13,6 @@ import contextlib
 from collections.abc import Callable
 from typing import Final
 
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
 from missions.guardian import PAD_M, Action, Guard, Limits, Seen, Task, quick_aim_m, watch
@@ -241,18 +239,9 @@ class Guardian:
         while (aim_m := self._aim_m()) is not None and view.armed and loop.time() < due_s:
             try:
                 if view.mode != kind.follows:
-                    await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
+                    await session.flight.follow()
                 here = self._reporter.grid.position(self._reporter.position())
-                frame, wire_m = kind.altitude_on_wire(aim_m, view.home_amsl_m)
-                await session.command_at(
-                    mav.MAV_CMD_DO_REPOSITION,
-                    frame,
-                    (-1.0, 0.0, 0.0, float("nan")),
-                    here.lat_deg,
-                    here.lon_deg,
-                    wire_m,
-                    kind.target_taken,
-                )
+                await session.flight.fly_to(here, aim_m)
             except CommandRefusedError:
                 return False
             except LinkError:
@@ -266,10 +255,11 @@ class Guardian:
         kind = self._view.kind
         quickly = hurry and await self._descend()
         wanted = kind.rtl if action == "rtl" else kind.land
-        command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
+        flight = self._session.flight
+        ask = flight.return_to_launch if action == "rtl" else flight.land
         while self._view.mode != wanted and self._view.armed and not self._monitor.overridden:
             try:
-                await self._session.command(command)
+                await ask()
             except CommandRefusedError as refusal:
                 if action == "rtl":
                     self.take_over("land", str(refusal))

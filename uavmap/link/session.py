@@ -15,6 +15,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
+from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.view import VehicleView
 
 Message = Any  # pymavlink carries no types
@@ -63,6 +64,8 @@ class Session:
         self.heard_s: dict[int, float] = {}
         """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
         self.view = VehicleView()
+        self.flight: Commands = MavlinkCommands(self)
+        """What the vehicle can be told in flight."""
 
     # --- frames --------------------------------------------------------------------------
     def feed(self, data: bytes) -> bool:
@@ -71,16 +74,21 @@ class Session:
         ours = False
         for message in self._parsed(data):
             self._record(bytes(message.get_msgbuf()))
-            if self.view.take(message, now_s):
-                ours = True
-                if message.get_srcComponent() == self.view.autopilot_component:
-                    self.heard_s[message.get_msgId()] = now_s
-                if message.get_type() == "COMMAND_ACK":
-                    self._take_ack(message)
-                for listener in self._listeners:
-                    listener(message)
+            ours = self._take(message, now_s) or ours
         self._wake()
         return ours
+
+    def _take(self, message: Message, now_s: float) -> bool:
+        """Take in one message; whether it is of our vehicle."""
+        if not self.view.take(message, now_s):
+            return False
+        if message.get_srcComponent() == self.view.autopilot_component:
+            self.heard_s[message.get_msgId()] = now_s
+        if message.get_type() == "COMMAND_ACK":
+            self._take_ack(message)
+        for listener in self._listeners:
+            listener(message)
+        return True
 
     def _parsed(self, data: bytes) -> Iterator[Message]:
         """The messages in a piece of a stream; what is none is passed over."""
