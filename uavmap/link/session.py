@@ -29,12 +29,23 @@ GROUND_SYSTEM_ID: Final = 245
 
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
-_RESULTS = {
+_RESULTS: dict[str, int] = {
     value.name.removeprefix("MAV_RESULT_"): number
     for number, value in mav.enums["MAV_RESULT"].items()
 }
-_RESULT_NAMES = {number: name.lower().replace("_", " ") for name, number in _RESULTS.items()}
+_RESULT_NAMES: dict[int, str] = {
+    number: name.lower().replace("_", " ") for name, number in _RESULTS.items()
+}
 _RESULT_NAMES[9] = "unsupported frame"  # newer than the dialect
+
+
+def result_name(result: int) -> str:
+    """A MAV_RESULT in words.
+
+    >>> result_name(2), result_name(200)
+    ('denied', '200')
+    """
+    return _RESULT_NAMES.get(result, str(result))
 
 
 class Session:
@@ -229,7 +240,7 @@ class Session:
                         continue
                     if ack.result in taken:
                         return
-                    await self._hear_why()
+                    await self.hear_why()
                     break
             finally:
                 del self._acks[command, asked]
@@ -237,8 +248,7 @@ class Session:
             return
         if ack is not None:
             raise CommandRefusedError(
-                f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"
-                + self.view.recent_texts()
+                f"{name} was refused: {result_name(ack.result)}" + self.view.recent_texts()
             )
         raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
 
@@ -255,8 +265,8 @@ class Session:
             if ack.result != mav.MAV_RESULT_IN_PROGRESS:
                 return ack
 
-    async def _hear_why(self) -> None:
-        """An ArduPilot sends the STATUSTEXT that explains a refusal after the ACK."""
+    async def hear_why(self) -> None:
+        """Wait a moment: an ArduPilot sends the STATUSTEXT that explains a refusal after the ACK."""
         heard = self.view.texts_heard
         await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)
 
