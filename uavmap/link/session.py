@@ -266,7 +266,7 @@ class Session:
                 return ack
 
     async def hear_why(self) -> None:
-        """Wait a moment: an ArduPilot sends the STATUSTEXT that explains a refusal after the ACK."""
+        """Wait a moment: an ArduPilot explains a refusal (STATUSTEXT) after the ACK."""
         heard = self.view.texts_heard
         await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)
 
