@@ -44,7 +44,14 @@ class Flight:
     `to_vehicle` and `to_driver` see every message and may swallow it (None) or change its frame.
     """
 
-    def __init__(self, made: Mission, seed: int = 1) -> None:
+    def __init__(
+        self,
+        made: Mission,
+        seed: int = 1,
+        *,
+        session: Callable[[Callable[[bytes], None]], Session] | None = None,
+        **patience: float,
+    ) -> None:
         self.setting = Setting.of(made)
         self.vehicle = make_vehicles(made, seed)[0]
         self.events: list[Event] = []
@@ -55,7 +62,9 @@ class Flight:
         self.change: Callable[[bytes], bytes] = lambda picture: picture
         self._ours, self._theirs = mav.MAVLink(None), mav.MAVLink(None)
         self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
-        self.session = Session(self._send, lambda frame: None)
+        self.session = (
+            Session(self._send, lambda frame: None) if session is None else session(self._send)
+        )
         grid = self.setting.grid
         classifier = Classifier.of(made, grid)
         self.driver = MavlinkVehicle(
@@ -67,6 +76,7 @@ class Flight:
             self.now_s,
             self._crew,
             tell=self.told.append,
+            **patience,
         )
 
     @staticmethod
