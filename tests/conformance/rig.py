@@ -15,7 +15,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.mission_file.schema import Mission
-from tests.unit.uavmap.flights import Flight, small_mission, under_way
+from tests.unit.uavmap.flights import Flight, running, small_mission, under_way
 from uavmap.clock import ScaledClock, VirtualClock, run
 from uavmap.link.session import GROUND_SYSTEM_ID, Session
 from uavmap.mavsdk_driver.session import MavsdkSession
@@ -23,7 +23,8 @@ from uavmap.mavsdk_driver.session import MavsdkSession
 SPEEDUP = 12.0
 SLOW_MACHINE_S = 3.0
 """Real seconds by which it may be late."""
-PATIENCE_S = SPEEDUP * 60.0
+PATIENCE_S = 60.0
+"""Real seconds for a flight that takes 10."""
 
 DRIVERS = ("pymavlink", "mavsdk")
 AUTOPILOTS = ("ardupilot", "px4")
@@ -40,9 +41,11 @@ def over(autopilot: str) -> Mission:
     return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
 
 
-def fly(body: Body, driver: str, autopilot: str) -> Flight:
-    """Run a test with a connected vehicle on the ground."""
-    return _fly_mavsdk(body, autopilot) if driver == "mavsdk" else _fly_ours(body, autopilot)
+def fly(body: Body, driver: str, autopilot: str, speedup: float = SPEEDUP) -> Flight:
+    """Run a test with a connected vehicle on the ground; `speedup` is that of MAVSDK's flights."""
+    if driver == "mavsdk":
+        return _fly_mavsdk(body, autopilot, speedup)
+    return _fly_ours(body, autopilot)
 
 
 def _fly_ours(body: Body, autopilot: str) -> Flight:
@@ -56,13 +59,13 @@ def _fly_ours(body: Body, autopilot: str) -> Flight:
     return checked(flight)
 
 
-def _fly_mavsdk(body: Body, autopilot: str) -> Flight:
+def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
     async def main() -> Flight:
         told: list[str] = []
-        slack_s = SLOW_MACHINE_S * SPEEDUP
+        slack_s = SLOW_MACHINE_S * speedup
 
         def session(send: Callable[[bytes], None]) -> Session:
-            return MavsdkSession(send, lambda frame: None, say=told.append, speedup=SPEEDUP)
+            return MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
 
         flight = Flight(
             over(autopilot), session=session, link_lost_s=slack_s, battery_stale_s=slack_s,
@@ -73,14 +76,15 @@ def _fly_mavsdk(body: Body, autopilot: str) -> Flight:
         assert isinstance(spoken_to, MavsdkSession)
         await spoken_to.process.start()
         try:
-            async with asyncio.timeout(PATIENCE_S), under_way(flight):
+            async with asyncio.timeout(PATIENCE_S * speedup), running(flight):
                 await body(flight)
         finally:
             await spoken_to.process.close()
         assert spoken_to.process.pid is None
+        assert len(asyncio.all_tasks()) == 1  # nothing of it is left
         return flight
 
-    return checked(run(main(), ScaledClock(SPEEDUP)))
+    return checked(run(main(), ScaledClock(speedup)))
 
 
 def checked(flight: Flight) -> Flight:

@@ -39,6 +39,7 @@ from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.conformance.rig import DRIVERS, each_autopilot, each_driver, fly, turned_to
 from tests.unit.uavmap.flights import Flight, Message
+from uavmap.fly.fleet import STREAMED_SPEEDUP
 from uavmap.record.flight_plan import DRIVERS as OFFERED
 
 UP_M = 12.0
@@ -57,7 +58,7 @@ def commands(flight: Flight, since: int = 0) -> list[int]:
 
 def nothing_flew_it(flight: Flight, since: int) -> None:
     """Nothing was sent since then that could move a vehicle or change its mode."""
-    harmless = {
+    harmless: set[int] = {
         mav.MAV_CMD_IMAGE_STOP_CAPTURE, mav.MAV_CMD_REQUEST_MESSAGE,
         mav.MAV_CMD_SET_MESSAGE_INTERVAL,
     }  # fmt: skip
@@ -118,6 +119,8 @@ def test_a_path_is_flown_without_a_halt(driver: str, autopilot: str) -> None:
     off_m: list[float] = []
 
     async def body(flight: Flight) -> None:
+        if autopilot == "px4":  # a slow machine is not what is tested
+            flight.vehicle._ap.parameters.preset("COM_OF_LOSS_T", 10.0)
         await flight.after(TakeOff(UP_M), Airborne)
         plan = rounded_path(corners, flight.now_s() + 2.0, speed_m_s=5.0, cut_m=2.5)
         flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
@@ -128,9 +131,8 @@ def test_a_path_is_flown_without_a_halt(driver: str, autopilot: str) -> None:
         await flight.sees(Arrived)
         flight.driver.give(Hold())
         await asyncio.sleep(2.0)
-        await flight.after(Land(), Landed)
 
-    flight = fly(body, driver, autopilot)
+    flight = fly(body, driver, autopilot, STREAMED_SPEEDUP)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
     assert len(flight.seen(FrameSeen)) > 5

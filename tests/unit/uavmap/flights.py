@@ -50,7 +50,7 @@ class Flight:
         seed: int = 1,
         *,
         session: Callable[[Callable[[bytes], None]], Session] | None = None,
-        **patience: float,
+        **patience: Any,
     ) -> None:
         self.setting = Setting.of(made)
         self.vehicle = make_vehicles(made, seed)[0]
@@ -183,16 +183,23 @@ def no_task_left() -> Iterator[None]:
 async def under_way(flight: Flight) -> AsyncIterator[Flight]:
     """The world turns, the driver is connected and runs; at the end nothing is left."""
     with no_task_left():
-        async with asyncio.TaskGroup() as tasks:
-            world = tasks.create_task(flight.fly_world())
-            await flight.driver.connect()
-            driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
-            guarding = tasks.create_task(flight.driver.guardian.run())
-            await asyncio.sleep(0)
+        async with running(flight):
             yield flight
-            driving.cancel()
-            guarding.cancel()
-            world.cancel()
+
+
+@contextlib.asynccontextmanager
+async def running(flight: Flight) -> AsyncIterator[None]:
+    """The world turns, the driver is connected and runs."""
+    async with asyncio.TaskGroup() as tasks:
+        world = tasks.create_task(flight.fly_world())
+        await flight.driver.connect()
+        driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
+        guarding = tasks.create_task(flight.driver.guardian.run())
+        await asyncio.sleep(0)
+        yield
+        driving.cancel()
+        guarding.cancel()
+        world.cancel()
 
 
 def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None) -> Flight:
