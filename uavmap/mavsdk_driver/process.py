@@ -65,6 +65,8 @@ class MavsdkProcess:
         """Since when it hears its vehicle and has passed nothing on."""
         self._knows = False
         """Whether MAVSDK has found the vehicle."""
+        self.version = ""
+        """MAVSDK's, once it is ready."""
         self.starts = 0
         """How often it was started."""
 
@@ -187,6 +189,7 @@ class MavsdkProcess:
         elif "system" in told:
             self._knows = True
         elif "ready" in told and self._ready is not None and not self._ready.done():
+            self.version = str(told["ready"])
             self._ready.set_result(None)
 
     def feed(self, data: bytes, *, ours: bool) -> None:

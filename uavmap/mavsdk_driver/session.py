@@ -166,6 +166,7 @@ async def opened_session(
     """A session with its MAVSDK running until the end of the context. Raises `LinkError`."""
     session = MavsdkSession(send, record, ack_wait_s, say=say, speedup=speedup)
     await session.process.start()
+    say(f"spoken with by MAVSDK {printable(session.process.version)}")
     try:
         yield session
     finally:
