@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -227,6 +228,21 @@ def test_a_silent_link_is_lost_and_found_again(driver: str) -> None:
         await flight.after(Land(), Landed)
 
     fly(body, driver, "ardupilot")
+
+
+@each_driver
+def test_a_fifth_of_all_frames_lost(driver: str) -> None:
+    dice = np.random.default_rng(1)
+
+    async def body(flight: Flight) -> None:
+        flight.to_driver = flight.to_vehicle = lambda message: dice.random() > 0.2
+        await flight.after(TakeOff(UP_M), Airborne, within_s=400.0)
+        await flight.after(to(10.0, 0.0), Arrived, within_s=400.0)
+        await flight.after(Land(), Landed, within_s=400.0)
+
+    flight = fly(body, driver, "ardupilot")
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Overridden)
 
 
 @each_driver

@@ -56,11 +56,15 @@ async def opened_links(
     `record` is given every frame, `say` a line for the operator. Raises `LinkError` where one
     cannot be opened.
     """
+    speedup = plan.speedup or 1.0
+    ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
     named = setting.mission.camera.hosts
     async with contextlib.AsyncExitStack() as stack:
         links: list[Link] = []
         for url in plan.urls:
-            session, transport = await stack.enter_async_context(_connected(url, record, plan, say))
+            session, transport = await stack.enter_async_context(
+                _connected(url, record, ack_wait_s, say, plan.driver, speedup)
+            )
             # the peer is known only when it has spoken
             hosts = partial(_hosts, named, transport)
             links.append(Link(url, session, PictureFetcher(hosts)))
@@ -74,20 +78,23 @@ def _hosts(named: Sequence[str], transport: Transport) -> tuple[str, ...]:
 
 @contextlib.asynccontextmanager
 async def _connected(
-    url: str, record: Callable[[bytes], None], plan: FlightPlan, say: Callable[[str], None]
+    url: str,
+    record: Callable[[bytes], None],
+    ack_wait_s: float,
+    say: Callable[[str], None],
+    driver: str,
+    speedup: float,
 ) -> AsyncIterator[tuple[Session, Transport]]:
-    """A session, of the driver that a plan names, over the transport that a URL names."""
+    """A session of a driver over the transport that a URL names."""
     opened: list[Transport] = []
 
     def send(frame: bytes) -> None:
         for transport in opened:
             transport.send(frame)
 
-    speedup = plan.speedup or 1.0
-    ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
     async with contextlib.AsyncExitStack() as stack:
         session = Session(send, record, ack_wait_s)
-        if plan.driver == MAVSDK:
+        if driver == MAVSDK:
             session = await stack.enter_async_context(
                 opened_session(send, record, ack_wait_s, partial(_say_of_link, say, url), speedup)
             )
