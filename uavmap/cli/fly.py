@@ -19,7 +19,7 @@ from uavmap.cli.common import (
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import DRIVERS, MAVSDK, PYMAVLINK, SIM_EPOCH_UTC_S, FlightPlan
 
 _EXAMPLES = """\
 examples:
@@ -27,6 +27,7 @@ examples:
   uavmap fly spill --sim --seed 7 --out spill-7     another seed, into a folder of your choice
   uavmap fly field.toml --connect udpin://0.0.0.0:14550
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600
+  uavmap fly field.toml --connect udpin://0.0.0.0:14540 --driver mavsdk
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
 
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
@@ -78,6 +79,13 @@ def add_parser(commands: Any) -> None:
         help="take off again as soon as a battery is fresh, unasked; only for simulators "
         "(the bundled one is recognised)",
     )
+    parser.add_argument(
+        "--driver",
+        choices=DRIVERS,
+        default=PYMAVLINK,
+        help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
+        "(default), or MAVSDK; not with --sim",
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -85,6 +93,11 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
+    if options.sim and options.driver == MAVSDK:
+        raise LinkError(
+            "--driver mavsdk cannot fly with --sim: MAVSDK has a clock of its own, and a simulated "
+            "flight is on virtual time; start `uavmap sitl`, and give its URLs with --connect"
+        )
     source = load_source(options.mission)
     mission = source.parse()
     urls = tuple(options.connect)
@@ -109,6 +122,7 @@ def run(options: argparse.Namespace) -> int:
         urls=urls,
         speedup=options.speedup,
         auto_swap=options.auto_swap,
+        driver=options.driver,
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
     plan.mission()  # says what is wrong before a folder is made

@@ -21,7 +21,8 @@ from uavmap.link.identity import same_aircraft
 from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
-from uavmap.record.flight_plan import FlightPlan
+from uavmap.mavsdk_driver.session import opened_session
+from uavmap.record.flight_plan import MAVSDK, FlightPlan
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
@@ -55,13 +56,14 @@ async def opened_links(
     `record` is given every frame, `say` a line for the operator. Raises `LinkError` where one
     cannot be opened.
     """
-    ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * (plan.speedup or 1.0))
+    speedup = plan.speedup or 1.0
+    ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
     named = setting.mission.camera.hosts
     async with contextlib.AsyncExitStack() as stack:
         links: list[Link] = []
         for url in plan.urls:
             session, transport = await stack.enter_async_context(
-                _connected(url, record, ack_wait_s, say)
+                _connected(url, record, ack_wait_s, say, plan.driver, speedup)
             )
             # the peer is known only when it has spoken
             hosts = partial(_hosts, named, transport)
@@ -76,19 +78,36 @@ def _hosts(named: Sequence[str], transport: Transport) -> tuple[str, ...]:
 
 @contextlib.asynccontextmanager
 async def _connected(
-    url: str, record: Callable[[bytes], None], ack_wait_s: float, say: Callable[[str], None]
+    url: str,
+    record: Callable[[bytes], None],
+    ack_wait_s: float,
+    say: Callable[[str], None],
+    driver: str,
+    speedup: float,
 ) -> AsyncIterator[tuple[Session, Transport]]:
-    """A session over the transport that a URL names."""
+    """A session of a driver over the transport that a URL names."""
     opened: list[Transport] = []
 
     def send(frame: bytes) -> None:
         for transport in opened:
             transport.send(frame)
 
-    session = Session(send, record, ack_wait_s)
-    async with open_transport(parse_url(url), session.feed, say) as transport:
+    async with contextlib.AsyncExitStack() as stack:
+        session = Session(send, record, ack_wait_s)
+        if driver == MAVSDK:
+            session = await stack.enter_async_context(
+                opened_session(send, record, ack_wait_s, partial(_say_of_link, say, url), speedup)
+            )
+        transport = await stack.enter_async_context(
+            open_transport(parse_url(url), session.feed, say)
+        )
         opened.append(transport)
         yield session, transport
+
+
+def _say_of_link(say: Callable[[str], None], url: str, text: str) -> None:
+    """A line about one link."""
+    say(f"{url}: {text}")
 
 
 def vehicles_of(

@@ -14,8 +14,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
 from missions.guardian import (
@@ -283,30 +281,21 @@ class Guardian:
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
         """Into the mode that follows targets, and a target. Raises `LinkError`."""
-        kind, view, session = self._view.kind, self._view, self._session
-        if view.mode != kind.follows:
-            await session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
-        place = self._reporter.grid.position(point)
-        frame, wire_m = kind.altitude_on_wire(height_m, view.home_amsl_m)
-        await session.command_at(
-            mav.MAV_CMD_DO_REPOSITION,
-            frame,
-            (-1.0, 0.0, 0.0, float("nan")),
-            place.lat_deg,
-            place.lon_deg,
-            wire_m,
-            kind.target_taken,
-        )
+        view, session = self._view, self._session
+        if view.mode != view.kind.follows:
+            await session.flight.follow()
+        await session.flight.fly_to(self._reporter.grid.position(point), height_m)
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
         quickly = hurry and await self._descend()
         wanted = kind.rtl if action == "rtl" else kind.land
-        command = mav.MAV_CMD_NAV_RETURN_TO_LAUNCH if action == "rtl" else mav.MAV_CMD_NAV_LAND
+        flight = self._session.flight
+        ask = flight.return_to_launch if action == "rtl" else flight.land
         while self._view.mode != wanted and self._view.armed and not self._monitor.overridden:
             try:
-                await self._session.command(command)
+                await ask()
             except CommandRefusedError as refusal:
                 if action == "rtl":
                     self.take_over("land", str(refusal))
@@ -384,9 +373,7 @@ class Guardian:
         while not over() and self._endurance_left_s() > 0.0:
             try:
                 await self._aim(corner, height_m)
-                await self._session.command(
-                    mav.MAV_CMD_DO_CHANGE_SPEED, 1, self._limits.energy.speed_m_s, -1
-                )
+                await self._session.flight.speed(self._limits.energy.speed_m_s)
             except CommandRefusedError:
                 return False
             except LinkError:

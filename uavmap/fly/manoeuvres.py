@@ -11,8 +11,6 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Final
 
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Airborne, Arrived, BatterySwapped, LookEnded
 from missions.mission_file.schema import Mission
@@ -145,15 +143,9 @@ class Manoeuvres:
         if kind.amsl:  # arming has moved home, and the height is to be above the new one
             armed_s = asyncio.get_running_loop().time()
             await session.until(lambda: view.position_s > armed_s, HOME_S)
-        unused = kind.unused_param
-        _, wire_m = kind.altitude_on_wire(order.height_m, view.home_amsl_m)
         lifted = lambda: self._monitor.was_airborne  # noqa: E731 - a name for three places
         try:
-            await self._insist(
-                lambda: session.command(
-                    mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, unused, unused, unused, wire_m, done=lifted
-                )
-            )
+            await self._insist(lambda: session.flight.take_off(order.height_m, lifted))
         except CommandRefusedError:
             # its first copy may have been carried out, and only the answer was lost
             if not await session.until(lifted, LIFT_S):
@@ -180,10 +172,8 @@ class Manoeuvres:
         for attempt in range(ARM_TRIES):
             try:
                 self._monitor.commanded = (*self._monitor.commanded, *kind.ours)
-                await self._session.command(mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
-                await self._session.command(
-                    mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, done=lambda: self._view.armed
-                )
+                await self._session.flight.follow()
+                await self._session.flight.arm()
                 break
             except LinkError:
                 if attempt == ARM_TRIES - 1:
@@ -228,30 +218,18 @@ class Manoeuvres:
                 return
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
-        """MAV_CMD_DO_REPOSITION: acknowledged, and refused unless the vehicle follows us.
+        """A target: acknowledged, and refused unless the vehicle follows us.
 
         The speed comes after it: the first target after a change of mode puts an ArduCopter's own
         speed back.
         """
-        position = self._grid.position(point)
-        frame, wire_m = self._view.kind.altitude_on_wire(height_m, self._view.home_amsl_m)
-        await self._session.command_at(
-            mav.MAV_CMD_DO_REPOSITION,
-            frame,
-            (-1.0, 0.0, 0.0, float("nan")),
-            position.lat_deg,
-            position.lon_deg,
-            wire_m,
-            self._view.kind.target_taken,
-        )
+        await self._session.flight.fly_to(self._grid.position(point), height_m)
         if not self._aimed and self._order is not None:
             self._aimed = True
             self.under_way(self._order, point)
         changes = self._monitor.mode_changes
         if self._paced_in != changes:
-            await self._session.command(
-                mav.MAV_CMD_DO_CHANGE_SPEED, 1, self._mission.flight.speed_m_s, -1
-            )
+            await self._session.flight.speed(self._mission.flight.speed_m_s)
             self._paced_in = changes
 
     async def _hold(self) -> None:
@@ -372,7 +350,7 @@ class Manoeuvres:
     async def _land(self) -> None:
         self._monitor.commanded = (self._view.kind.land,)
         landing = lambda: self._view.mode == self._view.kind.land  # noqa: E731
-        await self._insist(lambda: self._session.command(mav.MAV_CMD_NAV_LAND, done=landing))
+        await self._insist(lambda: self._session.flight.land(landing))
         # touch-down and disarming are watched for all the time; but a take-off that was called
         # off in time never left the ground
         if not self._monitor.was_airborne:

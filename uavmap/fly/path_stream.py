@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Awaitable, Callable
 from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -148,7 +149,7 @@ class PathStream:
             tasks.create_task(self._send_on())
             await asyncio.sleep(FIRST_S)
             kind = self._view.kind
-            await self._into(kind.stream_mode, kind.stream_params)
+            await self._into(kind.stream_mode, self._session.flight.follow_stream)
             # Hold is now somebody else's word
             self._monitor.commanded = (kind.stream_mode,)
 
@@ -229,7 +230,7 @@ class PathStream:
         )
 
     # --- modes ------------------------------------------------------------------------------
-    async def _into(self, mode: int, params: tuple[float, ...]) -> None:
+    async def _into(self, mode: int, ask: Callable[[], Awaitable[None]]) -> None:
         """Ask for a mode until a heartbeat shows it: the answer of a PX4 says nothing."""
         view, monitor = self._view, self._monitor
         kind = view.kind
@@ -237,7 +238,7 @@ class PathStream:
         refusal: LinkError | None = None
         for _ in range(MODE_TRIES):
             try:
-                await self._session.command(mav.MAV_CMD_DO_SET_MODE, *params)
+                await ask()
             except LinkError as error:  # refused, or not answered: it may have come all the same
                 refusal = error
             if await self._session.until(lambda: view.mode == mode, MODE_S):
@@ -262,7 +263,7 @@ class PathStream:
         elif view.mode == kind.stream_mode:
             async with asyncio.TaskGroup() as tasks:
                 sending = tasks.create_task(self._send_on())
-                await self._into(kind.follows, kind.follow_params)
+                await self._into(kind.follows, self._session.flight.follow)
                 sending.cancel()
             await self._session.until(lambda: view.ground_speed_m_s <= SLOW_M_S, BRAKE_S)
         self._left = True

@@ -15,6 +15,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
+from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.view import VehicleView
 
 Message = Any  # pymavlink carries no types
@@ -28,12 +29,23 @@ GROUND_SYSTEM_ID: Final = 245
 
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
-_RESULTS = {
+_RESULTS: dict[str, int] = {
     value.name.removeprefix("MAV_RESULT_"): number
     for number, value in mav.enums["MAV_RESULT"].items()
 }
-_RESULT_NAMES = {number: name.lower().replace("_", " ") for name, number in _RESULTS.items()}
+_RESULT_NAMES: dict[int, str] = {
+    number: name.lower().replace("_", " ") for name, number in _RESULTS.items()
+}
 _RESULT_NAMES[9] = "unsupported frame"  # newer than the dialect
+
+
+def result_name(result: int) -> str:
+    """A MAV_RESULT in words.
+
+    >>> result_name(2), result_name(200)
+    ('denied', '200')
+    """
+    return _RESULT_NAMES.get(result, str(result))
 
 
 class Session:
@@ -63,6 +75,8 @@ class Session:
         self.heard_s: dict[int, float] = {}
         """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
         self.view = VehicleView()
+        self.flight: Commands = MavlinkCommands(self)
+        """What the vehicle can be told in flight."""
 
     # --- frames --------------------------------------------------------------------------
     def feed(self, data: bytes) -> bool:
@@ -71,16 +85,21 @@ class Session:
         ours = False
         for message in self._parsed(data):
             self._record(bytes(message.get_msgbuf()))
-            if self.view.take(message, now_s):
-                ours = True
-                if message.get_srcComponent() == self.view.autopilot_component:
-                    self.heard_s[message.get_msgId()] = now_s
-                if message.get_type() == "COMMAND_ACK":
-                    self._take_ack(message)
-                for listener in self._listeners:
-                    listener(message)
+            ours = self._take(message, now_s) or ours
         self._wake()
         return ours
+
+    def _take(self, message: Message, now_s: float) -> bool:
+        """Take in one message; whether it is of our vehicle."""
+        if not self.view.take(message, now_s):
+            return False
+        if message.get_srcComponent() == self.view.autopilot_component:
+            self.heard_s[message.get_msgId()] = now_s
+        if message.get_type() == "COMMAND_ACK":
+            self._take_ack(message)
+        for listener in self._listeners:
+            listener(message)
+        return True
 
     def _parsed(self, data: bytes) -> Iterator[Message]:
         """The messages in a piece of a stream; what is none is passed over."""
@@ -221,7 +240,7 @@ class Session:
                         continue
                     if ack.result in taken:
                         return
-                    await self._hear_why()
+                    await self.hear_why()
                     break
             finally:
                 del self._acks[command, asked]
@@ -229,8 +248,7 @@ class Session:
             return
         if ack is not None:
             raise CommandRefusedError(
-                f"{name} was refused: {_RESULT_NAMES.get(ack.result, ack.result)}"
-                + self.view.recent_texts()
+                f"{name} was refused: {result_name(ack.result)}" + self.view.recent_texts()
             )
         raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
 
@@ -247,8 +265,8 @@ class Session:
             if ack.result != mav.MAV_RESULT_IN_PROGRESS:
                 return ack
 
-    async def _hear_why(self) -> None:
-        """An ArduPilot sends the STATUSTEXT that explains a refusal after the ACK."""
+    async def hear_why(self) -> None:
+        """Wait a moment: an ArduPilot explains a refusal (STATUSTEXT) after the ACK."""
         heard = self.view.texts_heard
         await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)
 

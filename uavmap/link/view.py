@@ -105,7 +105,7 @@ class VehicleView:
 
     def _bind(self, message: Message, system: int, component: int) -> None:
         """The first heartbeat of an autopilot says which vehicle is at the other end."""
-        if message.autopilot not in _NO_AUTOPILOT and RULES["HEARTBEAT"].fault(message) is None:
+        if is_autopilot(message):
             self.system_id, self.autopilot_component = system, component
 
     def _senders(self, component: int) -> frozenset[Sender]:
@@ -194,6 +194,12 @@ class VehicleView:
             now_s = asyncio.get_running_loop().time()
         texts = [text for at_s, text in self.texts if now_s - at_s <= TEXT_HORIZON_S]
         return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")" if texts else ""
+
+
+def is_autopilot(heartbeat: Message) -> bool:
+    """Whether a heartbeat is an autopilot's, by which a vehicle is known."""
+    known = heartbeat.autopilot not in _NO_AUTOPILOT
+    return known and RULES["HEARTBEAT"].fault(heartbeat) is None
 
 
 def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int) -> None:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Literal, Protocol
 
 from pydantic import TypeAdapter
 
@@ -23,6 +23,10 @@ JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
 REHOMED: Final = "rehomed"
 """In the journal's meta: whether the simulated aircraft were put at home after the start."""
+PYMAVLINK: Final = "pymavlink"
+MAVSDK: Final = "mavsdk"
+DRIVERS: Final = (PYMAVLINK, MAVSDK)
+"""Who speaks MAVLink: this program with pymavlink's codec, or MAVSDK."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
 
@@ -56,6 +60,9 @@ class FlightPlan:
     """Whether a fresh battery alone allows take-off: for simulators, where nobody stands near."""
     rehomed: bool = False
     """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
+
+    driver: Literal["pymavlink", "mavsdk"] = "pymavlink"
+    """Who speaks MAVLink with the aircraft."""
 
     @property
     def simulated(self) -> bool:

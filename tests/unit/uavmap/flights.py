@@ -44,7 +44,14 @@ class Flight:
     `to_vehicle` and `to_driver` see every message and may swallow it (None) or change its frame.
     """
 
-    def __init__(self, made: Mission, seed: int = 1) -> None:
+    def __init__(
+        self,
+        made: Mission,
+        seed: int = 1,
+        *,
+        session: Callable[[Callable[[bytes], None]], Session] | None = None,
+        **patience: Any,
+    ) -> None:
         self.setting = Setting.of(made)
         self.vehicle = make_vehicles(made, seed)[0]
         self.events: list[Event] = []
@@ -55,7 +62,9 @@ class Flight:
         self.change: Callable[[bytes], bytes] = lambda picture: picture
         self._ours, self._theirs = mav.MAVLink(None), mav.MAVLink(None)
         self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
-        self.session = Session(self._send, lambda frame: None)
+        self.session = (
+            Session(self._send, lambda frame: None) if session is None else session(self._send)
+        )
         grid = self.setting.grid
         classifier = Classifier.of(made, grid)
         self.driver = MavlinkVehicle(
@@ -67,6 +76,7 @@ class Flight:
             self.now_s,
             self._crew,
             tell=self.told.append,
+            **patience,
         )
 
     @staticmethod
@@ -173,16 +183,23 @@ def no_task_left() -> Iterator[None]:
 async def under_way(flight: Flight) -> AsyncIterator[Flight]:
     """The world turns, the driver is connected and runs; at the end nothing is left."""
     with no_task_left():
-        async with asyncio.TaskGroup() as tasks:
-            world = tasks.create_task(flight.fly_world())
-            await flight.driver.connect()
-            driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
-            guarding = tasks.create_task(flight.driver.guardian.run())
-            await asyncio.sleep(0)
+        async with running(flight):
             yield flight
-            driving.cancel()
-            guarding.cancel()
-            world.cancel()
+
+
+@contextlib.asynccontextmanager
+async def running(flight: Flight) -> AsyncIterator[None]:
+    """The world turns, the driver is connected and runs."""
+    async with asyncio.TaskGroup() as tasks:
+        world = tasks.create_task(flight.fly_world())
+        await flight.driver.connect()
+        driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
+        guarding = tasks.create_task(flight.driver.guardian.run())
+        await asyncio.sleep(0)
+        yield
+        driving.cancel()
+        guarding.cancel()
+        world.cancel()
 
 
 def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None) -> Flight:

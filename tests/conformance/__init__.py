@@ -1,0 +1,1 @@
+"""One suite that every driver passes against both flavours of the simulator."""

@@ -1,0 +1,99 @@
+"""A simulated vehicle under a driver, in this process: either driver, either autopilot.
+
+The driver of the service is flown on virtual time. MAVSDK, in its own process, knows real time
+only: the vehicle's time then passes `SPEEDUP` times as fast as real time, and who waits for
+something waits in the vehicle's time for longer than a busy machine needs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.mission_file.schema import Mission
+from tests.unit.uavmap.flights import Flight, running, small_mission, under_way
+from uavmap.clock import ScaledClock, VirtualClock, run
+from uavmap.link.session import GROUND_SYSTEM_ID, Session
+from uavmap.mavsdk_driver.session import MavsdkSession
+
+SPEEDUP = 12.0
+SLOW_MACHINE_S = 3.0
+"""Real seconds by which it may be late."""
+PATIENCE_S = 60.0
+"""Real seconds for a flight that takes 10."""
+
+DRIVERS = ("pymavlink", "mavsdk")
+AUTOPILOTS = ("ardupilot", "px4")
+
+each_driver = pytest.mark.parametrize("driver", DRIVERS)
+each_autopilot = pytest.mark.parametrize("autopilot", AUTOPILOTS)
+
+Body = Callable[[Flight], Coroutine[Any, Any, None]]
+
+
+def over(autopilot: str) -> Mission:
+    """A small mission for an autopilot."""
+    made = small_mission()
+    return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+
+
+def fly(body: Body, driver: str, autopilot: str, speedup: float = SPEEDUP) -> Flight:
+    """Run a test with a connected vehicle on the ground; `speedup` is that of MAVSDK's flights."""
+    if driver == "mavsdk":
+        return _fly_mavsdk(body, autopilot, speedup)
+    return _fly_ours(body, autopilot)
+
+
+def _fly_ours(body: Body, autopilot: str) -> Flight:
+    flight = Flight(over(autopilot))
+
+    async def main() -> None:
+        async with under_way(flight):
+            await body(flight)
+
+    run(main(), VirtualClock())
+    return checked(flight)
+
+
+def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
+    async def main() -> Flight:
+        told: list[str] = []
+        slack_s = SLOW_MACHINE_S * speedup
+
+        def session(send: Callable[[bytes], None]) -> Session:
+            return MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
+
+        flight = Flight(
+            over(autopilot), session=session, link_lost_s=slack_s, battery_stale_s=slack_s,
+            slack_s=slack_s,
+        )  # fmt: skip
+        flight.told = told
+        spoken_to = flight.session
+        assert isinstance(spoken_to, MavsdkSession)
+        await spoken_to.process.start()
+        try:
+            async with asyncio.timeout(PATIENCE_S * speedup), running(flight):
+                await body(flight)
+        finally:
+            await spoken_to.process.close()
+        assert spoken_to.process.pid is None
+        assert len(asyncio.all_tasks()) == 1  # nothing of it is left
+        return flight
+
+    return checked(run(main(), ScaledClock(speedup)))
+
+
+def checked(flight: Flight) -> Flight:
+    """What holds of every flight: all that was sent was ours to send."""
+    assert {m.get_srcSystem() for _, m in flight.sent} == {GROUND_SYSTEM_ID}
+    return flight
+
+
+async def turned_to(flight: Flight, mode: int, *params: float) -> None:
+    """The pilot turns the mode switch; returns when that is heard."""
+    flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, *params)
+    await flight.until(lambda: flight.session.view.mode == mode)

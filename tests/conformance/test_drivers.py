@@ -1,0 +1,269 @@
+"""What every driver promises, against both autopilots."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from missions.events import (
+    Airborne,
+    Arrived,
+    BatterySwapped,
+    Connected,
+    FrameSeen,
+    Landed,
+    LinkLost,
+    LookEnded,
+    OrderFailed,
+    Overridden,
+    Released,
+)
+from missions.motion.trajectory import rounded_path
+from missions.orders import (
+    AwaitBattery,
+    FlyPath,
+    FlyTo,
+    Hold,
+    Land,
+    Look,
+    ReturnToLaunch,
+    Sweep,
+    TakeOff,
+)
+from missions.units import Cell, GridPoint, LatLon
+from sitl.copter.modes import Mode
+from sitl.px4.modes import Px4Mode
+from tests.conformance.rig import DRIVERS, each_autopilot, each_driver, fly, turned_to
+from tests.unit.uavmap.flights import Flight, Message
+from uavmap.fly.fleet import STREAMED_SPEEDUP
+from uavmap.record.flight_plan import DRIVERS as OFFERED
+
+UP_M = 12.0
+HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4, 5))}
+"""What a pilot turns to who wants the vehicle: the mode, and the parameters that ask for it."""
+
+
+def to(east_m: float, north_m: float) -> FlyTo:
+    return FlyTo((GridPoint(east_m, north_m),), None, stop=True, height_m=UP_M)
+
+
+def commands(flight: Flight, since: int = 0) -> list[int]:
+    """The commands that were sent, from a point on."""
+    return [m.command for _, m in flight.sent[since:] if m.get_type().startswith("COMMAND_")]
+
+
+def nothing_flew_it(flight: Flight, since: int) -> None:
+    """Nothing was sent since then that could move a vehicle or change its mode."""
+    harmless: set[int] = {
+        mav.MAV_CMD_IMAGE_STOP_CAPTURE, mav.MAV_CMD_REQUEST_MESSAGE,
+        mav.MAV_CMD_SET_MESSAGE_INTERVAL,
+    }  # fmt: skip
+    assert [c for c in commands(flight, since) if c not in harmless] == []
+    kinds = {m.get_type() for _, m in flight.sent[since:]}
+    assert kinds <= {"HEARTBEAT", "COMMAND_LONG"}
+
+
+@each_autopilot
+@each_driver
+def test_every_order_ends_with_its_event(driver: str, autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        assert flight.seen(Connected)[0].airborne is False
+        await flight.after(TakeOff(UP_M), Airborne)
+        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.7)
+        arrived = await flight.after(to(10.0, 10.0), Arrived)
+        assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
+        await flight.after(Sweep(GridPoint(10.0, 22.0), 4.0, UP_M), Arrived)
+        assert len(flight.seen(FrameSeen)) >= 3
+        await flight.after(FlyTo((), Cell(2, 4), stop=True, height_m=UP_M), Arrived)
+        before = len(flight.seen(FrameSeen))
+        await flight.after(Look(Cell(2, 4), 3, UP_M), LookEnded)
+        looked = flight.seen(FrameSeen)[before:]
+        assert [f.vantage for f in looked] == [Cell(2, 4)] * 3
+        assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
+        await flight.after(to(0.0, 0.0), Arrived)
+        await flight.after(Land(), Landed)
+        await flight.after(AwaitBattery(), BatterySwapped)
+
+    flight = fly(body, driver, autopilot)
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Overridden)
+    assert not flight.seen(LinkLost)
+    assert flight.vehicle.truth.landed
+
+
+@each_autopilot
+@each_driver
+def test_the_autopilot_returns_by_itself_when_it_is_told_to(driver: str, autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(to(12.0, 0.0), Arrived)
+        await flight.after(ReturnToLaunch(), Landed)
+        assert flight.driver.guardian.fate() == ""
+        # and out again, from the mode in which it has landed
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(Land(), Landed)
+
+    flight = fly(body, driver, autopilot)
+    assert not flight.seen(Overridden)
+    assert flight.vehicle.truth.landed
+
+
+@each_autopilot
+@each_driver
+def test_a_path_is_flown_without_a_halt(driver: str, autopilot: str) -> None:
+    corners = [GridPoint(0, 0), GridPoint(24, 0), GridPoint(24, 24)]
+    off_m: list[float] = []
+
+    async def body(flight: Flight) -> None:
+        if autopilot == "px4":  # a slow machine is not what is tested
+            flight.vehicle._ap.parameters.preset("COM_OF_LOSS_T", 10.0)
+        await flight.after(TakeOff(UP_M), Airborne)
+        plan = rounded_path(corners, flight.now_s() + 2.0, speed_m_s=5.0, cut_m=2.5)
+        flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+        while flight.now_s() < plan.end_s:
+            await asyncio.sleep(0.2)
+            place = flight.setting.grid.fixed(flight.vehicle.truth.position)
+            off_m.append(place.distance_to(plan.at(flight.now_s()).place))
+        await flight.sees(Arrived)
+        flight.driver.give(Hold())
+        await asyncio.sleep(2.0)
+
+    flight = fly(body, driver, autopilot, STREAMED_SPEEDUP)
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Overridden)
+    assert len(flight.seen(FrameSeen)) > 5
+    setpoints = [m for _, m in flight.sent if m.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"]
+    assert len(setpoints) > 60
+    assert sorted(off_m)[len(off_m) // 2] < 2.5  # of the wire, not of a machine's hiccup
+
+
+@each_autopilot
+@each_driver
+def test_a_pilot_has_the_last_word(driver: str, autopilot: str) -> None:
+    mode, asked = HOLDS[autopilot]
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.give(to(60.0, 0.0))
+        await flight.until(lambda: flight.session.view.ground_speed_m_s > 2.0)
+        await turned_to(flight, int(mode), *asked)
+        await flight.sees(Overridden)
+        since = len(flight.sent)
+        await asyncio.sleep(12.0)
+        nothing_flew_it(flight, since)
+        assert flight.session.view.mode == int(mode)
+        follows = flight.session.view.kind
+        await turned_to(flight, follows.follows, *follows.follow_params[1:])
+        await flight.sees(Released)
+        await flight.after(to(0.0, 0.0), Arrived)
+        await flight.after(Land(), Landed)
+
+    fly(body, driver, autopilot)
+
+
+@each_autopilot
+@each_driver
+def test_a_command_that_is_waited_for_ends_with_its_order(driver: str, autopilot: str) -> None:
+    """Nobody acknowledges it, and a pilot takes the vehicle: it is not repeated once more."""
+    mode, asked = HOLDS[autopilot]
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.to_driver = lambda message: message.get_type() != "COMMAND_ACK"
+        before = len(flight.sent)
+        flight.driver.give(to(20.0, 0.0))
+        await flight.until(lambda: mav.MAV_CMD_DO_REPOSITION in commands(flight, before))
+        await turned_to(flight, int(mode), *asked)
+        await flight.sees(Overridden)
+        since = len(flight.sent)
+        await asyncio.sleep(30.0)
+        nothing_flew_it(flight, since)
+
+    fly(body, driver, autopilot)
+
+
+@each_autopilot
+@each_driver
+def test_what_is_refused_is_said_and_not_asked_again(driver: str, autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION, mav.MAV_RESULT_DENIED)
+        before = len(flight.sent)
+        failed = await flight.after(to(20.0, 0.0), OrderFailed)
+        assert "MAV_CMD_DO_REPOSITION was refused: denied" in failed.reason
+        assert commands(flight, before).count(mav.MAV_CMD_DO_REPOSITION) == 1
+        flight.vehicle.fail.clear()
+        await flight.after(Land(), Landed)
+
+    fly(body, driver, autopilot)
+
+
+@each_autopilot
+@each_driver
+def test_an_arming_that_is_refused_is_said_with_its_reason(driver: str, autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        flight.vehicle.fail.reject(mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_RESULT_DENIED)
+        failed = await flight.after(TakeOff(UP_M), OrderFailed)
+        assert "denied" in failed.reason
+        assert not flight.session.view.armed
+
+    fly(body, driver, autopilot)
+
+
+@each_driver
+def test_a_silent_link_is_lost_and_found_again(driver: str) -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.to_vehicle = flight.to_driver = _swallowed
+        await flight.sees(LinkLost)
+        flight.to_vehicle = flight.to_driver = _passed
+        await flight.sees(Connected, 2)
+        assert flight.seen(Connected)[-1].ours
+        await flight.after(to(6.0, 0.0), Arrived)
+        await flight.after(Land(), Landed)
+
+    fly(body, driver, "ardupilot")
+
+
+@each_driver
+def test_a_fifth_of_all_frames_lost(driver: str) -> None:
+    dice = np.random.default_rng(1)
+
+    async def body(flight: Flight) -> None:
+        flight.to_driver = flight.to_vehicle = lambda message: dice.random() > 0.2
+        await flight.after(TakeOff(UP_M), Airborne, within_s=400.0)
+        await flight.after(to(10.0, 0.0), Arrived, within_s=400.0)
+        await flight.after(Land(), Landed, within_s=400.0)
+
+    flight = fly(body, driver, "ardupilot")
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Overridden)
+
+
+@each_driver
+def test_no_number_that_does_not_fit_is_sent(driver: str) -> None:
+    async def body(flight: Flight) -> None:
+        for bad_m in (math.nan, math.inf, 1e300):
+            with pytest.raises(LinkError, match=r"cannot be sent|no place"):
+                await flight.session.flight.fly_to(LatLon(47.0, 8.0), bad_m)
+        with pytest.raises(LinkError, match="cannot be sent"):
+            flight.session.send(mav.MAVLink_command_ack_message(-1, 0))
+
+    assert mav.MAV_CMD_DO_REPOSITION not in commands(fly(body, driver, "ardupilot"))
+
+
+def _swallowed(message: Message) -> bool:
+    return False
+
+
+def _passed(message: Message) -> bool:
+    return True
+
+
+def test_each_driver_that_can_be_asked_for_is_tested_here() -> None:
+    assert tuple(OFFERED) == DRIVERS

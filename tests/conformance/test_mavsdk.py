@@ -1,0 +1,178 @@
+"""What only the driver by MAVSDK has to show: its process, what it may send, what it has read."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
+from missions.orders import Land, TakeOff
+from tests.conformance.rig import each_autopilot, fly, turned_to
+from tests.conformance.test_drivers import HOLDS, UP_M, commands, to
+from tests.unit.uavmap.flights import Flight, Message
+from uavmap.clock import ScaledClock, run
+from uavmap.mavsdk_driver.process import MavsdkProcess
+from uavmap.mavsdk_driver.session import MavsdkSession
+
+
+def by_mavsdk(flight: Flight) -> MavsdkSession:
+    assert isinstance(flight.session, MavsdkSession)
+    return flight.session
+
+
+@each_autopilot
+def test_both_decoders_read_the_same(autopilot: str) -> None:
+    """What MAVSDK has read of each frame is what pymavlink reads of it, field by field."""
+    wire: list[Message] = []
+    read: list[Message] = []
+
+    def heard(message: Message) -> bool:
+        wire.append(message)
+        return True
+
+    async def body(flight: Flight) -> None:
+        by_mavsdk(flight).listen(read.append)
+        flight.to_driver = heard
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(to(6.0, 0.0), Arrived)
+        await flight.after(Land(), Landed)
+
+    fly(body, "mavsdk", autopilot)
+    texts = [{str(message) for message in messages} for messages in (wire, read)]
+    assert not texts[1] - texts[0]
+    kinds = Counter(message.get_type() for message in read)
+    for kind in ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS", "ATTITUDE", "COMMAND_ACK"):
+        assert kinds[kind] > 2
+    missed = [m for m in wire if str(m) not in texts[1]]
+    assert len(missed) < 0.05 * len(wire)  # the last of the link, and what came before the test
+
+
+@each_autopilot
+def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(autopilot: str) -> None:
+    mode, asked = HOLDS[autopilot]
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.to_driver = lambda message: message.get_type() != "COMMAND_ACK"
+        before = len(flight.sent)
+        flight.driver.give(to(20.0, 0.0))
+        await flight.until(lambda: mav.MAV_CMD_DO_REPOSITION in commands(flight, before))
+        await turned_to(flight, int(mode), *asked)
+        outbox = by_mavsdk(flight).outbox
+        await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
+
+    flight = fly(body, "mavsdk", autopilot)
+    # no heartbeat but the guardian's: they would go on when it does not
+    assert by_mavsdk(flight).outbox.held_back["HEARTBEAT"] > 0
+    beats = [m for _, m in flight.sent if m.get_type() == "HEARTBEAT"]
+    assert mav.MAV_TYPE_GENERIC not in {m.type for m in beats}  # as which MAVSDK beats
+
+
+@pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP], ids=["dies", "hangs"])
+def test_a_mavsdk_that_fails_in_flight_is_started_again(blow: signal.Signals) -> None:
+    async def body(flight: Flight) -> None:
+        process = by_mavsdk(flight).process
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.give(to(20.0, 0.0))
+        first = process.pid
+        assert first is not None
+        os.kill(first, blow)
+        await flight.until(lambda: process.starts == 2, within_s=400.0)
+        arrived = await flight.sees(Arrived, within_s=400.0)
+        assert arrived.position.east_m == pytest.approx(20.0, abs=1.0)
+        await flight.after(Land(), Landed)
+        assert not _lives(first)
+
+    flight = fly(body, "mavsdk", "ardupilot")
+    assert [text for text in flight.told if "is started again" in text]
+    assert not flight.seen(OrderFailed)
+    assert all(connected.ours for connected in flight.seen(Connected)[1:])
+    assert flight.vehicle.truth.landed
+
+
+def _lives(pid: int) -> bool:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, 0)
+        return True
+    return False
+
+
+def _nothing(_: object) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("source", "why"),
+    [
+        ("raise ImportError('libcmavsdk.so: wrong ELF class')", "wrong ELF class"),
+        ("import os; os._exit(3)", "exit code 3"),
+        ("print('hello'); import os; os.write(1, b'x' * 99); os._exit(0)", "what is nothing"),
+    ],
+)
+def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(
+    source: str, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "mavsdk"
+    package.mkdir()
+    (package / "__init__.py").write_text(source, "utf-8")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.getcwd()]))
+
+    async def main() -> None:
+        process = MavsdkProcess(245, 191, _nothing, _nothing, _nothing)
+        with pytest.raises(LinkError, match="MAVSDK does not start") as raised:
+            await process.start()
+        assert why in str(raised.value)
+        assert "--driver pymavlink" in str(raised.value)
+        assert process.pid is None
+
+    run(main(), ScaledClock())
+
+
+def test_what_is_asked_of_a_mavsdk_that_has_ended_is_a_lost_link() -> None:
+    async def main() -> None:
+        process = MavsdkProcess(245, 191, _nothing, _nothing, _nothing)
+        await process.start()
+        assert (await process.ask(do="arm"))["result"] == "NO_SYSTEM"
+        waiting = asyncio.create_task(process.ask(do="arm"))
+        _fail(process.pid)
+        with contextlib.suppress(LinkError):
+            await waiting
+        await process.close()
+        with pytest.raises(LinkError, match="MAVSDK does not run"):
+            await process.ask(do="arm")
+
+    run(main(), ScaledClock())
+
+
+def _fail(pid: int | None) -> None:
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
+
+
+def test_a_session_hears_nobody_before_mavsdk_does() -> None:
+    """Bytes that are no MAVLink, and messages that MAVSDK cannot have read, change nothing."""
+    told: list[str] = []
+    sent: list[bytes] = []
+    session = MavsdkSession(sent.append, lambda frame: None, say=told.append)
+    take: Callable[[dict[str, object]], None] = session._hear
+
+    async def main() -> None:
+        assert session.feed(b"\xfd\x00garbage" * 9) is False
+        for fields in ({}, {"autopilot": None}, {"autopilot": [1]}, {"type": "x"}):
+            take({"name": "HEARTBEAT", "system": 1, "component": 1, "fields": fields})
+        take({"name": "NO_SUCH_MESSAGE", "system": 1, "component": 1, "fields": {}})
+        session.heartbeat()
+
+    run(main(), ScaledClock())
+    assert session.view.autopilot != mav.MAV_AUTOPILOT_PX4
+    assert len(sent) == 1
+    assert told == []

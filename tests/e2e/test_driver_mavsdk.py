@@ -1,0 +1,112 @@
+"""`uavmap fly --driver mavsdk` against `uavmap sitl`: real UDP, real HTTP, and MAVSDK's process."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.rig import (
+    arguments_of,
+    bodies,
+    ended,
+    environment,
+    events,
+    mission,
+    simulator,
+    started,
+    stop_after,
+    uavmap,
+    wait_until,
+)
+
+SPEEDUP = 10.0
+linux_only = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
+def fly_arguments(urls: list[str], folder: Path) -> list[object]:
+    flown = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP]
+    return [*flown, "--driver", "mavsdk", "--json", "--out", folder]
+
+
+def children_of(pid: int) -> list[int]:
+    """MAVSDK's processes that a process has begun."""
+    numbers = Path(f"/proc/{pid}/task/{pid}/children").read_text("ascii").split()
+    return [
+        int(number)
+        for number in numbers
+        if b"mavsdk_driver.child" in Path(f"/proc/{number}/cmdline").read_bytes()
+    ]
+
+
+def gone(pid: int) -> bool:
+    """Whether it has ended; a dead one whom nobody has waited for yet counts as gone."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+@linux_only
+def test_a_killed_service_takes_its_mavsdk_with_it_and_the_mission_goes_on_by_mavsdk(tmp_path):
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls:
+        with started(*fly_arguments(urls, folder)) as process:
+            wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+            (child,) = children_of(process.pid)
+            stop_after(process, folder, 1, signal.SIGKILL)
+        wait_until(lambda: gone(child), "the end of MAVSDK")
+        before = len(bodies(folder))
+        done = uavmap("resume", folder, "--json")
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert "spoken with by MAVSDK v" in done.err
+    (connected,) = (e for e in events(folder)[before:][:2] if e["kind"] == "connected")
+    assert connected["airborne"] is True
+    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
+
+
+@linux_only
+def test_control_c_brings_it_home_and_leaves_nothing_behind(tmp_path):
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        # a terminal sends Ctrl-C to all of its processes
+        process = subprocess.Popen(
+            [sys.executable, "-m", "uavmap", *map(str, fly_arguments(urls, folder))],
+            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+            (child,) = children_of(process.pid)
+            os.killpg(process.pid, signal.SIGINT)
+            done = ended(process)
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.communicate()
+    assert done.code == 3, done.err
+    assert "MAVSDK has ended" not in done.err
+    assert "landed" in [event["kind"] for event in events(folder)]
+    assert json.loads(done.out)["completed"] is False
+    assert gone(child)
+
+
+def test_a_simulated_flight_by_mavsdk_is_refused_with_the_remedy(tmp_path):
+    done = uavmap("fly", "runway", "--sim", "--driver", "mavsdk", "--out", tmp_path / "out")
+    assert done.code == 2
+    assert "virtual time" in done.err
+    assert "uavmap sitl" in done.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_driver_that_does_not_exist_is_named_with_those_that_do(tmp_path):
+    done = uavmap("fly", "runway", "--driver", "dronekit", "--out", tmp_path / "out")
+    assert done.code == 2
+    assert "pymavlink" in done.err
+    assert "mavsdk" in done.err

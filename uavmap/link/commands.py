@@ -1,0 +1,118 @@
+"""What a vehicle can be told in flight: the verbs that every driver has.
+
+A driver is a way to speak to a vehicle. The default one sends MAVLink commands by its session
+(`MavlinkCommands`); `uavmap.mavsdk_driver` has the same verbs done by MAVSDK. Telemetry comes by
+the session's view with either, and setpoints and the camera's commands are its messages.
+
+Every verb raises `CommandRefusedError` where the vehicle says no, and `LinkError` where it does
+not answer. None of them changes the mode but those that are named for it: a pilot's mode stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+
+if TYPE_CHECKING:
+    from uavmap.link.session import Session
+
+
+def _never() -> bool:
+    return False
+
+
+class Commands(Protocol):
+    """The verbs of a driver. `done` says that the vehicle is seen to do it: nobody asks again."""
+
+    async def follow(self) -> None:
+        """Into the mode in which the vehicle flies to targets."""
+        ...
+
+    async def follow_stream(self) -> None:
+        """Into the mode in which it follows a stream of setpoints."""
+        ...
+
+    async def arm(self) -> None:
+        """Motors on."""
+        ...
+
+    async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
+        """Climb to a height (m) above home, from where it stands, armed."""
+        ...
+
+    async def fly_to(self, place: LatLon, height_m: float) -> None:
+        """Fly to a place at a height (m) above home; refused in any mode but that of `follow`."""
+        ...
+
+    async def speed(self, speed_m_s: float) -> None:
+        """Fly to targets at a speed over ground (m/s), until the mode changes."""
+        ...
+
+    async def land(self, done: Callable[[], bool] = _never) -> None:
+        """Land where it is, which changes the mode."""
+        ...
+
+    async def return_to_launch(self) -> None:
+        """Return and land by its autopilot, which changes the mode."""
+        ...
+
+
+class MavlinkCommands:
+    """The verbs as MAVLink commands of a session: repeated until they are acknowledged."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._view = session.view
+
+    async def follow(self) -> None:
+        """MAV_CMD_DO_SET_MODE."""
+        await self._session.command(mav.MAV_CMD_DO_SET_MODE, *self._view.kind.follow_params)
+
+    async def follow_stream(self) -> None:
+        """MAV_CMD_DO_SET_MODE."""
+        await self._session.command(mav.MAV_CMD_DO_SET_MODE, *self._view.kind.stream_params)
+
+    async def arm(self) -> None:
+        """MAV_CMD_COMPONENT_ARM_DISARM."""
+        await self._session.command(
+            mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, done=lambda: self._view.armed
+        )
+
+    async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
+        """MAV_CMD_NAV_TAKEOFF."""
+        kind = self._view.kind
+        _, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
+        unused = kind.unused_param
+        await self._session.command(
+            mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, unused, unused, unused, wire_m, done=done
+        )
+
+    async def fly_to(self, place: LatLon, height_m: float) -> None:
+        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode."""
+        kind = self._view.kind
+        frame, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
+        await self._session.command_at(
+            mav.MAV_CMD_DO_REPOSITION,
+            frame,
+            (-1.0, 0.0, 0.0, float("nan")),
+            place.lat_deg,
+            place.lon_deg,
+            wire_m,
+            kind.target_taken,
+        )
+
+    async def speed(self, speed_m_s: float) -> None:
+        """MAV_CMD_DO_CHANGE_SPEED."""
+        await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, speed_m_s, -1)
+
+    async def land(self, done: Callable[[], bool] = _never) -> None:
+        """MAV_CMD_NAV_LAND."""
+        await self._session.command(mav.MAV_CMD_NAV_LAND, done=done)
+
+    async def return_to_launch(self) -> None:
+        """MAV_CMD_NAV_RETURN_TO_LAUNCH."""
+        await self._session.command(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)

@@ -1,0 +1,55 @@
+"""What goes through the pipes between the service and MAVSDK's process: bytes and JSON, in pieces.
+
+A piece is a letter, the length of what follows (4 bytes, little-endian), and that.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from typing import Any, Final
+
+FRAMES: Final = b"F"
+"""Bytes of the link."""
+WORDS: Final = b"W"
+"""A JSON object."""
+_HEAD: Final = struct.Struct("<cI")
+MOST_BYTES: Final = 1 << 20
+"""A longer piece is none: whoever writes it is broken."""
+
+
+def frames(data: bytes) -> bytes:
+    """A piece that holds bytes of the link."""
+    return _HEAD.pack(FRAMES, len(data)) + data
+
+
+def words(what: dict[str, Any]) -> bytes:
+    """A piece that holds an object.
+
+    >>> list(Pieces().feed(words({"a": 1}) + frames(b"xy")))
+    [(b'W', b'{"a": 1}'), (b'F', b'xy')]
+    """
+    data = json.dumps(what).encode()
+    return _HEAD.pack(WORDS, len(data)) + data
+
+
+class Pieces:
+    """Takes a stream apart into its pieces."""
+
+    def __init__(self) -> None:
+        self._unread = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[tuple[bytes, bytes]]:
+        """The pieces, (letter, content), that are whole by now. Raises `ValueError` for none."""
+        self._unread += data
+        while len(self._unread) >= _HEAD.size:
+            letter, length = _HEAD.unpack_from(self._unread)
+            if letter not in (FRAMES, WORDS) or length > MOST_BYTES:
+                raise ValueError(f"no piece begins with {bytes(self._unread[: _HEAD.size])!r}")
+            end = _HEAD.size + length
+            if len(self._unread) < end:
+                return
+            piece = bytes(self._unread[_HEAD.size : end])
+            del self._unread[:end]
+            yield letter, piece
