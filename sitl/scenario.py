@@ -12,6 +12,7 @@ from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.autopilot_types import FLAVOURS
 from sitl.camera.pinhole import CameraSpec
+from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.files import load_ground
 from sitl.world.world import Patch, World, WorldSpec
@@ -98,6 +99,7 @@ class Setup:
     gps_sigma_m: float = 0.3
     gps_tau_s: float = 60.0
     ready_after_s: float = 5.0
+    quirks: Quirks = field(default_factory=Quirks)
 
     def __post_init__(self) -> None:
         if self.autopilot not in FLAVOURS:
@@ -138,6 +140,7 @@ class Setup:
                         gps_tau_s=self.gps_tau_s,
                         ready_after_s=self.ready_after_s,
                         image_url_prefix=image_url_prefix,
+                        quirks=self.quirks,
                     ),
                     world,
                 )

@@ -7,6 +7,7 @@ from enum import IntEnum
 
 from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec
+from sitl.quirks import Quirks
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,7 @@ class VehicleSpec:
     max_tilt_deg: float = 30.0
     image_url_prefix: str = "sim://"
     autopilot: str = "ardupilot"
+    quirks: Quirks = field(default_factory=Quirks)
 
     def __post_init__(self) -> None:
         problems = []
@@ -48,6 +50,8 @@ class VehicleSpec:
             problems.append("max_tilt_deg is 5 to 30")
         if not (self.hover_power_w > 0.0 and self.battery_wh > 0.0):
             problems.append("battery_wh and hover_power_w are positive")
+        if self.quirks.camera == "autopilot" and self.autopilot != "ardupilot":
+            problems.append("camera 'autopilot' is an ArduPilot's, its CAM1_TYPE")
         if len(self.image_url_prefix) > 180:
             problems.append("image_url_prefix is at most 180 characters")
         if problems:

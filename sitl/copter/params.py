@@ -37,6 +37,7 @@ _ROWS = (
     Parameter("BATT_LOW_TIMER", 10, INT8),  # s below the voltage
     Parameter("BATT_LOW_VOLT", 10.5, REAL32),  # V
     Parameter("BATT_MONITOR", 4, INT8, fixed=True),
+    Parameter("CAM1_TYPE", 0, INT8, fixed=True),  # 1: a camera that the autopilot triggers
     Parameter("COMPASS_ENABLE", 1, INT8, fixed=True),
     Parameter("DISARM_DELAY", 10, INT8),  # s
     Parameter("FENCE_ACTION", 1, INT8),
