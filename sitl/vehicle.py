@@ -91,6 +91,7 @@ class SimVehicle:
         )
         commands.intercept = self._intercept
         self._ap.parameters.watch = self._parameter_set
+        self._ap.parameters.set_up(spec.parameters)
         self._interpreter = flavour.interpreter(commands, self._streams)
         self._next_heartbeat_s = 0.0
         self._next_timesync_s = 0.0

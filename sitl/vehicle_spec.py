@@ -18,7 +18,7 @@ class VehicleSpec:
     `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
     crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
     position error. `image_url_prefix`: what the pictures' addresses begin with; the system id and
-    the picture's index follow.
+    the picture's index follow. `parameters` of the autopilot are set before it flies.
     """
 
     system_id: int
@@ -37,6 +37,7 @@ class VehicleSpec:
     image_url_prefix: str = "sim://"
     autopilot: str = "ardupilot"
     quirks: Quirks = field(default_factory=Quirks)
+    parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         problems = []

@@ -181,8 +181,8 @@ class Interpreter:
         )
 
     def _heartbeat(self, m: Message) -> bytes:
-        station = int(self._ap.parameters["SYSID_MYGCS"])
-        if m.type == mav.MAV_TYPE_GCS and m.get_srcSystem() == station:
+        """Whoever has the number of its ground station is that, whatever it calls itself."""
+        if m.get_srcSystem() == int(self._ap.parameters["SYSID_MYGCS"]):
             self._ap.failsafes.hear_station(self._ap.t_s)
         return b""
 

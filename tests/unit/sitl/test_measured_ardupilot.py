@@ -163,6 +163,16 @@ def test_a_clock_that_drifts(autopilot, ppm):
     assert boot_s == pytest.approx(vehicle.t_s * (1.0 + ppm * 1e-6), abs=0.005)
 
 
+def test_what_its_owner_has_set_holds_from_the_start():
+    vehicle = Fleet(Setup(parameters={"RTL_ALT": 2500, "SIM_RC_FAIL": 1}))[0]
+    vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
+    assert vehicle.expect("PARAM_VALUE").param_value == 2500.0
+    vehicle.run(1.0)
+    assert vehicle.fail.rc_lost
+    with pytest.raises(UavmapError, match="no 'RTL_ALTT' that can be set; near: RTL_ALT"):
+        Fleet(Setup(parameters={"RTL_ALTT": 1.0}))
+
+
 def test_impossible_quirks_are_refused():
     with pytest.raises(ValueError, match="home_moves_m"):
         Quirks(home_moves_m=-1.0)
