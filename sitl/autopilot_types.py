@@ -13,6 +13,7 @@ from sitl.ardupilot.autopilot import Autopilot
 from sitl.body.battery import Battery
 from sitl.body.physics import Body
 from sitl.body.sensors import PositionError
+from sitl.codec.wire import Packed
 from sitl.copter.aircraft import Aircraft
 from sitl.mavlink.base_commands import BaseCommands
 from sitl.mavlink.commands import Commands
@@ -22,9 +23,13 @@ from sitl.mavlink.streams import Streams
 from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.commands import Px4Commands
+from sitl.px4.events import Events
+from sitl.px4.home import HomeCorrection
 from sitl.px4.interpreter import Px4Interpreter
 from sitl.px4.telemetry import DEFAULT_S, Px4Telemetry
 from sitl.vehicle_spec import VehicleSpec
+
+_HOME_SEED = 43
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,7 @@ class Kit:
     plane: LocalPlane
     amsl_m: float
     wind: Callable[[], tuple[float, float]]
+    seed: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +51,8 @@ class Flavour:
     """An autopilot and its ways on the wire.
 
     `default_s` are the messages that are streamed unasked and their intervals, `banner` is what a
-    TCP client is greeted with.
+    TCP client is greeted with. `texts_to_stations`: texts go to links on which a ground station
+    was heard; `event` makes of severity, text and time what everybody is told instead.
     """
 
     aircraft: Aircraft
@@ -56,6 +63,9 @@ class Flavour:
     banner: bytes = b""
     tells_mode_at_once: bool = True
     camera_feedback: bool = True
+    answers_for_camera: bool = True
+    texts_to_stations: bool = False
+    event: Callable[[int, str, float], Packed] | None = None
 
 
 def _ardupilot(kit: Kit) -> Flavour:
@@ -68,6 +78,8 @@ def _ardupilot(kit: Kit) -> Flavour:
         max_speed_m_s=spec.max_speed_m_s,
         max_accel_m_s2=spec.max_accel_m_s2,
     )
+    if spec.quirks.camera == "autopilot":
+        autopilot.parameters.preset("CAM1_TYPE", 1)
     telemetry = Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
     return Flavour(
         aircraft=autopilot,
@@ -90,6 +102,7 @@ def _px4(kit: Kit) -> Flavour:
         ready_after_s=spec.ready_after_s,
         max_speed_m_s=spec.max_speed_m_s,
         max_accel_m_s2=spec.max_accel_m_s2,
+        correction=HomeCorrection((*kit.seed, _HOME_SEED), spec.quirks.home_moves_m),
     )
     telemetry = Px4Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
     return Flavour(
@@ -102,6 +115,9 @@ def _px4(kit: Kit) -> Flavour:
         default_s=DEFAULT_S,
         tells_mode_at_once=False,
         camera_feedback=False,
+        answers_for_camera=False,
+        texts_to_stations=True,
+        event=Events().of,
     )
 
 

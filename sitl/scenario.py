@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.autopilot_types import FLAVOURS
 from sitl.camera.pinhole import CameraSpec
+from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.files import load_ground
 from sitl.world.world import Patch, World, WorldSpec
@@ -66,8 +67,8 @@ class Setup:
     They stand three metres apart, or at `places`, one each; `home` is the world's origin too.
     `world` are files of `sitl.world.files`, `world_epsg` the coordinate system of a world file;
     `patches` are regions besides. `speedup` and `tcp` count on sockets only. `ready_after_s`: from
-    boot until arming is allowed. For the rest see `sitl.world.world.WorldSpec` and
-    `sitl.vehicle_spec.VehicleSpec`.
+    boot until arming is allowed. `parameters`: what the autopilots' owner has set. For the rest see
+    `sitl.world.world.WorldSpec` and `sitl.vehicle_spec.VehicleSpec`.
     The same setup makes the same simulation. Raises `UavmapError` for what cannot be simulated.
     """
 
@@ -98,6 +99,8 @@ class Setup:
     gps_sigma_m: float = 0.3
     gps_tau_s: float = 60.0
     ready_after_s: float = 5.0
+    quirks: Quirks = field(default_factory=Quirks)
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.autopilot not in FLAVOURS:
@@ -138,6 +141,8 @@ class Setup:
                         gps_tau_s=self.gps_tau_s,
                         ready_after_s=self.ready_after_s,
                         image_url_prefix=image_url_prefix,
+                        quirks=self.quirks,
+                        parameters=tuple(self.parameters.items()),
                     ),
                     world,
                 )

@@ -93,6 +93,13 @@ class Vehicle:
         self._unread.clear()
         return data
 
+    def ground_station(self) -> None:
+        """Speak as a ground station: a PX4 sends its texts to none but those it has heard.
+
+        A real one forgets a station whose heartbeat stays away for 2.5 s.
+        """
+        self.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
+
     def expect(self, kind: str, timeout_s: float = 10.0, **fields: Any) -> Message:
         """The next message of a kind with such fields; what came before it is dropped.
 

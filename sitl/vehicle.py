@@ -63,8 +63,11 @@ class SimVehicle:
             raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
         amsl_m = world.spec.origin_amsl_m
         flavour = FLAVOURS[spec.autopilot](
-            Kit(spec, self._body, self._error, self._battery, world.plane, amsl_m, self._wind)
-        )
+            Kit(
+                spec, self._body, self._error, self._battery, world.plane, amsl_m, self._wind,
+                self._seed,
+            )
+        )  # fmt: skip
         self._flavour = flavour
         self._ap = flavour.aircraft
         self._telemetry = flavour.telemetry
@@ -72,7 +75,10 @@ class SimVehicle:
         for message_id, interval_s in flavour.default_s.items():
             self._streams.set(message_id, interval_s, 0.0)
         prefix = f"{spec.image_url_prefix}{spec.system_id}/"
-        self._payload = Payload(spec.camera, world, self._telemetry, prefix, self._expose)
+        self._telemetry.clock_rate = 1.0 + spec.quirks.clock_ppm * 1e-6
+        self._payload = Payload(
+            spec.camera, world, self._telemetry, prefix, self._expose, spec.quirks
+        )
         commands = Commands(
             self._ap,
             self._telemetry,
@@ -80,9 +86,12 @@ class SimVehicle:
             self._payload,
             flavour.flight,
             flavour.default_s,
+            camera=spec.quirks.camera,
+            answers_for_camera=flavour.answers_for_camera,
         )
         commands.intercept = self._intercept
         self._ap.parameters.watch = self._parameter_set
+        self._ap.parameters.set_up(spec.parameters)
         self._interpreter = flavour.interpreter(commands, self._streams)
         self._next_heartbeat_s = 0.0
         self._next_timesync_s = 0.0
@@ -125,7 +134,10 @@ class SimVehicle:
         link_id = next((n for n in range(_MAX_LINKS) if n not in used), None)
         if link_id is None:
             raise ValueError(f"a vehicle has at most {_MAX_LINKS} links")
-        link = Link(link_id, self._seed, self.fail, self._signing, self._hear, trusted=trusted)
+        link = Link(
+            link_id, self._seed, self.fail, self._signing, self._hear, trusted=trusted,
+            texts_to_stations=self._flavour.texts_to_stations,
+        )  # fmt: skip
         self._links.append(link)
         return link
 
@@ -227,7 +239,8 @@ class SimVehicle:
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s += _HEARTBEAT_S
             sent += wire.pack(self._telemetry.heartbeat())
-            sent += self._interpreter.camera_wire.pack(self._payload.heartbeat())
+            if self.spec.quirks.camera == "component":
+                sent += self._interpreter.camera_wire.pack(self._payload.heartbeat())
             if now_s >= self._next_timesync_s:
                 self._next_timesync_s += _TIMESYNC_S
                 sent += wire.pack(mav.MAVLink_timesync_message(0, round(t_s * 1e9)))
@@ -238,7 +251,8 @@ class SimVehicle:
             return sent
         picture = self._payload.step(t_s)
         if picture is not None:
-            sent += self._interpreter.camera_wire.pack(picture)
+            if self.spec.quirks.camera == "component":
+                sent += self._interpreter.camera_wire.pack(picture)
             if self._flavour.camera_feedback:
                 sent += wire.pack(self._payload.feedback)
             if fail.picture:
@@ -260,6 +274,8 @@ class SimVehicle:
         if self._interpreter.heard:  # nobody has listened before: no texts
             for severity, text in ap.texts:
                 sent += wire.pack(statustext(severity, text))
+                if self._flavour.event is not None:
+                    sent += wire.pack(self._flavour.event(severity, text, ap.t_s))
         ap.mode_changed = ap.home_changed = False
         ap.texts.clear()
         return bytes(sent)

@@ -7,6 +7,7 @@ from enum import IntEnum
 
 from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec
+from sitl.quirks import Quirks
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +18,7 @@ class VehicleSpec:
     `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
     crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
     position error. `image_url_prefix`: what the pictures' addresses begin with; the system id and
-    the picture's index follow.
+    the picture's index follow. `parameters` of the autopilot are set before it flies.
     """
 
     system_id: int
@@ -35,6 +36,8 @@ class VehicleSpec:
     max_tilt_deg: float = 30.0
     image_url_prefix: str = "sim://"
     autopilot: str = "ardupilot"
+    quirks: Quirks = field(default_factory=Quirks)
+    parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         problems = []
@@ -48,6 +51,8 @@ class VehicleSpec:
             problems.append("max_tilt_deg is 5 to 30")
         if not (self.hover_power_w > 0.0 and self.battery_wh > 0.0):
             problems.append("battery_wh and hover_power_w are positive")
+        if self.quirks.camera == "autopilot" and self.autopilot != "ardupilot":
+            problems.append("camera 'autopilot' is an ArduPilot's, its CAM1_TYPE")
         if len(self.image_url_prefix) > 180:
             problems.append("image_url_prefix is at most 180 characters")
         if problems:

@@ -23,6 +23,7 @@ from missions.state import Setting
 from missions.units import GridPoint, LatLon
 from sitl.camera.pinhole import CameraSpec
 from sitl.faults.faults import Faults
+from sitl.quirks import Quirks
 from sitl.scenario import Home, Setup
 from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle
@@ -83,6 +84,8 @@ def setup_of(
         swap_after_s=sim.swap_s,
         gps_sigma_m=sim.gps_sigma_m,
         gps_tau_s=sim.gps_tau_s,
+        quirks=Quirks(**sim.quirks.model_dump()),
+        parameters=sim.parameters,
     )
 
 

@@ -90,6 +90,16 @@ _FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 
 
+class SimQuirks(Section):
+    """What real aircraft do that a client would rather not know of; see `sitl.quirks`."""
+
+    camera: Literal["component", "autopilot", "none"] = "component"
+    camera_clock_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
+    camera_tells_pose: bool = True
+    clock_ppm: Annotated[Number, Field(ge=-200_000, le=200_000)] = 0.0
+    home_moves_m: Annotated[Number, Field(ge=0, le=20)] = 1.5
+
+
 class Sim(Section):
     """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
 
@@ -106,5 +116,8 @@ class Sim(Section):
     gps_tau_s: Positive = 60.0
     swap_s: NotNegative = 60.0
     """How long the ground crew needs for a battery swap."""
+    quirks: SimQuirks = SimQuirks()
+    parameters: Mapping[str, Number] = Field(default_factory=dict)
+    """Of the simulated autopilot, by name: what its owner has set."""
     faults: tuple[SimFault, ...] = ()
     """What goes wrong, and when."""

@@ -6,7 +6,7 @@ from sitl.ardupilot.failsafes import Failsafes
 from sitl.body.battery import Battery
 from sitl.body.physics import IDLE, Body, Command
 from sitl.body.sensors import PositionError
-from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
+from sitl.copter.aircraft import SEVERITY_CRITICAL, SEVERITY_INFO, Aircraft
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import UNARMABLE, Mode, Phase
@@ -18,6 +18,7 @@ from sitl.copter.tuning import CopterTuning
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
+_PREARM_EVERY_S = 30.0  # so often a vehicle that would not arm says why
 _TOTALS = {MISSION: "MIS_TOTAL", FENCE: "FENCE_TOTAL", RALLY: "RALLY_TOTAL"}
 
 
@@ -53,6 +54,7 @@ class Autopilot(Aircraft):
         self.mode = Mode.STABILIZE
         self.failsafes = Failsafes()
         self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
+        self._next_prearm_s = _PREARM_EVERY_S
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START
         self._submode = ""  # of GUIDED: which kind of target is flown
 
@@ -271,6 +273,12 @@ class Autopilot(Aircraft):
 
     def _watch_failsafes(self) -> None:
         self.failsafes.step(self)
+        if self.t_s >= self._next_prearm_s:
+            self._next_prearm_s += _PREARM_EVERY_S
+            if not self.armed and self.parameters["ARMING_CHECK"] != 0.0:
+                refusal = self.prearm_refusal()
+                if refusal is not None:
+                    self.say(SEVERITY_CRITICAL, refusal)
 
     def _decide(self, dt_s: float) -> Command:
         if self.mode == _AUTO and self.armed and self._mission_started:

@@ -11,7 +11,7 @@ from sitl.copter.control import WIND_TAU_S, Controller, Estimate
 from sitl.copter.modes import Mode, Phase
 from sitl.copter.params import Parameters
 from sitl.copter.streaming import Setpoint
-from sitl.copter.trajectory import Shaper, shaping_jerk
+from sitl.copter.trajectory import shaping_jerk
 from sitl.copter.tuning import Tuning
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
@@ -59,7 +59,7 @@ class Motion:
         self._speeds: dict[str, float] = {}
         self._limits_version = 0
         self._control = Controller()
-        self._shaper = Shaper()
+        self._shaper = tuning.shaper()
         self._since_s = 0.0  # when the present phase began
         self._contact_s = 0.0
         self._follower = tuning.follower()
@@ -270,7 +270,7 @@ class Motion:
         now = self.estimate
         up = now.up + now.v_up * abs(now.v_up) / (2.0 * self._limits.accel_z_m_s2)
         if self._shaper.active:
-            jerk_m_s3 = shaping_jerk(self.parameters["PSC_JERK_XY"])
+            jerk_m_s3 = shaping_jerk(self.tuning.jerk_m_s3)
             return (*self._shaper.stopping_point(self._limits, jerk_m_s3), up)
         lag_s = math.hypot(now.v_east, now.v_north) / (2.0 * self._limits.accel_m_s2) + 0.3
         return now.east + now.v_east * lag_s, now.north + now.v_north * lag_s, up

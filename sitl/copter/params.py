@@ -3,8 +3,9 @@ ask for, with the names, defaults and types of ArduCopter 4.6."""
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 
@@ -37,6 +38,7 @@ _ROWS = (
     Parameter("BATT_LOW_TIMER", 10, INT8),  # s below the voltage
     Parameter("BATT_LOW_VOLT", 10.5, REAL32),  # V
     Parameter("BATT_MONITOR", 4, INT8, fixed=True),
+    Parameter("CAM1_TYPE", 0, INT8, fixed=True),  # 1: a camera that the autopilot triggers
     Parameter("COMPASS_ENABLE", 1, INT8, fixed=True),
     Parameter("DISARM_DELAY", 10, INT8),  # s
     Parameter("FENCE_ACTION", 1, INT8),
@@ -144,6 +146,23 @@ class Parameters:
             if self.watch is not None:
                 self.watch(name, self._values[name])
         return True
+
+    def set_up(self, values: Iterable[tuple[str, float]]) -> None:
+        """What the owner of the vehicle has set. Raises `ValueError` for what cannot be set.
+
+        >>> Parameters().set_up([("RTL_ALTT", 2000.0)])
+        Traceback (most recent call last):
+        ValueError: parameters: the autopilot has no 'RTL_ALTT' that can be set; near: RTL_ALT
+        """
+        for name, value in values:
+            if name not in self or self.by_name[name].fixed:
+                names = [parameter.name for parameter in self.table if not parameter.fixed]
+                near = ", ".join(difflib.get_close_matches(name, names, cutoff=0.8))
+                raise ValueError(
+                    f"parameters: the autopilot has no {name!r} that can be set"
+                    + (f"; near: {near}" if near else "")
+                )
+            self.set(name, value)
 
     def preset(self, name: str, value: float) -> None:
         """The autopilot's own knowledge, at the start: nobody is told."""

@@ -7,6 +7,7 @@ faster than the limit while it makes up for its lag, as the real one is.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from sitl.copter.control import Estimate, Limits, sqrt_controller
 
@@ -31,12 +32,40 @@ def _held(east: float, north: float, most: float) -> tuple[float, float]:
     return east * most / length, north * most / length
 
 
+SpeedLaw = Callable[[float, float, float], float]
+"""Speed at which to approach, by distance, acceleration and jerk: m/s, m, m/s^2, m/s^3."""
+
+
+def copter_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
+    """ArduCopter's.
+
+    >>> round(copter_speed(4.0, 2.5, 5.0), 2)
+    3.17
+    """
+    rate_1_s = jerk_m_s3 / accel_m_s2
+    return sqrt_controller(distance_m, _PLACE_SHARE * rate_1_s, _BRAKING_SHARE * accel_m_s2)
+
+
+def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
+    """PX4's: from which it stops with the acceleration ramped up and down again.
+
+    Near the target it is proportional to the distance, with jerk / (2 accel) a second, so the last
+    metre takes long.
+
+    >>> round(px4_speed(4.0, 3.0, 4.0), 2), round(px4_speed(0.5, 3.0, 4.0), 2)
+    (2.15, 0.32)
+    """
+    ramp_m_s = 4.0 * accel_m_s2 * accel_m_s2 / jerk_m_s3
+    return 0.5 * (math.sqrt(ramp_m_s * ramp_m_s + 8.0 * accel_m_s2 * distance_m) - ramp_m_s)
+
+
 class Shaper:
     """Place, velocity and acceleration of the point that is followed, metres and seconds."""
 
-    __slots__ = ("_acceleration", "_place", "_velocity", "active")
+    __slots__ = ("_acceleration", "_law", "_place", "_velocity", "active")
 
-    def __init__(self) -> None:
+    def __init__(self, law: SpeedLaw = copter_speed) -> None:
+        self._law = law
         self.active = False
         self._place = self._velocity = self._acceleration = (0.0, 0.0)
 
@@ -59,8 +88,7 @@ class Shaper:
         rate_1_s = jerk_m_s3 / limits.accel_m_s2
         d_east, d_north = target[0] - east, target[1] - north
         distance = math.hypot(d_east, d_north)
-        braking = _BRAKING_SHARE * limits.accel_m_s2
-        speed = min(limits.speed_m_s, sqrt_controller(distance, _PLACE_SHARE * rate_1_s, braking))
+        speed = min(limits.speed_m_s, self._law(distance, limits.accel_m_s2, jerk_m_s3))
         scale = speed / max(distance, 1e-9)
         gain_1_s = _SPEED_SHARE * rate_1_s
         wanted_east, wanted_north = _held(

@@ -8,7 +8,7 @@ from sitl.copter.control import Limits
 from sitl.copter.modes import landing_speed, return_height
 from sitl.copter.params import Parameters
 from sitl.copter.streaming import Follower, ShapedFollower
-from sitl.copter.trajectory import MOST_JERK_M_S3, shaping_jerk
+from sitl.copter.trajectory import MOST_JERK_M_S3, Shaper, shaping_jerk
 
 
 class Tuning(Protocol):
@@ -49,6 +49,9 @@ class Tuning(Protocol):
     @property
     def mission_restarts(self) -> bool:
         """Whether a mission that was left begins anew."""
+
+    def shaper(self) -> Shaper:
+        """What shapes the path to a target."""
 
     def follower(self) -> Follower:
         """What follows a stream of setpoints."""
@@ -113,6 +116,10 @@ class CopterTuning:
     def mission_restarts(self) -> bool:
         """MIS_RESTART."""
         return self._get["MIS_RESTART"] != 0.0
+
+    def shaper(self) -> Shaper:
+        """By a square root of the distance."""
+        return Shaper()
 
     def follower(self) -> Follower:
         """PSC_JERK_XY; 0 leaves it to what the vehicle can do."""

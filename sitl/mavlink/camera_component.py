@@ -20,6 +20,7 @@ from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.codec.wire import Message
 from sitl.mavlink.telemetry import Telemetry
+from sitl.quirks import Quirks
 from sitl.world.world import World
 
 _KEPT = 400  # announcements and exposures kept
@@ -50,8 +51,10 @@ class Payload:
         telemetry: Telemetry,
         url_prefix: str,
         expose: Callable[[int], Exposure],
+        quirks: Quirks = Quirks(),  # noqa: B008 - a value that nobody changes
     ) -> None:
         self.spec = spec
+        self._clock_s, self._tells_pose = quirks.camera_clock_s, quirks.camera_tells_pose
         self._world = world
         self._telemetry = telemetry
         self.url_prefix = url_prefix
@@ -67,6 +70,11 @@ class Payload:
         self._last_sequence = 0
         self.feedback: Message | None = None
         """CAMERA_FEEDBACK of the last picture, which the autopilot sends."""
+
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds on the camera's own clock; it wraps, as `time_boot_ms` does."""
+        return self._telemetry.boot_ms + round(self._clock_s * 1000.0) & 0xFFFFFFFF
 
     # --- commands -------------------------------------------------------------------------------
 
@@ -116,13 +124,14 @@ class Payload:
         self._count += 1
         exposure = self._expose(index)
         url = f"{self.url_prefix}{index}.jpg"
-        lat, lon, amsl_mm = self._telemetry.place(*exposure.believed)
+        place = self._telemetry.place(*exposure.believed)
+        told = (*place, round(exposure.believed_height_m * 1000.0), list(exposure.attitude))
+        if not self._tells_pose:
+            told = (0, 0, 0, 0, [0.0] * 4)
         message = mav.MAVLink_camera_image_captured_message(
-            self._telemetry.boot_ms, 0, 0, lat, lon, amsl_mm,
-            round(exposure.believed_height_m * 1000.0), list(exposure.attitude), index, 1,
-            url.encode("ascii"),
-        )  # fmt: skip
-        self.feedback = self._feedback(index, exposure, (lat, lon, amsl_mm))
+            self.boot_ms, 0, 0, *told, index, 1, url.encode("ascii")
+        )
+        self.feedback = self._feedback(index, exposure, place)
         self._exposures[url] = exposure
         self._announcements[index] = message
         if len(self._exposures) > _KEPT:
@@ -176,13 +185,13 @@ class Payload:
             return self._information()
         if message_id == mav.MAVLINK_MSG_ID_CAMERA_SETTINGS:
             return mav.MAVLink_camera_settings_message(
-                self._telemetry.boot_ms, mav.CAMERA_MODE_IMAGE, math.nan, math.nan
+                self.boot_ms, mav.CAMERA_MODE_IMAGE, math.nan, math.nan
             )
         if message_id == mav.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS:
             # 0 idle, 1 capture, 3 interval capture in progress
             status = 0 if self._left == 0 else 1 if self._left == 1 else 3
             return mav.MAVLink_camera_capture_status_message(
-                self._telemetry.boot_ms, status, 0, self._interval_s, 0, 0.0, self._count
+                self.boot_ms, status, 0, self._interval_s, 0, 0.0, self._count
             )
         return None
 
@@ -190,7 +199,7 @@ class Payload:
         spec = self.spec
         focal_mm = spec.focal_px * _SENSOR_WIDTH_MM / spec.width_px
         return mav.MAVLink_camera_information_message(
-            self._telemetry.boot_ms, _text(b"uavmap"), _text(b"simulated nadir camera"), 1,
+            self.boot_ms, _text(b"uavmap"), _text(b"simulated nadir camera"), 1,
             focal_mm, _SENSOR_WIDTH_MM, _SENSOR_WIDTH_MM * spec.height_px / spec.width_px,
             spec.width_px, spec.height_px, 0, mav.CAMERA_CAP_FLAGS_CAPTURE_IMAGE, 0, b"",
         )  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -17,6 +18,7 @@ from sitl.mavlink.camera_component import Payload
 from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request, statustext
 from sitl.mavlink.streams import Streams
 from sitl.mavlink.telemetry import Telemetry
+from sitl.quirks import CameraKind
 
 __all__ = ["Commands", "Reply", "Request", "statustext"]
 
@@ -26,12 +28,19 @@ _CAMERA_MESSAGES = (
     mav.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
     mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED,
 )
+_TRIGGERS = (
+    mav.MAV_CMD_IMAGE_START_CAPTURE,
+    mav.MAV_CMD_IMAGE_STOP_CAPTURE,
+    mav.MAV_CMD_DO_DIGICAM_CONTROL,
+)
 
 
 class Commands:
     """The commands of the autopilot and of its camera.
 
-    `default_s` has the messages that are streamed unasked, and their intervals.
+    `default_s` has the messages that are streamed unasked, and their intervals. `camera`: see
+    `sitl.quirks.Quirks`. `answers_for_camera`: the autopilot answers what a camera is asked that
+    is not there.
     """
 
     def __init__(
@@ -42,6 +51,8 @@ class Commands:
         payload: Payload,
         flight: BaseCommands,
         default_s: Mapping[int, float],
+        camera: CameraKind,
+        answers_for_camera: bool,
     ) -> None:
         self._ap = autopilot
         self._telemetry = telemetry
@@ -49,6 +60,7 @@ class Commands:
         self._payload = payload
         self.flight = flight
         self._default_s = default_s
+        self._camera, self._answers_for_camera = camera, answers_for_camera
         autopilot.route.camera = self._route_camera
         # asked first: the result of a command that a fault answers, None for all others
         self.intercept: Callable[[Request], int | None] | None = None
@@ -77,9 +89,19 @@ class Commands:
         if self.intercept is not None and (result := self.intercept(request)) is not None:
             return Reply(result)
         function = self._camera_table.get(request.command)
+        if self._camera != "component" and (for_camera or request.command in _TRIGGERS):
+            return self._without_component(request, for_camera)
         if not for_camera:
             function = self._table.get(request.command, function)
         return function(request) if function is not None else Reply(UNSUPPORTED)
+
+    def _without_component(self, request: Request, for_camera: bool) -> Reply:
+        """What becomes of a camera's command where no camera is on the link."""
+        if not self._answers_for_camera:
+            return Reply(UNSUPPORTED, silent=for_camera)
+        if self._camera == "none" or request.command not in _TRIGGERS:
+            return Reply(FAILED, by_autopilot=True)
+        return replace(self._camera_table[request.command](request), by_autopilot=True)
 
     # --- messages -------------------------------------------------------------------------------
 

@@ -123,12 +123,18 @@ class Interpreter:
             return b""
         for_camera = m.target_component == CAMERA
         reply = self._commands.carry_out(request, for_camera)
-        ack = mav.MAVLink_command_ack_message(
-            m.command, reply.result, 0, 0, m.get_srcSystem(), m.get_srcComponent()
-        )
-        wire = self.camera_wire if for_camera else self.autopilot_wire
-        sender = self.camera_wire if reply.from_camera or for_camera else self.autopilot_wire
-        return wire.pack(ack) + b"".join(sender.pack(message) for message in reply.messages)
+        if reply.silent:
+            return b""
+        as_camera = for_camera and not reply.by_autopilot
+        wire = self.camera_wire if as_camera else self.autopilot_wire
+        sender = self.camera_wire if reply.from_camera or as_camera else self.autopilot_wire
+        asker = m.get_srcSystem(), m.get_srcComponent()
+        sent = bytearray()
+        for result in (*reply.before, reply.result):
+            sent += wire.pack(mav.MAVLink_command_ack_message(m.command, result, 0, 0, *asker))
+        for message in reply.messages:
+            sent += sender.pack(message)
+        return bytes(sent)
 
     def _set_mode(self, m: Message) -> bytes:
         if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
@@ -175,8 +181,8 @@ class Interpreter:
         )
 
     def _heartbeat(self, m: Message) -> bytes:
-        station = int(self._ap.parameters["SYSID_MYGCS"])
-        if m.type == mav.MAV_TYPE_GCS and m.get_srcSystem() == station:
+        """Whoever has the number of its ground station is that, whatever it calls itself."""
+        if m.get_srcSystem() == int(self._ap.parameters["SYSID_MYGCS"]):
             self._ap.failsafes.hear_station(self._ap.t_s)
         return b""
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
 from sitl.codec.wire import Cutter, Framer, Message, cut
 from sitl.faults.faults import Faults
 from sitl.faults.lossy_radio import CLEAN, Lossy
@@ -24,6 +26,7 @@ class Link:
     """Bytes in by `receive`, bytes out by `take`, in vehicle time.
 
     `link_id` marks its signatures. `trusted`: a USB cable, where unsigned frames are heard.
+    `texts_to_stations`: STATUSTEXT goes out only once a ground station's heartbeat came in.
     """
 
     def __init__(
@@ -35,8 +38,10 @@ class Link:
         hear: Callable[[list[Message]], None],
         *,
         trusted: bool = False,
+        texts_to_stations: bool = False,
     ) -> None:
         self.link_id = link_id
+        self._tells_texts = not texts_to_stations
         self.trusted = trusted
         self._faults = faults
         self._signing = signing
@@ -64,6 +69,8 @@ class Link:
 
     def send(self, frames: bytes) -> None:
         """Whole unsigned frames from the vehicle; more than a client takes are lost."""
+        if not self._tells_texts:
+            frames = b"".join(frame for frame in cut(frames) if not _is_text(frame))
         quality = self._faults.down
         if quality is CLEAN and self._down.idle and not self._signing.active:
             self._arrive(frames)
@@ -92,9 +99,19 @@ class Link:
                 for message in messages
                 if self._signing.accepts(message.get_msgbuf(), self.trusted)
             ]
+        self._tells_texts = self._tells_texts or any(map(_is_station, messages))
         if messages:
             self._hear(messages)
 
     def _arrive(self, frames: bytes) -> None:
         if len(self._outbox) + len(frames) <= _MAX_OUTBOX:
             self._outbox += frames
+
+
+def _is_text(frame: bytes) -> bool:
+    """STATUSTEXT; the vehicle's own frames are all of MAVLink 2."""
+    return bool(int.from_bytes(frame[7:10], "little") == mav.MAVLINK_MSG_ID_STATUSTEXT)
+
+
+def _is_station(message: Message) -> bool:
+    return bool(message.get_type() == "HEARTBEAT" and message.type == mav.MAV_TYPE_GCS)

@@ -31,11 +31,18 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Result of a command, and what is sent behind the ACK by whom."""
+    """Result of a command, and what is sent behind the ACK by whom.
+
+    `before` are results that are told before that one, by whoever looks at the command first.
+    `by_autopilot`: the autopilot answers, although its camera was asked.
+    """
 
     result: int
     messages: tuple[Message, ...] = ()
     from_camera: bool = False
+    before: tuple[int, ...] = ()
+    by_autopilot: bool = False
+    silent: bool = False
 
 
 def statustext(severity: int, text: str) -> Message:

@@ -78,6 +78,8 @@ class Telemetry:
         self._plane = plane
         self._amsl_m = amsl_m
         self._wind = wind
+        self.clock_rate = 1.0
+        """Of the vehicle's clock, beside time."""
         self._boot_home = autopilot.home
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
@@ -117,7 +119,7 @@ class Telemetry:
     @property
     def boot_ms(self) -> int:
         """Milliseconds since boot, as in `time_boot_ms`."""
-        return round(self._ap.t_s * 1000.0) & 0xFFFFFFFF
+        return round(self._ap.t_s * self.clock_rate * 1000.0) & 0xFFFFFFFF
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
@@ -164,17 +166,27 @@ class Telemetry:
         battery = ap.battery
         return layouts.sys_status(
             _PRESENT, _PRESENT if ap.armed else _PRESENT_AT_REST, health, 100,
-            uint16(battery.voltage_v * 1000.0), int16(battery.current_a * 100.0),
+            uint16(battery.voltage_v * 1000.0), self._current_ca,
             battery.remaining_percent, 0, 0, 0, 0, 0, 0,
         )  # fmt: skip
+
+    @property
+    def _current_ca(self) -> int:
+        """Hundredths of an ampere."""
+        return int16(self._ap.battery.current_a * 100.0)
+
+    @property
+    def _consumed(self) -> tuple[int, int]:
+        """Since the pack was full: mAh, hectojoules."""
+        battery = self._ap.battery
+        return int32(battery.consumed_mah), int32(battery.consumed_wh * 36.0)
 
     def battery_status(self) -> Packed:
         """BATTERY_STATUS: mAh, hectojoules, percent."""
         battery = self._ap.battery
         return layouts.battery_status(
             0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
-            uint16(battery.voltage_v * 1000.0), *_NO_CELLS, int16(battery.current_a * 100.0),
-            int32(battery.consumed_mah), int32(battery.consumed_wh * 36.0),
+            uint16(battery.voltage_v * 1000.0), *_NO_CELLS, self._current_ca, *self._consumed,
             battery.remaining_percent, 0, self._ap.failsafes.charge_state,
         )  # fmt: skip
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from sitl.body.physics import IDLE, Command
 from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
@@ -9,6 +11,7 @@ from sitl.copter.motion import Place
 from sitl.copter.route import Progress
 from sitl.copter.streaming import Setpoint
 from sitl.px4.commander import Commander, Wish
+from sitl.px4.home import LASTS_S
 from sitl.px4.modes import Px4Mode
 
 _WARNING = 4
@@ -155,7 +158,26 @@ class Px4Autopilot(Commander):
     # --- time -----------------------------------------------------------------------------------
 
     def _watch_failsafes(self) -> None:
+        self._correct_home()
         self.failsafes.step(self)
+
+    def _correct_home(self) -> None:
+        """For a while after take-off the height of home follows a better estimate of it."""
+        if not self.airborne:
+            self._flies_since_s = None
+            return
+        if self._flies_since_s is None:
+            self._flies_since_s, self._home_up = self.t_s, self.home[2]
+        up = self._home_up + self.correction.height_m(self.t_s - self._flies_since_s)
+        if up != self.home[2] and self.t_s - self._flies_since_s <= LASTS_S:
+            self.home = (self.home[0], self.home[1], up)
+            self.home_changed = True
+
+    def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
+        """DO_SET_HOME: from then on it stays."""
+        super().set_home(east_m, north_m, up_m)
+        self._home_up = up_m
+        self._flies_since_s = -math.inf
 
     def _decide(self, dt_s: float) -> Command:
         if self.in_mission and self.armed:

@@ -13,6 +13,7 @@ from sitl.copter.modes import Phase
 from sitl.copter.params import Parameters
 from sitl.px4.failsafes import CRITICAL, Px4Failsafes
 from sitl.px4.fence import Px4Fence
+from sitl.px4.home import HomeCorrection
 from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
 from sitl.px4.offboard import Setpoints
 from sitl.px4.params import TABLE
@@ -38,6 +39,7 @@ class Commander(Aircraft):
         ready_after_s: float,
         max_speed_m_s: float,
         max_accel_m_s2: float,
+        correction: HomeCorrection,
     ) -> None:
         parameters = Parameters(TABLE)
         super().__init__(
@@ -57,6 +59,9 @@ class Commander(Aircraft):
         self.mode = Px4Mode.HOLD
         self.failsafes = Px4Failsafes()
         self.setpoints = Setpoints()
+        self.correction = correction
+        self._flies_since_s: float | None = None
+        self._home_up = 0.0  # of home when it took off
         self._after_disarming = Px4Mode.HOLD
         self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
@@ -80,6 +85,10 @@ class Commander(Aircraft):
             return "Preflight Fail: crash detected"
         if not self.position_ok:
             return "Preflight Fail: no global position"
+        if self.parameters["NAV_DLL_ACT"] > 0.0 and not self.failsafes.hears_station(
+            self.t_s, self.parameters
+        ):
+            return "Preflight Fail: No connection to the ground control station"
         if self.battery.empty or self.failsafes.charge_state >= CRITICAL:
             return "Preflight Fail: low battery"
         now = self.estimate

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.ground.geodesy import LocalPlane
 from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
-from sitl.mavlink.reply import ACCEPTED, DENIED, UNSUPPORTED, Reply, Request, statustext
+from sitl.mavlink.reply import ACCEPTED, DENIED, UNSUPPORTED, Reply, Request
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
 
@@ -43,6 +43,13 @@ class Px4Commands(BaseCommands):
             mav.MAV_CMD_DO_SET_HOME: self._set_home_amsl,
         })  # fmt: skip
 
+    def answer(self, refusal: str | None) -> Reply:
+        """ACK; the text that explains a refusal is told behind it, as any other."""
+        if refusal is None:
+            return Reply(ACCEPTED)
+        self._ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
+        return Reply(self.refused)
+
     def _arm_disarm(self, request: Request) -> Reply:
         force = request.p[1] == _FORCE
         if request.p[0] == 1.0:
@@ -54,9 +61,11 @@ class Px4Commands(BaseCommands):
     def _set_mode(self, request: Request) -> Reply:
         base, main, sub = request.integer(1), request.integer(2), request.integer(3)
         if base is None or main is None or not base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-            return self.answer("Unsupported mode")
+            return replace(self.answer("Unsupported mode"), before=(ACCEPTED,))
         mode = wanted(main & 0xFF, (sub or 0) & 0xFF)
-        return self.answer("Unsupported mode") if mode is None else self._mode(mode)
+        reply = self.answer("Unsupported mode") if mode is None else self._mode(mode)
+        # the receiver of the message accepts it unseen, before the commander looks at it
+        return replace(reply, before=(ACCEPTED,))
 
     def set_mode(self, number: int) -> Reply:
         """SET_MODE: main mode and sub-mode in one number."""
@@ -85,7 +94,8 @@ class Px4Commands(BaseCommands):
         up = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
         text = self._ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
         if text is not None:
-            return Reply(ACCEPTED, (statustext(mav.MAV_SEVERITY_CRITICAL, text),))
+            self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)
+            return Reply(ACCEPTED)
         if math.isfinite(speed_m_s) and speed_m_s > 0.0:
             self._ap.set_speed("speed_m_s", speed_m_s)
         # without the flag it flies there in Hold, and says that it does not
@@ -107,7 +117,7 @@ class Px4Commands(BaseCommands):
         first = request.p[0]
         total = self._ap.route.total
         if total == 0:
-            return Reply(DENIED, self.answer("Mission start denied! No valid mission").messages)
+            return replace(self.answer("Mission start denied! No valid mission"), result=DENIED)
         if not (math.isfinite(first) and -1.0 <= first < total):
             return Reply(DENIED)
         if first > 0.0:

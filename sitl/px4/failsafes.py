@@ -30,6 +30,7 @@ _OFFBOARD_ACTIONS = {4: Px4Mode.LAND, 5: Px4Mode.HOLD, 6: _MOTORS_OFF, 7: _MOTOR
 _FENCE_ACTIONS = {2: Px4Mode.HOLD, 3: Px4Mode.RTL, 4: _MOTORS_OFF, 5: Px4Mode.LAND}
 _SEVERITY_ORDER = (Px4Mode.HOLD, Px4Mode.RTL, Px4Mode.LAND, _MOTORS_OFF)
 _RADIO_EXCEPT = {Px4Mode.MISSION: 1, Px4Mode.HOLD: 2, Px4Mode.OFFBOARD: 4}
+_BATTERY = "battery"
 _WARN, _CRITICAL = mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_CRITICAL
 
 OK, LOW, CRITICAL, EMERGENCY = 1, 2, 3, 4  # MAV_BATTERY_CHARGE_STATE
@@ -86,6 +87,12 @@ class Px4Failsafes:
         """A heartbeat of a ground station."""
         self._station_s = now_s
 
+    def hears_station(self, now_s: float, parameters: Parameters) -> bool:
+        """Whether a ground station is connected."""
+        if self._station_s is None:
+            return False
+        return now_s - self._station_s <= parameters.positive("COM_DL_LOSS_T", 5, 300)
+
     def position_gone(self, now_s: float) -> bool:
         """The filter has no position any more."""
         return self._position_s is not None and now_s - self._position_s >= self._gone_after_s
@@ -128,15 +135,14 @@ class Px4Failsafes:
         craft.say(_WARN if state == LOW else _CRITICAL, f"{_CHARGES[state]} level")
         wanted = int(get["COM_LOW_BAT_ACT"])
         if state == EMERGENCY and wanted in (2, 3):
-            self._act(craft, "battery", Px4Mode.LAND)
+            self._act(craft, _BATTERY, Px4Mode.LAND)
         elif state == CRITICAL and wanted == 3:
-            self._act(craft, "battery", Px4Mode.RTL)
+            self._act(craft, _BATTERY, Px4Mode.RTL)
 
     def _station(self, craft: Craft) -> None:
         if self._station_s is None:
             return
-        silent_s = craft.t_s - self._station_s
-        lost = silent_s > craft.parameters.positive("COM_DL_LOSS_T", 5, 300)
+        lost = not self.hears_station(craft.t_s, craft.parameters)
         if lost and not self.no_station:
             craft.say(_WARN, "Connection to ground station lost")
             self._act(craft, "data link", _LINK_ACTIONS.get(int(craft.parameters["NAV_DLL_ACT"])))
@@ -205,10 +211,15 @@ class Px4Failsafes:
             craft.disarm()
             return
         delay_s = craft.parameters["COM_FAIL_ACT_T"]
-        waits = action in (Px4Mode.RTL, Px4Mode.LAND) and not (at_once or self._landing(craft))
+        waits = action in (Px4Mode.RTL, Px4Mode.LAND)
+        if craft.mode == Px4Mode.LAND and cause == _BATTERY:
+            action = Px4Mode.LAND  # it breaks the landing off, waits in Hold, and lands
+        else:
+            waits = waits and not (at_once or self._landing(craft))
         if waits and delay_s > 0.0:
             craft.say(_CRITICAL, f"Failsafe {cause}: Hold, then {Px4Mode(action).name}")
-            self._carry_out(craft, Px4Mode.HOLD)
+            self.engaged = True
+            craft.fail_to(Px4Mode.HOLD)
             self._action, self._due = action, (craft.t_s + delay_s, action)
             return
         craft.say(_CRITICAL, f"Failsafe {cause} activated")

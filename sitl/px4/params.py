@@ -38,6 +38,7 @@ _ROWS = (
     Parameter("MIS_TAKEOFF_ALT", 2.5, REAL32),  # m
     Parameter("MPC_ACC_HOR", 3.0, REAL32),  # m/s^2
     Parameter("MPC_ACC_UP_MAX", 4.0, REAL32),  # m/s^2
+    Parameter("MPC_JERK_AUTO", 4.0, REAL32),  # m/s^3
     Parameter("MPC_LAND_ALT1", 10.0, REAL32),  # m: from here slower
     Parameter("MPC_LAND_ALT2", 5.0, REAL32),  # m: from here at MPC_LAND_SPEED
     Parameter("MPC_LAND_SPEED", 0.7, REAL32),

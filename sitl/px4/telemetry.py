@@ -11,7 +11,7 @@ from missions.ground.geodesy import LocalPlane
 from sitl.codec.wire import Message
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
-from sitl.px4.modes import Px4Mode
+from sitl.px4.modes import UNARMABLE, Px4Mode
 
 _VERSION_1_15_4 = (1 << 24) | (15 << 16) | (4 << 8) | 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
 _CAPABILITIES = (
@@ -87,17 +87,24 @@ class Px4Telemetry(Telemetry):
         base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         if ap.mode.automatic:
             base |= _AUTO
-        elif ap.mode == Px4Mode.OFFBOARD:
-            base |= mav.MAV_MODE_FLAG_STABILIZE_ENABLED
-        else:
+        elif ap.mode != Px4Mode.OFFBOARD:
             base |= _BY_HAND
-        status = mav.MAV_STATE_STANDBY
+        armable = ap.prearm_ok and ap.mode not in UNARMABLE
+        status = mav.MAV_STATE_STANDBY if armable else mav.MAV_STATE_UNINIT
         if ap.armed:
             base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
             status = mav.MAV_STATE_CRITICAL if ap.failsafes.active else mav.MAV_STATE_ACTIVE
         return mav.MAVLink_heartbeat_message(
             mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4, base, int(ap.mode), status, 3
         )
+
+    @property
+    def _current_ca(self) -> int:
+        return -1  # nobody measures it: what is left is told in whole percent alone
+
+    @property
+    def _consumed(self) -> tuple[int, int]:
+        return -1, -1
 
     def autopilot_version(self) -> Message:
         """AUTOPILOT_VERSION of a PX4 1.15, with the simulator's own vendor and product."""

@@ -7,6 +7,7 @@ import math
 from sitl.copter.control import Limits
 from sitl.copter.params import Parameters
 from sitl.copter.streaming import DelayedFollower, Follower
+from sitl.copter.trajectory import Shaper, px4_speed
 
 _NOSE_FORWARD = (0, 3, 4)  # MPC_YAW_MODE
 _ANYWHERE_M = 0.0
@@ -25,7 +26,6 @@ class Px4Tuning:
     15.0
     """
 
-    jerk_m_s3 = 0.0
     return_speed_m_s = 0.0
     rally_within_m = _ANYWHERE_M
     rally_or_home = True
@@ -33,6 +33,11 @@ class Px4Tuning:
 
     def __init__(self, parameters: Parameters) -> None:
         self._get = parameters
+
+    @property
+    def jerk_m_s3(self) -> float:
+        """MPC_JERK_AUTO."""
+        return self._get.positive("MPC_JERK_AUTO", 1.0, 80.0)
 
     @property
     def turns_nose(self) -> bool:
@@ -54,6 +59,10 @@ class Px4Tuning:
     def arrival_m(self) -> float:
         """NAV_ACC_RAD."""
         return self._get.positive("NAV_ACC_RAD", 0.05, 200.0)
+
+    def shaper(self) -> Shaper:
+        """PX4's own, by acceleration and jerk."""
+        return Shaper(px4_speed)
 
     def follower(self) -> Follower:
         """Offboard flight."""

@@ -190,9 +190,9 @@ def mission_text(name: str, faults: Iterable[Mapping[str, object]] = ()) -> str:
     return text
 
 
-def flown(name: str, text: str, seed: int, *more: str) -> Flown:
-    """Fly a mission to its end."""
-    observer = Observer()
+def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None = None) -> Flown:
+    """Fly a mission to its end; the observer may be one that interferes."""
+    observer = Observer() if observer is None else observer
     said, out = io.StringIO(), io.StringIO()
     code, raised = None, ""
     with tempfile.TemporaryDirectory() as below, _observed(observer):

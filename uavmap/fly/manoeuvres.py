@@ -49,6 +49,8 @@ STOP_RADIUS_M: Final = 0.7
 PASS_RADIUS_M: Final = 2.0
 PAUSE_S: Final = 0.1
 """Before a command is asked for again that nobody acknowledged, or that could not be sent."""
+MODE_S: Final = 2.5
+"""A new mode is told within this time."""
 HOME_S: Final = 5.0
 """A position above the home that arming has set comes within this time."""
 LIFT_S: Final = 12.0
@@ -173,6 +175,8 @@ class Manoeuvres:
             try:
                 self._monitor.commanded = (*self._monitor.commanded, *kind.ours)
                 await self._session.flight.follow()
+                # a PX4 acknowledges it unseen: only a heartbeat tells
+                await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
                 await self._session.flight.arm()
                 break
             except LinkError:

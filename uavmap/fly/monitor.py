@@ -24,13 +24,6 @@ PATH_TRACK_S: Final = 0.4
 """On a path that is flown without stopping: plans follow one another so fast."""
 OFF_GROUND_M: Final = 2.0
 
-_OFF_GROUND: Final = (
-    mav.MAV_LANDED_STATE_TAKEOFF,
-    mav.MAV_LANDED_STATE_IN_AIR,
-    mav.MAV_LANDED_STATE_LANDING,
-)
-"""A take-off that is called off goes from the first of these to the last."""
-
 
 class Monitor:
     """The state of a vehicle that matters to the mission, and the events that follow from it.
@@ -95,7 +88,7 @@ class Monitor:
     @property
     def airborne(self) -> bool:
         """Armed, and not on the ground by the autopilot's own word."""
-        return self._view.armed and self._view.landed_state in _OFF_GROUND
+        return self._view.off_ground
 
     @property
     def in_air_as_before(self) -> bool:
@@ -107,7 +100,7 @@ class Monitor:
         unsaid = (
             view.landed_state == mav.MAV_LANDED_STATE_UNDEFINED and view.height_m > OFF_GROUND_M
         )
-        in_air = view.armed and (unsaid or view.landed_state in _OFF_GROUND)
+        in_air = view.off_ground or (view.armed and unsaid)
         return in_air and not view.failsafe and view.mode in (*kind.ours, kind.rtl, kind.land)
 
     def _watch_mode(self) -> None:

@@ -30,7 +30,7 @@ def pose_of(message: Message, view: VehicleView, grid: Grid, taken_s: float) -> 
         raise ImageError(f"the camera tells no usable pose: {fault}")
     return Pose(
         LatLon(message.lat / 1e7, message.lon / 1e7),
-        message.relative_alt / 1000.0,
+        view.height_of(message),
         Quaternion(*message.q),
     )
 
@@ -41,7 +41,7 @@ def pose_fault(message: Message, view: VehicleView, grid: Grid, taken_s: float) 
     It is held against where the vehicle was when the picture was taken, and not where it is by now.
     """
     position = LatLon(message.lat / 1e7, message.lon / 1e7)
-    height_m = message.relative_alt / 1000.0
+    height_m = view.height_of(message)
     if message.lat == message.lon == 0:
         return "latitude and longitude are zero"
     if abs(position.lat_deg) > 90.0 or abs(position.lon_deg) > 180.0:

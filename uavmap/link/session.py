@@ -278,10 +278,13 @@ class Session:
 
     # --- what a client sends of itself -----------------------------------------------------
     def heartbeat(self) -> None:
-        """HEARTBEAT as an onboard controller; it does not stand in for a ground station."""
+        """HEARTBEAT as an onboard controller, which does not stand in for a ground station.
+
+        To a PX4 as a ground station: it explains nothing to anybody else.
+        """
         self.send(
             mav.MAVLink_heartbeat_message(
-                mav.MAV_TYPE_ONBOARD_CONTROLLER,
+                self.view.kind.heard_as,
                 mav.MAV_AUTOPILOT_INVALID,
                 0,
                 0,

@@ -36,6 +36,12 @@ TEXT_LENGTH: Final = 200
 CAMERA_SILENT_S: Final = 10.0
 """After so long another camera of the vehicle may take the place of the one that was heard."""
 STAMP_SLACK_S: Final = 0.5
+_OFF_GROUND: Final = (
+    mav.MAV_LANDED_STATE_TAKEOFF,
+    mav.MAV_LANDED_STATE_IN_AIR,
+    mav.MAV_LANDED_STATE_LANDING,
+)
+"""A take-off that is called off goes from the first of these to the last."""
 SIMULATOR_IDENTITY: Final = (0x5541, 0x534D)
 """vendor_id and product_id of the bundled simulator: nobody stands beside its aircraft."""
 
@@ -61,7 +67,9 @@ class VehicleView:
     position_s: float = float("-inf")
     height_m: float = 0.0
     home_amsl_m: float = 0.0
-    """What `height_m` is above, over the sea."""
+    """What `height_m` is above, over the sea: home as it was at take-off where commands are above
+    the sea (a PX4 corrects its home for minutes, and heights above it leap by metres), else home
+    as it is told, which is what the autopilot reckons commands from."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     whereabouts: Whereabouts = field(default_factory=Whereabouts)
     home: LatLon | None = None
@@ -161,6 +169,17 @@ class VehicleView:
         return self.landed_state == mav.MAV_LANDED_STATE_ON_GROUND and not self.armed
 
     @property
+    def off_ground(self) -> bool:
+        """Armed, and not on the ground by the autopilot's own word."""
+        return self.armed and self.landed_state in _OFF_GROUND
+
+    def height_of(self, message: Message) -> float:
+        """The height that a message of this vehicle tells, metres above `home_amsl_m`."""
+        if self.kind.amsl and message.alt:
+            return float(message.alt / 1000.0 - self.home_amsl_m)
+        return float(message.relative_alt / 1000.0)
+
+    @property
     def is_simulator(self) -> bool:
         """Whether this is an aircraft of the bundled simulator, over whatever link."""
         return self.identity == SIMULATOR_IDENTITY
@@ -227,8 +246,9 @@ def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.position = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.position_s = now_s
-    view.height_m = message.relative_alt / 1000.0
-    view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
+    if not (view.kind.amsl and view.off_ground and view.position is not None):
+        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
+    view.height_m = view.height_of(message)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0
     view.whereabouts.take(Fix(boot_s, view.position, view.height_m, view.velocity_ned_m_s))

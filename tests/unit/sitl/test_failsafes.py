@@ -106,7 +106,9 @@ def test_a_silent_ground_station_brings_it_home(make_client):
     assert last_heartbeat(client).custom_mode == GUIDED
     beat(client, 3)
     begin_s = client.vehicle.t_s - 1.0
-    beat(client, 8, mav.MAV_TYPE_ONBOARD_CONTROLLER)  # a companion does not mask it
+    client._out.srcSystem = 1  # a companion computer does not mask it
+    beat(client, 8, mav.MAV_TYPE_ONBOARD_CONTROLLER)
+    client._out.srcSystem = 255
     assert when(client, RTL) - begin_s == pytest.approx(5.0, abs=0.11)
     assert last_heartbeat(client).system_status == CRITICAL
     assert texts(client)[-1] == "GCS Failsafe"
@@ -127,6 +129,16 @@ def test_another_station_number(make_client):
     beat(client, 1)
     client.run(6.0)
     assert last_heartbeat(client).custom_mode == LAND
+
+
+def test_its_ground_station_is_known_by_its_number_and_not_by_its_type(make_client):
+    """As measured: a service of type ONBOARD_CONTROLLER that had the number was listened to."""
+    client = make_client()
+    put(client, FS_GCS_ENABLE=1)
+    client.take_off()
+    beat(client, 8, mav.MAV_TYPE_ONBOARD_CONTROLLER)
+    client.run(6.0)
+    assert last_heartbeat(client).custom_mode == RTL
 
 
 def test_without_satellites_it_lands_after_eight_seconds(make_client):

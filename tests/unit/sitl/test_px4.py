@@ -35,15 +35,18 @@ MAIN = {
 
 @pytest.fixture
 def sitl():
-    """A PX4 that has found its position."""
+    """A PX4 that has found its position, and a ground station, which reads what it says."""
     vehicle = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0))[0]
     vehicle.run(6.0)
+    vehicle.ground_station()
     vehicle.receive()
     return vehicle
 
 
 def mode(sitl, name):
-    return sitl.command(SET_MODE, 1, *MAIN[name])
+    """The commander's answer; the receiver's, before it, is always yes."""
+    assert sitl.command(SET_MODE, 1, *MAIN[name]) == ACCEPTED
+    return sitl.expect("COMMAND_ACK", timeout_s=0.1, command=SET_MODE).result
 
 
 def take_off(sitl, height_m=10.0):
@@ -170,6 +173,7 @@ def test_modes_are_packed():
 
 def test_arming_without_a_position_is_rejected_with_a_reason():
     sitl = Fleet(Setup(autopilot="px4"))[0]
+    sitl.ground_station()
     sitl.run(1.0)
     assert sitl.command(ARM, 1) == REJECTED
     said(sitl, "Arming denied! Preflight Fail: no global position")
@@ -494,8 +498,8 @@ def test_the_fence_refuses_targets_and_stops_what_leaves(sitl):
 
 def test_a_silent_ground_station(sitl):
     set_param(sitl, "NAV_DLL_ACT", 2)
-    take_off(sitl)
-    sitl.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
+    take_off(sitl, 4.0)
+    sitl.ground_station()
     sitl.run(9.5)
     assert sitl.truth.mode == Px4Mode.HOLD
     sitl.run(1.0)

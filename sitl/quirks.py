@@ -1,0 +1,48 @@
+"""What real aircraft were measured to do that a client would rather not have to know.
+
+One value for a simulated vehicle. The defaults are what was measured on an ArduCopter 4.6 and a
+PX4 1.17 where a correct client is not harmed by it; what only some aircraft have is off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+CameraKind = Literal["component", "autopilot", "none"]
+_MOST_PPM = 200_000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quirks:
+    """The habits of one vehicle.
+
+    `camera`: "component" is a MAVLink camera, component 100, that serves its pictures;
+    "autopilot" is an ArduPilot with CAM1_TYPE 1 and no such component: it takes the camera's
+    commands, answers them as component 1, and tells of pictures in CAMERA_FEEDBACK only, for
+    nobody can fetch them; with "none" an ArduPilot refuses the camera's commands and a PX4 passes
+    over them. `camera_clock_s`: how far the camera's time since boot is ahead of the autopilot's.
+    `camera_tells_pose`: or else its announcements hold zeros. `clock_ppm`: how much faster the
+    vehicle's clock runs than time, in millionths. `home_moves_m`: a PX4 corrects the height of its
+    home in the two minutes after take-off by up to so much; 0: not at all.
+    """
+
+    camera: CameraKind = "component"
+    camera_clock_s: float = 0.0
+    camera_tells_pose: bool = True
+    clock_ppm: float = 0.0
+    home_moves_m: float = 1.5
+
+    def __post_init__(self) -> None:
+        problems = []
+        if self.camera not in ("component", "autopilot", "none"):
+            problems.append("camera is component, autopilot or none")
+        if not math.isfinite(self.camera_clock_s):
+            problems.append("camera_clock_s is a number of seconds")
+        if not abs(self.clock_ppm) <= _MOST_PPM:
+            problems.append(f"clock_ppm is -{_MOST_PPM:.0f} to {_MOST_PPM:.0f}")
+        if not 0.0 <= self.home_moves_m <= 20.0:
+            problems.append("home_moves_m is 0 to 20")
+        if problems:
+            raise ValueError("; ".join(problems))

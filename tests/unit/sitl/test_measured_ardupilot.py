@@ -1,0 +1,180 @@
+"""What a real ArduCopter 4.6 was measured to do, and the simulated one does: a fact each.
+
+The speed that is lost with a change of the guided submode is in `test_sitl_flight`, a camera that
+still captures in `test_sitl_camera`.
+"""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import UavmapError
+from sitl.copter.modes import Mode
+from sitl.quirks import Quirks
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+
+ACCEPTED, FAILED, UNSUPPORTED = (
+    mav.MAV_RESULT_ACCEPTED,
+    mav.MAV_RESULT_FAILED,
+    mav.MAV_RESULT_UNSUPPORTED,
+)
+CAMERA = 100
+START, STOP = mav.MAV_CMD_IMAGE_START_CAPTURE, mav.MAV_CMD_IMAGE_STOP_CAPTURE
+REJECTED = mav.MAV_RESULT_TEMPORARILY_REJECTED
+
+
+def copter(autopilot="ardupilot", ready_after_s=5.0, **quirks):
+    setup = Setup(
+        autopilot=autopilot, gps_sigma_m=0.0, ready_after_s=ready_after_s, quirks=Quirks(**quirks)
+    )
+    return Fleet(setup)[0]
+
+
+def told(vehicle, seconds):
+    """The messages of some seconds, none of those before."""
+    vehicle.receive()
+    vehicle.run(seconds)
+    return vehicle.receive()
+
+
+def of(messages, kind):
+    return [m for m in messages if m.get_type() == kind]
+
+
+def ask_camera(vehicle, command, *p):
+    """What a command to component 100 is answered by whom."""
+    vehicle.receive()
+    filled = (*p, *([0.0] * (7 - len(p))))
+    vehicle.send(mav.MAVLink_command_long_message(1, CAMERA, command, 0, *filled))
+    return [(m.get_srcComponent(), m.result) for m in of(vehicle.receive(), "COMMAND_ACK")]
+
+
+# --- arming --------------------------------------------------------------------------------------
+def test_who_would_not_arm_says_why_every_30_seconds():
+    vehicle = copter(ready_after_s=200.0)
+    vehicle.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
+    said_s = []
+    for _ in range(100):
+        said_s += [
+            vehicle.t_s for m in of(told(vehicle, 1.0), "STATUSTEXT") if m.text.startswith("PreArm")
+        ]
+    assert said_s == pytest.approx([30.0, 60.0, 90.0], abs=1.1)
+
+
+def test_who_could_arm_says_nothing():
+    vehicle = copter()
+    vehicle.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
+    vehicle.run(6.0)
+    assert not of(told(vehicle, 60.0), "STATUSTEXT")
+
+
+def test_a_refused_arming_is_explained_behind_its_answer():
+    vehicle = copter()
+    vehicle.run(1.0)
+    vehicle.receive()
+    vehicle.send(mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    heard = [m.get_type() for m in vehicle.receive() if m.get_type() != "HEARTBEAT"]
+    assert heard == ["COMMAND_ACK", "STATUSTEXT"]
+
+
+def test_it_returns_at_15_m():
+    vehicle = copter()
+    vehicle.run(6.0)
+    for command, p in ((176, (1, 4)), (400, (1,)), (22, (0, 0, 0, 0, 0, 0, 8.0))):
+        assert vehicle.command(command, *p) == ACCEPTED
+    vehicle.until(lambda: vehicle.truth.height_m > 7.7)
+    vehicle.send(
+        mav.MAVLink_set_position_target_global_int_message(
+            0, 1, 1, 6, 3576, 473977420 + 4500, 85455940, 8.0, *([0.0] * 8)
+        )
+    )
+    vehicle.run(15.0)
+    assert vehicle.command(20) == ACCEPTED
+    highest_m = 0.0
+    while vehicle.truth.armed:
+        vehicle.run(0.5)
+        highest_m = max(highest_m, vehicle.truth.height_m)
+    assert highest_m == pytest.approx(15.0, abs=0.5)
+    assert vehicle.truth.mode == Mode.RTL
+
+
+# --- cameras -------------------------------------------------------------------------------------
+def test_an_autopilots_own_camera_answers_as_the_autopilot_and_shows_no_picture():
+    vehicle = copter(camera="autopilot")
+    vehicle.run(6.0)
+    assert ask_camera(vehicle, START, 0, 1.0, 0, 0) == [(1, ACCEPTED)]
+    heard = told(vehicle, 5.0)
+    assert len(of(heard, "CAMERA_FEEDBACK")) >= 4
+    assert not of(heard, "CAMERA_IMAGE_CAPTURED")
+    assert {m.get_srcComponent() for m in heard} == {1}
+    assert ask_camera(vehicle, STOP) == [(1, ACCEPTED)]
+    assert not of(told(vehicle, 5.0), "CAMERA_FEEDBACK")
+    vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"CAM1_TYPE", -1))
+    assert vehicle.expect("PARAM_VALUE").param_value == 1.0
+
+
+def test_without_a_camera_the_autopilot_refuses_for_it():
+    vehicle = copter(camera="none")
+    vehicle.run(6.0)
+    assert ask_camera(vehicle, START, 0, 1.0, 0, 0) == [(1, FAILED)]
+    assert {m.get_srcComponent() for m in told(vehicle, 3.0)} == {1}
+
+
+def test_without_a_camera_a_px4_does_not_answer_for_it():
+    vehicle = copter("px4", camera="none")
+    vehicle.run(6.0)
+    assert ask_camera(vehicle, START, 0, 1.0, 0, 0) == []
+    assert vehicle.command(START, 0, 1.0, 0, 0) == UNSUPPORTED
+
+
+def test_only_an_ardupilot_has_a_camera_of_its_own():
+    with pytest.raises(UavmapError, match="CAM1_TYPE"):
+        copter("px4", camera="autopilot")
+
+
+def test_a_camera_with_a_clock_of_its_own():
+    vehicle = copter(camera_clock_s=-3.5)
+    vehicle.run(6.0)
+    ask_camera(vehicle, START, 0, 1.0, 1, 1)
+    picture = vehicle.expect("CAMERA_IMAGE_CAPTURED")
+    assert picture.time_boot_ms / 1000.0 == pytest.approx(vehicle.t_s - 3.5, abs=0.1)
+
+
+def test_a_camera_that_tells_no_pose():
+    vehicle = copter(camera_tells_pose=False)
+    vehicle.run(6.0)
+    ask_camera(vehicle, START, 0, 1.0, 1, 1)
+    picture = vehicle.expect("CAMERA_IMAGE_CAPTURED")
+    assert (picture.lat, picture.lon, picture.alt, picture.relative_alt) == (0, 0, 0, 0)
+    assert list(picture.q) == [0.0] * 4
+    assert vehicle.image(picture.file_url)
+
+
+# --- clocks --------------------------------------------------------------------------------------
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("ppm", [0.0, 2000.0, -2000.0])
+def test_a_clock_that_drifts(autopilot, ppm):
+    vehicle = copter(autopilot, clock_ppm=ppm)
+    vehicle.run(200.0)
+    assert vehicle.command(511, 33, 100_000) == ACCEPTED
+    boot_s = vehicle.expect("GLOBAL_POSITION_INT").time_boot_ms / 1000.0
+    assert boot_s == pytest.approx(vehicle.t_s * (1.0 + ppm * 1e-6), abs=0.005)
+
+
+def test_what_its_owner_has_set_holds_from_the_start():
+    vehicle = Fleet(Setup(parameters={"RTL_ALT": 2500, "SIM_RC_FAIL": 1}))[0]
+    vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
+    assert vehicle.expect("PARAM_VALUE").param_value == 2500.0
+    vehicle.run(1.0)
+    assert vehicle.fail.rc_lost
+    with pytest.raises(UavmapError, match="no 'RTL_ALTT' that can be set; near: RTL_ALT"):
+        Fleet(Setup(parameters={"RTL_ALTT": 1.0}))
+
+
+def test_impossible_quirks_are_refused():
+    with pytest.raises(ValueError, match="home_moves_m"):
+        Quirks(home_moves_m=-1.0)
+    with pytest.raises(ValueError, match="clock_ppm"):
+        Quirks(clock_ppm=1e7)

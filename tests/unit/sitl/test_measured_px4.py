@@ -1,0 +1,225 @@
+"""What a real PX4 1.17 was measured to do, and the simulated one does: a fact each."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.codec.wire import cut
+from sitl.px4.events import EVENT
+from sitl.px4.modes import Px4Mode
+from sitl.quirks import Quirks
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+from tests.unit.sitl.test_px4 import (
+    ACCEPTED,
+    ARM,
+    MAIN,
+    REJECTED,
+    SET_MODE,
+    local,
+    mode,
+    reposition,
+    set_param,
+    stream,
+    take_off,
+)
+
+
+@pytest.fixture
+def sitl():
+    """A PX4 that has found its position, to a client that is no ground station."""
+    return px4()
+
+
+def px4(**quirks):
+    vehicle = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0, quirks=Quirks(**quirks)))[0]
+    vehicle.run(6.0)
+    vehicle.receive()
+    return vehicle
+
+
+def acks(sitl, command):
+    sitl.run(0.05)
+    return [
+        m.result for m in sitl.receive() if m.get_type() == "COMMAND_ACK" and m.command == command
+    ]
+
+
+def kinds(sitl):
+    return [m.get_type() for m in sitl.receive()]
+
+
+def events(data):
+    return [frame for frame in cut(data) if int.from_bytes(frame[7:10], "little") == EVENT]
+
+
+@pytest.mark.parametrize(("name", "commander"), [("OFFBOARD", REJECTED), ("LAND", ACCEPTED)])
+def test_the_first_answer_to_a_mode_is_always_yes_and_the_commanders_follows(sitl, name, commander):
+    take_off(sitl)
+    sitl.receive()
+    sitl.send(mav.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, *MAIN[name], 0, 0, 0, 0))
+    assert acks(sitl, SET_MODE) == [ACCEPTED, commander]
+    assert (sitl.truth.mode.name == name) == (commander == ACCEPTED)
+
+
+def test_other_commands_have_one_answer(sitl):
+    sitl.send(mav.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert acks(sitl, ARM) == [ACCEPTED]
+
+
+def test_texts_go_only_where_a_ground_station_was_heard(sitl):
+    quiet = sitl._vehicle.connect()
+    assert mode(sitl, "LAND") == ACCEPTED
+    assert sitl.command(ARM, 1) == REJECTED
+    assert "STATUSTEXT" not in kinds(sitl)
+    sitl.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_ONBOARD_CONTROLLER, 8, 0, 0, 4, 3))
+    assert sitl.command(ARM, 1) == REJECTED
+    assert "STATUSTEXT" not in kinds(sitl)
+    sitl.ground_station()
+    quiet.take()
+    assert sitl.command(ARM, 1) == REJECTED
+    assert "Arming denied" in sitl.expect("STATUSTEXT").text
+    told = cut(quiet.take())  # the other link is told nothing of it
+    assert told
+    assert not [f for f in told if int.from_bytes(f[7:10], "little") == 253]
+
+
+def test_everybody_is_told_by_an_event_instead(sitl):
+    assert mode(sitl, "LAND") == ACCEPTED
+    sitl.receive()
+    sitl.send(mav.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert len(events(sitl.receive_bytes())) == 1
+
+
+def test_home_moves_for_two_minutes_after_take_off(sitl):
+    take_off(sitl)
+    told = []
+    for _ in range(75):
+        sitl.receive()
+        sitl.run(2.0)
+        m = [m for m in sitl.receive() if m.get_type() == "GLOBAL_POSITION_INT"][-1]
+        told.append((sitl.t_s, (m.alt - m.relative_alt) / 1000.0, sitl.truth.height_m))
+    heights_m = [home_m for _, home_m, _ in told]
+    assert max(map(abs, (b - a for a, b in itertools.pairwise(heights_m)))) > 0.7
+    assert all(abs(home_m - 488.0) <= 1.51 for home_m in heights_m)
+    assert max(true_m for *_, true_m in told) - min(true_m for *_, true_m in told) < 0.3
+    assert len({round(home_m, 3) for t_s, home_m, _ in told if t_s > 140.0}) == 1
+
+
+def test_home_that_moves_is_seeded_and_can_be_had_still():
+    def homes(**quirks):
+        vehicle = px4(**quirks)
+        take_off(vehicle, 4.0)
+        vehicle.receive()
+        vehicle.run(20.0)
+        return [m.altitude for m in vehicle.receive() if m.get_type() == "HOME_POSITION"]
+
+    assert homes() == homes()
+    assert len(set(homes())) > 3
+    assert len(set(homes(home_moves_m=0.0))) == 1
+
+
+def test_a_battery_failsafe_breaks_a_landing_off_holds_and_lands(sitl):
+    set_param(sitl, "COM_LOW_BAT_ACT", 3)
+    take_off(sitl)
+    assert sitl.command(21) == ACCEPTED
+    sitl.until(lambda: sitl.truth.height_m < 3.0)
+    sitl.fail.battery_sag(8.0)
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.HOLD, timeout_s=1.0)
+    held_s, height_m = sitl.t_s, sitl.truth.height_m
+    sitl.run(3.5)
+    assert sitl.truth.height_m == pytest.approx(height_m, abs=0.5)
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=3.0)
+    assert 3.9 <= sitl.t_s - held_s <= 5.2  # COM_FAIL_ACT_T is 5 s
+    sitl.until(lambda: not sitl.truth.armed)
+
+
+def test_disarmed_it_stands_by_only_where_it_could_arm(sitl):
+    def status():
+        sitl.receive()
+        return sitl.expect("HEARTBEAT", autopilot=12).system_status
+
+    assert status() == mav.MAV_STATE_STANDBY
+    assert mode(sitl, "RTL") == ACCEPTED
+    assert status() == mav.MAV_STATE_UNINIT
+    assert mode(sitl, "HOLD") == ACCEPTED
+    assert status() == mav.MAV_STATE_STANDBY
+    sitl.fail.gps()
+    sitl.run(6.0)
+    assert status() == mav.MAV_STATE_UNINIT
+
+
+def test_the_base_mode_of_offboard_is_1(sitl):
+    take_off(sitl)
+    sitl.send(local(0, 10, -12))
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    stream(sitl, local(0, 10, -12), 1.2)
+    sitl.receive()
+    stream(sitl, local(0, 10, -12), 1.0)
+    beat = sitl.expect("HEARTBEAT", autopilot=12)
+    assert (beat.base_mode, beat.custom_mode) == (1 | 128, int(Px4Mode.OFFBOARD))
+
+
+def test_no_current_no_energy_and_whole_percents(sitl):
+    take_off(sitl)
+    sitl.receive()
+    sitl.run(5.0)
+    told = [m for m in sitl.receive() if m.get_type() in ("BATTERY_STATUS", "SYS_STATUS")]
+    batteries = [m for m in told if m.get_type() == "BATTERY_STATUS"]
+    assert 2 <= len(batteries) <= 3  # 0.5 Hz
+    for m in told:
+        assert m.battery_remaining == int(m.battery_remaining) > 90
+        if m.get_type() == "BATTERY_STATUS":
+            assert (m.current_battery, m.current_consumed, m.energy_consumed) == (-1, -1, -1)
+        else:
+            assert m.current_battery == -1
+
+
+def test_it_returns_at_30_m(sitl):
+    take_off(sitl)
+    assert reposition(sitl, 473977420 + 9000, 85455940, 498.0) == ACCEPTED
+    sitl.run(30.0)
+    assert sitl.command(20) == ACCEPTED
+    highest_m = 0.0
+    for _ in range(300):
+        sitl.run(0.1)
+        highest_m = max(highest_m, sitl.truth.height_m)
+    assert highest_m == pytest.approx(30.0, abs=2.0)  # above a home that moves
+
+
+def test_without_a_ground_station_one_that_needs_it_does_not_arm(sitl):
+    set_param(sitl, "NAV_DLL_ACT", 2)
+    assert sitl.command(ARM, 1) == REJECTED
+    sitl.ground_station()
+    assert sitl.command(ARM, 1) == ACCEPTED
+
+
+def leg_s(sitl, north_m):
+    """Seconds to within 0.7 m of a place ahead, slower than 1.5 m/s."""
+    plane = sitl._vehicle.world.plane
+    east, north = plane.to_plane(sitl.truth.position)
+    goal = plane.to_wgs84(east, north + north_m)
+    begin_s = sitl.t_s
+    place = round(goal.lat_deg * 1e7), round(goal.lon_deg * 1e7)
+    assert reposition(sitl, *place, 498.0, flags=0) == mav.MAV_RESULT_UNSUPPORTED
+
+    def there():
+        off = math.dist(plane.to_plane(sitl.truth.position), (east, north + north_m))
+        return off < 0.7 and math.hypot(*sitl.truth.velocity_m_s[:2]) < 1.5
+
+    sitl.until(there, timeout_s=30.0)
+    return sitl.t_s - begin_s
+
+
+def test_short_legs_take_long_by_its_jerk_limit(sitl):
+    """A real one took 4.0 s for 4 m with all that a mission does around it; 2.35 s is too few."""
+    take_off(sitl)
+    sitl.run(2.0)
+    assert 2.9 <= leg_s(sitl, 4.0) <= 4.0
+    sitl.run(5.0)
+    begin_s = leg_s(sitl, 40.0)
+    assert 9.5 <= begin_s <= 12.0  # MPC_XY_CRUISE is 5 m/s
