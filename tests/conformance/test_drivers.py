@@ -16,6 +16,7 @@ from missions.events import (
     BatterySwapped,
     Connected,
     FrameSeen,
+    Guarded,
     Landed,
     LinkLost,
     LookEnded,
@@ -111,6 +112,20 @@ def test_the_autopilot_returns_by_itself_when_it_is_told_to(driver: str, autopil
     flight = fly(body, driver, autopilot)
     assert not flight.seen(Overridden)
     assert flight.vehicle.truth.landed
+
+
+@each_autopilot
+@each_driver
+def test_what_does_not_return_is_told_to_land(driver: str, autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        for command in (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_DO_SET_MODE):
+            flight.vehicle.fail.reject(command, mav.MAV_RESULT_DENIED)
+        await flight.after(ReturnToLaunch(), Landed)
+
+    flight = fly(body, driver, autopilot)
+    assert [guarded.action for guarded in flight.seen(Guarded)] == ["rtl", "land"]
+    assert "denied" in flight.seen(Guarded)[-1].reason
 
 
 @each_autopilot

@@ -90,6 +90,11 @@ def test_control_c_brings_it_home_and_leaves_nothing_behind(tmp_path):
             if process.poll() is None:
                 process.kill()
             process.communicate()
+        # and the other driver goes on
+        again = uavmap("resume", folder, "--json", "--driver", "pymavlink")
+    assert again.code == 0, again.err
+    assert again.summary["completed"] is True
+    assert "MAVSDK" not in again.err
     assert done.code == 3, done.err
     assert "MAVSDK has ended" not in done.err
     assert "landed" in [event["kind"] for event in events(folder)]
@@ -103,6 +108,12 @@ def test_a_simulated_flight_by_mavsdk_is_refused_with_the_remedy(tmp_path):
     assert "virtual time" in done.err
     assert "uavmap sitl" in done.err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_simulated_flight_does_not_go_on_by_mavsdk(speck):
+    done = uavmap("resume", speck.folder, "--driver", "mavsdk")
+    assert done.code == 2
+    assert "virtual time" in done.err
 
 
 def test_a_driver_that_does_not_exist_is_named_with_those_that_do(tmp_path):

@@ -19,7 +19,7 @@ from uavmap.cli.common import (
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
-from uavmap.record.flight_plan import DRIVERS, MAVSDK, PYMAVLINK, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, SIM_EPOCH_UTC_S, FlightPlan
 
 _EXAMPLES = """\
 examples:
@@ -93,11 +93,6 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
-    if options.sim and options.driver == MAVSDK:
-        raise LinkError(
-            "--driver mavsdk cannot fly with --sim: MAVSDK has a clock of its own, and a simulated "
-            "flight is on virtual time; start `uavmap sitl`, and give its URLs with --connect"
-        )
     source = load_source(options.mission)
     mission = source.parse()
     urls = tuple(options.connect)
@@ -125,6 +120,7 @@ def run(options: argparse.Namespace) -> int:
         driver=options.driver,
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
+    plan.check_driver()
     plan.mission()  # says what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
     progress = Terminal()

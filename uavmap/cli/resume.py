@@ -11,7 +11,7 @@ from typing import Any
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.fly.flight import resume
 from uavmap.fly.progress import Terminal
-from uavmap.record.flight_plan import JOURNAL
+from uavmap.record.flight_plan import DRIVERS, JOURNAL
 from uavmap.record.recovery import recover
 
 _EXAMPLES = """\
@@ -44,6 +44,9 @@ def add_parser(commands: Any) -> None:
         help="where a vehicle is reached now, if that has changed",
     )
     parser.add_argument(
+        "--driver", choices=DRIVERS, help="who speaks MAVLink from now on, if that shall change"
+    )
+    parser.add_argument(
         "--from-home",
         action="store_true",
         help="simulation: put the aircraft at home with full batteries instead of where they were",
@@ -67,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
         folder,
         progress,
         urls=tuple(options.connect),
+        driver=options.driver,
         from_home=options.from_home,
         ask=_ask if at_terminal else None,
     )

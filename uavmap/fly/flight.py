@@ -27,7 +27,7 @@ from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
 from uavmap.link.urls import parse_url
-from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, Driver, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
@@ -65,6 +65,7 @@ def resume(
     progress: Progress,
     *,
     urls: tuple[str, ...] = (),
+    driver: Driver | None = None,
     from_home: bool = False,
     ask: Callable[[str], bool] | None = None,
 ) -> dict[str, Any]:
@@ -73,13 +74,16 @@ def resume(
     A simulated world died with its process: it is made again by flying the recorded flight once
     more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
     stand at home with full batteries instead, as after a failsafe brought them back, and only
-    the journal tells what is known; that is also how real aircraft are taken up. `ask` puts a
-    question to the operator, where there is one.
+    the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
+    with them instead of the one before. `ask` puts a question to the operator, where there is one.
     """
     with Journal.open(folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
         if urls:
             plan = replace(plan, urls=urls)
+        if driver is not None:
+            plan = replace(plan, driver=driver)
+            plan.check_driver()
         setting = plan.setting(progress.say)
         state = fold(setting, journal.events())
         progress.say(

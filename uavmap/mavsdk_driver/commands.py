@@ -3,8 +3,8 @@
 Where it does not, the same command goes by the plug-in `mavlink_direct`, which MAVSDK repeats and
 waits for just so:
 
-* a target: `goto_location` first changes the mode, which would take the vehicle back from a pilot;
-  and a PX4 that flies to a target says "unsupported" to it;
+* a target: `goto_location` first changes the mode, which would take the vehicle back from a pilot,
+  and its frame is one that a PX4 of 2026 refuses;
 * a take-off: `takeoff` sets a parameter of a PX4 for the height, and changes an ArduPilot's mode;
 * into GUIDED: `hold` is BRAKE on an ArduPilot;
 * into OFFBOARD: `offboard` repeats the last setpoint 20 times a second for as long as it lives, so

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, Protocol
 
 from pydantic import TypeAdapter
 
-from missions.errors import JournalError, MissionFileError
+from missions.errors import JournalError, LinkError, MissionFileError
 from missions.mission_file.checks import check
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
@@ -23,9 +23,10 @@ JOURNAL: Final = "journal.db"
 TLOG: Final = "flight.tlog"
 REHOMED: Final = "rehomed"
 """In the journal's meta: whether the simulated aircraft were put at home after the start."""
+Driver = Literal["pymavlink", "mavsdk"]
 PYMAVLINK: Final = "pymavlink"
 MAVSDK: Final = "mavsdk"
-DRIVERS: Final = (PYMAVLINK, MAVSDK)
+DRIVERS: Final[tuple[Driver, ...]] = (PYMAVLINK, MAVSDK)
 """Who speaks MAVLink: this program with pymavlink's codec, or MAVSDK."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
@@ -61,13 +62,22 @@ class FlightPlan:
     rehomed: bool = False
     """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
 
-    driver: Literal["pymavlink", "mavsdk"] = "pymavlink"
+    driver: Driver = PYMAVLINK
     """Who speaks MAVLink with the aircraft."""
 
     @property
     def simulated(self) -> bool:
         """Whether the aircraft are simulated in this process."""
         return not self.urls
+
+    def check_driver(self) -> None:
+        """Raise `LinkError` where the driver cannot fly this."""
+        if self.simulated and self.driver == MAVSDK:
+            raise LinkError(
+                "--driver mavsdk cannot fly with --sim: MAVSDK has a clock of its own, and a "
+                "simulated flight is on virtual time; start `uavmap sitl`, and give its URLs with "
+                "--connect"
+            )
 
     def mission(self) -> Mission:
         """The mission with what the command line changed. Raises `MissionFileError`."""
