@@ -194,6 +194,13 @@ class CameraSection(Section):
     height_px: Annotated[Count, Field(ge=16, le=20000)] = 480
     mounting: Literal["fixed", "gimbal"] = "fixed"
     yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
+    """Bearing of the picture's upper edge relative to the nose."""
+    pitch_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
+    roll_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
+    """The plate under the aircraft that it is bolted to: by so much it looks forward (pitch) and to
+    the left (roll) of straight down. For a camera that does not tell its attitude."""
+    latency_s: Annotated[Number, Field(ge=-1, le=10)] = 0.0
+    """From the exposure until a picture of a stream or a folder is there."""
     interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
     """Time between two frames of a cell."""
     pixels_per_cell: Positive = 80.0

@@ -10,11 +10,16 @@ from functools import partial
 from typing import Final
 
 from missions.errors import LinkError
+from missions.mission_file.schema import CameraSection
 from missions.state import Setting
+from uavmap.cameras.mavlink import MavlinkSource
+from uavmap.cameras.mount import Mount
+from uavmap.cameras.pose import Poses
+from uavmap.cameras.source import FrameSource
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.http_pictures import PictureFetcher
-from uavmap.fly.imaging import CameraDriver, Fetch
+from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
@@ -36,12 +41,12 @@ ACK_WAIT_WALL_S: Final = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """The way to one aircraft, and to the pictures of its camera."""
+    """The way to one aircraft, and its camera."""
 
     name: str
     """What the operator calls it: its URL."""
     session: Session
-    fetch: Fetch
+    camera: FrameSource
 
 
 @contextlib.asynccontextmanager
@@ -67,7 +72,7 @@ async def opened_links(
             )
             # the peer is known only when it has spoken
             hosts = partial(_hosts, named, transport)
-            links.append(Link(url, session, PictureFetcher(hosts)))
+            links.append(Link(url, session, MavlinkSource(session, PictureFetcher(hosts))))
         yield links
 
 
@@ -134,11 +139,12 @@ def vehicles_of(
         view.gate.say = partial(_say_of, say, number)
         altitude_m = setting.mission.altitude_m(number - 1)
         classifier = Classifier.of(setting.mission, setting.grid, altitude_m)
+        poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
         vehicles[number] = MavlinkVehicle(
             number,
             link.name,
             link.session,
-            CameraDriver(number, link.session, classifier, link.fetch, mission_time_s),
+            CameraDriver(number, link.camera, poses, classifier, mission_time_s),
             setting,
             mission_time_s,
             crew.swap,
@@ -150,6 +156,11 @@ def vehicles_of(
             tell=say,
         )
     return vehicles
+
+
+def mount_of(camera: CameraSection) -> Mount:
+    """How the camera of a mission file is fixed to its aircraft."""
+    return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
 
 
 def _say_of(say: Callable[[str], None], number: int, text: str) -> None:

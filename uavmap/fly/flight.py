@@ -18,6 +18,7 @@ from missions.events import Event, Resumed
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
+from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.fleet import Link, each_its_own, opened_links, vehicles_of
 from uavmap.fly.ground_crew import Crew
@@ -195,8 +196,9 @@ class _Flight:
         self._truth = simulation.truth
         with self._log() as log:
             links = [
-                Link(name, simulation.open_session(index, log.record), simulation.fetch)
+                Link(name, session, MavlinkSource(session, simulation.fetch))
                 for index, name in enumerate(simulation.names())
+                for session in [simulation.open_session(index, log.record)]
             ]
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(simulation.run())

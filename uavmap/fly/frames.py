@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import FrameLost, FrameSeen
 from missions.units import Cell
-from uavmap.link.session import Message
+from uavmap.cameras.source import Announcement
 
 if TYPE_CHECKING:
     from uavmap.fly.imaging import CameraDriver
@@ -59,7 +59,7 @@ class Frames:
         self._anywhere = anywhere
         self._most = most
         self._interval_s = interval_s
-        self._announced: asyncio.Queue[Message] = asyncio.Queue()
+        self._announced: asyncio.Queue[Announcement] = asyncio.Queue()
         self._next_index: int | None = None
         self._seen: set[int] = set()
         self._pending = 0
@@ -70,19 +70,24 @@ class Frames:
         """How many pictures were announced."""
         self.capturing = False
 
-    def announced(self, message: Message) -> None:
+    def announced(self, picture: Announcement) -> None:
         """A picture was taken; ask for those between the last one and this."""
-        index = message.image_index
-        if index in self._seen:
+        if picture.index is not None and not self._new(picture.index):
             return
+        self._pending += 1
+        self.heard += 1
+        self._announced.put_nowait(picture)
+
+    def _new(self, index: int) -> bool:
+        """Whether a picture of this number was not announced before."""
+        if index in self._seen:
+            return False
         if self._next_index is not None:
             for missing in range(max(self._next_index, index - MOST_MISSING), index):
                 self._camera.ask_again(missing)
         self._next_index = max(index + 1, self._next_index or 0)
         self._seen.add(index)
-        self._pending += 1
-        self.heard += 1
-        self._announced.put_nowait(message)
+        return True
 
     async def finish(self) -> None:
         """Take no more, and wait until those announced are judged.
@@ -158,7 +163,7 @@ class Frames:
         """
         try:
             async with asyncio.timeout(2.0 * self._interval_s + PICTURE_WAIT_S):
-                message = await self._announced.get()
+                picture = await self._announced.get()
         except TimeoutError:
             if self.capturing:
                 self._camera.uncertain()
@@ -166,18 +171,18 @@ class Frames:
                     await self._camera.start(self._interval_s, 0)
             return self._camera.lost("the camera is silent: no picture was announced")
         if self._anywhere and self._announced.qsize() >= MOST_WAITING:
-            message = self._newest()
+            picture = self._newest()
             if not self._left_out:
                 self._left_out = True
-                self._announced.put_nowait(message)
+                self._announced.put_nowait(picture)
                 return self._camera.lost(
                     "pictures are judged slower than they are taken: from now on some are left out"
                 )
-        event = await self._camera.judge(message, vantage, anywhere=self._anywhere)
+        event = await self._camera.judge(picture, vantage, anywhere=self._anywhere)
         self._judged()
         return event
 
-    def _newest(self) -> Message:
+    def _newest(self) -> Announcement:
         """Of those that wait the last: older ones are left out, or the backlog would only grow."""
         self._judged()
         while self._announced.qsize() > 1:
@@ -202,7 +207,7 @@ class Frames:
         while (left_s := due_s - clock.time()) > 0.0:
             try:
                 async with asyncio.timeout(min(wait_s, left_s)):
-                    message = await self._announced.get()
+                    picture = await self._announced.get()
             except TimeoutError:
                 wait_s = ASK_AGAIN_S
                 if self._next_index is not None:
@@ -212,7 +217,7 @@ class Frames:
                     with suppressed_silence():
                         await self._camera.start(self._interval_s, left)
                 continue
-            event = await self._camera.judge(message, vantage)
+            event = await self._camera.judge(picture, vantage)
             self._judged()
             return event
         return self._camera.lost("a picture was ordered, but none was announced")

@@ -1,34 +1,23 @@
 """The camera of a vehicle, and what its frames say.
 
-CAMERA_IMAGE_CAPTURED -> fetch -> frame -> look(frame, grid, detector) -> FrameSeen
+source -> announcement -> pose, picture -> frame -> look(frame, grid, detector) -> FrameSeen
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
-from collections.abc import AsyncIterator, Awaitable, Callable
-from typing import Final
+from collections.abc import AsyncIterator, Callable, Mapping
 
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
-from missions.errors import CommandRefusedError, ImageError, LinkError
+from missions.errors import ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
 from missions.units import Cell
+from uavmap.cameras.pose import Poses
+from uavmap.cameras.source import Announcement, FrameSource, decoded
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.frames import Frames, suppressed_silence
-from uavmap.fly.picture_pose import pose_of
-from uavmap.link.session import Message, Session
-from uavmap.pictures import read_image
 from uavmap.printable import printable
 from vision.look import Frame
-
-Fetch = Callable[[str], Awaitable[bytes]]
-"""From a picture's `file_url` to its bytes. Raises `LinkError`."""
-
-START_TRIES: Final = 3
-"""How often a camera may reject a start after it was stopped."""
 
 
 class CameraDriver:
@@ -37,30 +26,32 @@ class CameraDriver:
     def __init__(
         self,
         number: int,
-        session: Session,
+        source: FrameSource,
+        poses: Poses,
         classifier: Classifier,
-        fetch: Fetch,
         mission_time_s: Callable[[], float],
     ) -> None:
         self._number = number
-        self._session = session
+        self._source = source
+        self._poses = poses
         self._classifier = classifier
-        self._fetch = fetch
         self._now_s = mission_time_s
         self._frames: Frames | None = None
-        self._idle = False
-        """Whether the camera is known to take no pictures just now."""
-        self._ordered_s = float("-inf")
-        """When pictures were ordered last, on the loop's clock: none of them is older."""
+        source.listen(self._announced)
+
+    @property
+    def streams(self) -> Mapping[int, float]:
+        """Rates, Hz, by message id, that it needs of the autopilot; they may become more."""
+        return self._poses.streams
 
     def uncertain(self) -> None:
         """Nobody knows what the camera does: another process may have begun it, or it restarted."""
-        self._idle = False
+        self._source.uncertain()
 
-    def on_message(self, message: Message) -> None:
-        """Take note of a picture that was announced."""
-        if message.get_type() == "CAMERA_IMAGE_CAPTURED" and self._frames is not None:
-            self._frames.announced(message)
+    def _announced(self, picture: Announcement) -> None:
+        """Take note of a picture that was taken."""
+        if self._frames is not None:
+            self._frames.announced(picture)
 
     @contextlib.asynccontextmanager
     async def every(self, interval_s: float, *, anywhere: bool = False) -> AsyncIterator[Frames]:
@@ -91,13 +82,10 @@ class CameraDriver:
                 self.stop()
 
     async def start(self, interval_s: float, count: int) -> None:
-        """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped.
+        """Have pictures taken; a count of 0 goes on until stopped.
 
-        A camera that still captures (its stop was lost, or another process began it) rejects the
-        start for the time being: it is stopped first. Pictures that come are as good as an
-        acknowledgement. Raises `LinkError` when neither comes, or the camera refuses.
+        Raises `LinkError` where nothing answers and none comes, or the camera refuses.
         """
-        self._ordered_s = asyncio.get_running_loop().time()
         frames = self._frames
         if frames is not None:
             frames.capturing = True
@@ -106,50 +94,15 @@ class CameraDriver:
         def coming() -> bool:
             return frames is not None and frames.heard > before
 
-        for attempt in itertools.count(1):
-            if not self._idle:
-                await self._stop_first()
-            self._idle = False
-            try:
-                await self._session.command(
-                    mav.MAV_CMD_IMAGE_START_CAPTURE,
-                    0,
-                    interval_s,
-                    count,
-                    0,
-                    component=self._session.view.camera_component,
-                    done=coming,
-                )
-                return
-            except CommandRefusedError:
-                if attempt >= START_TRIES:
-                    raise
-
-    async def _stop_first(self) -> None:
-        """IMAGE_STOP_CAPTURE, acknowledged; a camera that refuses has nothing to stop."""
-        with contextlib.suppress(LinkError):
-            await self._session.command(
-                mav.MAV_CMD_IMAGE_STOP_CAPTURE,
-                component=self._session.view.camera_component,
-            )
+        await self._source.start(interval_s, count, coming)
 
     def stop(self) -> None:
-        """MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent while being called off."""
-        view = self._session.view
-        self._idle = False
-        self._session.send(
-            mav.MAVLink_command_long_message(
-                view.system_id,
-                view.camera_component,
-                mav.MAV_CMD_IMAGE_STOP_CAPTURE,
-                0,
-                *([0.0] * 7),
-            )
-        )
+        """Have none taken any more; without waiting, for it is said while being called off."""
+        self._source.stop()
 
     def ended(self) -> None:
         """A burst has taken all its pictures: the camera has stopped by itself."""
-        self._idle = True
+        self._source.ended()
 
     @property
     def burst_size(self) -> int:
@@ -163,27 +116,20 @@ class CameraDriver:
 
     def ask_again(self, index: int) -> None:
         """Have a lost announcement repeated."""
-        self._session.request(mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, index)
+        self._source.ask_again(index)
 
     async def judge(
-        self, message: Message, vantage: Cell | None, *, anywhere: bool = False
+        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool = False
     ) -> FrameSeen | FrameLost:
         """What a picture that was announced says: of the cells around its vantage, which is the
         cell below by default, or (`anywhere`) of all that it shows whole.
         """
-        view, camera = self._session.view, self._classifier.camera
-        loop_s = asyncio.get_running_loop().time()
-        taken_s = view.captured_s(message.time_boot_ms, loop_s, self._ordered_s)
-        t_s = round(self._now_s() + taken_s - loop_s, 3)
+        camera = self._classifier.camera
+        t_s = round(self._now_s() + picture.taken_s - asyncio.get_running_loop().time(), 3)
         try:
-            try:
-                pose = pose_of(message, view, self._classifier.grid, taken_s)
-            except ImageError as error:
-                view.gate.refuse(message.get_type(), str(error), loop_s)
-                raise
-            data = await self._fetch(message.file_url)
-            image = read_image(data, message.file_url, (camera.width_px, camera.height_px))
-            frame = Frame(image, pose, t_s, camera)
+            pose = await self._poses.of(picture)
+            size_px = (camera.width_px, camera.height_px)
+            frame = Frame(decoded(await picture.load(), picture.name, size_px), pose, t_s, camera)
             if anywhere:
                 return FrameSeen(self._number, t_s, None, self._classifier.votes_anywhere(frame))
             here, votes = self._classifier.votes(frame, vantage)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -20,10 +20,11 @@ ASK_S: Final = 120.0
 
 
 class Streams:
-    """The streams of one vehicle."""
+    """The streams of one vehicle: those of a mission, and those that its camera needs (`also`)."""
 
-    def __init__(self, name: str, session: Session) -> None:
+    def __init__(self, name: str, session: Session, also: Mapping[int, float]) -> None:
         self._name = name
+        self._also = also
         self._session = session
         self._view = session.view
         self._reboots = 0
@@ -39,7 +40,7 @@ class Streams:
         """
         begin_s = asyncio.get_running_loop().time()
         self._reboots = self._view.gate.clock.reboots
-        for message_id, rate_hz in self._view.kind.streams.items():
+        for message_id, rate_hz in self._rates.items():
             while True:
                 try:
                     await self._session.message_interval(message_id, rate_hz)
@@ -55,13 +56,18 @@ class Streams:
                         ) from None
 
     @property
+    def _rates(self) -> Mapping[int, float]:
+        """Hz, by message id."""
+        return {**self._view.kind.streams, **self._also}
+
+    @property
     def go_on(self) -> bool:
         """Whether a vehicle that speaks again sends all that it was asked for before.
 
         Over a link that loses much, asking for everything anew would take a minute.
         """
         return self._view.gate.clock.reboots == self._reboots and all(
-            self._silent_s(message_id) < SILENT_S for message_id in self._view.kind.streams
+            self._silent_s(message_id) < SILENT_S for message_id in self._rates
         )
 
     def keep(self) -> None:
@@ -74,7 +80,7 @@ class Streams:
         if loop_s - self._asked_s < SILENT_S:
             return
         self._asked_s = loop_s
-        for message_id, rate_hz in self._view.kind.streams.items():
+        for message_id, rate_hz in self._rates.items():
             if self._silent_s(message_id) < SILENT_S:
                 self._tried[message_id] = 0
             elif (tried := self._tried.get(message_id, 0)) < TRIES:

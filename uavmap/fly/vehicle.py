@@ -100,7 +100,7 @@ class MavlinkVehicle:
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
         self._tasks_of = TasksOf(self._reporter, session.view, setting)
-        self._streams = Streams(name, session)
+        self._streams = Streams(name, session, camera.streams)
         session.listen(self._on_message)
 
     @property
@@ -217,7 +217,6 @@ class MavlinkVehicle:
 
     def _on_message(self, message: Message) -> None:
         self._monitor.on_message(message)
-        self._camera.on_message(message)
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:

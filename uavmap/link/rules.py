@@ -158,7 +158,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "PARAM_VALUE": Rule(Sender.AUTOPILOT, (Limit("param_value", -1e9, 1e9),)),
     "STATUSTEXT": Rule(Sender.ANY, (Limit("severity", 0, 7),)),
     "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked
-    # a pose that makes no sense costs the picture and is told there (`uavmap.fly.picture_pose`)
+    # a pose that makes no sense costs the picture and is told there (`uavmap.cameras.pose`)
     "CAMERA_IMAGE_CAPTURED": Rule(Sender.CAMERA, (Limit("image_index", 0, 2**31 - 1),)),
     "CAMERA_CAPTURE_STATUS": Rule(
         Sender.CAMERA, (Limit("image_status", 0, 3), Limit("image_interval", 0, 86_400))

@@ -17,8 +17,11 @@ from missions.orders import Order, StandDown
 from missions.state import Setting
 from missions.units import GridPoint
 from tests.small_missions import CELL_M, START, mission, square
+from uavmap.cameras.mavlink import MavlinkSource
+from uavmap.cameras.pose import Poses
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.classifier import Classifier
+from uavmap.fly.fleet import mount_of
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.link.session import GROUND_SYSTEM_ID, Session
@@ -67,11 +70,13 @@ class Flight:
         )
         grid = self.setting.grid
         classifier = Classifier.of(made, grid)
+        source = MavlinkSource(self.session, self._fetch)
+        poses = Poses(self.session, mount_of(made.camera), grid)
         self.driver = MavlinkVehicle(
             1,
             "sim",
             self.session,
-            CameraDriver(1, self.session, classifier, self._fetch, self.now_s),
+            CameraDriver(1, source, poses, classifier, self.now_s),
             self.setting,
             self.now_s,
             self._crew,

@@ -20,8 +20,12 @@ from missions.state import Setting
 from missions.units import Cell, Quaternion
 from tests.unit.uavmap.flights import small_mission
 from tests.unit.uavmap.peer import Peer, heartbeat
+from uavmap.cameras.mavlink import MavlinkSource
+from uavmap.cameras.pose import Poses
+from uavmap.cameras.source import Announcement
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.classifier import Classifier
+from uavmap.fly.fleet import mount_of
 from uavmap.fly.imaging import CameraDriver
 from uavmap.link.session import Message
 
@@ -76,20 +80,20 @@ def judged(
         await asyncio.sleep(5.0)
         peer.session.feed(peer.frame(heartbeat()))
         peer.session.feed(peer.frame(place(5.0)))
-        driver = CameraDriver(
-            1, peer.session, Classifier.of(MISSION, SETTING.grid), fetch, loop.time
-        )
+        source = MavlinkSource(peer.session, fetch)
+        poses = Poses(peer.session, mount_of(CAMERA), SETTING.grid)
+        driver = CameraDriver(1, source, poses, Classifier.of(MISSION, SETTING.grid), loop.time)
         peer.answer = lambda message: peer.say(
             mav.MAVLink_command_ack_message(message.command, 0, 0, 0, 245, 191), component=100
         )
         await driver.start(1.0, 1)
         await asyncio.sleep(5.1 - loop.time())
         peers(peer)
-        heard: list[Message] = []
-        peer.session.listen(heard.append)
+        heard: list[Announcement] = []
+        source.listen(heard.append)
         for message in messages:
             peer.session.feed(peer.frame(message, 100))
-        events = [await driver.judge(message, None) for message in heard]
+        events = [await driver.judge(picture, None) for picture in heard]
         assert all(math.isfinite(event.t_s) for event in events)
         return events
 
@@ -113,14 +117,17 @@ def test_a_picture_is_judged() -> None:
 
 
 NAN, INF = math.nan, math.inf
+NO_ATTITUDE = "it tells no attitude, and the vehicle did not tell its own of then"
 
 
 @pytest.mark.parametrize(
     ("how", "reason"),
     [
-        ({"q": [0.0] * 4, "lat": 0, "lon": 0}, "latitude and longitude are zero"),
-        ({"q": [0.0] * 4}, "the quaternion is all zero"),
-        ({"q": [NAN] * 4}, "the quaternion is not finite"),
+        # told by neither the camera nor the autopilot
+        ({"q": [0.0] * 4, "lat": 0, "lon": 0}, NO_ATTITUDE),
+        ({"q": [0.0] * 4}, NO_ATTITUDE),
+        ({"q": [NAN] * 4}, NO_ATTITUDE),
+        ({"q": [NAN] * 4, "time_boot_ms": 900_000}, NO_ATTITUDE),
         ({"q": [1.0, INF, 0.0, 0.0]}, "the quaternion is not finite"),
         ({"q": [0.5, 0.0, 0.0, 0.0]}, "the quaternion is not of unit length"),
         ({"q": [3e38] * 4}, "the quaternion is not of unit length"),

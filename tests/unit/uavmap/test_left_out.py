@@ -20,10 +20,10 @@ class SlowCamera:
     def __init__(self) -> None:
         self.indices: list[int] = []
 
-    async def judge(self, message: Any, vantage: None, *, anywhere: bool) -> FrameSeen:
+    async def judge(self, picture: Any, vantage: None, *, anywhere: bool) -> FrameSeen:
         await asyncio.sleep(1.0)
-        self.indices.append(message.image_index)
-        return FrameSeen(1, float(message.image_index), None, ())
+        self.indices.append(picture.index)
+        return FrameSeen(1, float(picture.index), None, ())
 
     def lost(self, reason: str) -> FrameLost:
         return FrameLost(1, 0.0, reason)
@@ -46,7 +46,7 @@ def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameSeen | FrameLost]]:
 
         judging = asyncio.create_task(judge())
         for index in range(100):
-            frames.announced(cast("Any", SimpleNamespace(image_index=index)))
+            frames.announced(cast("Any", SimpleNamespace(index=index)))
             await asyncio.sleep(0.1)
         await asyncio.sleep(3.0)
         judging.cancel()

@@ -22,8 +22,9 @@ from missions.units import Cell, GridPoint, LatLon, Quaternion
 from tests.small_missions import CELL_M, START, mission, square
 from tests.unit.uavmap.flights import Flight, fly
 from tests.unit.uavmap.peer import Peer, heartbeat
+from uavmap.cameras.mavlink import told_pose
+from uavmap.cameras.pose import pose_fault
 from uavmap.clock import VirtualClock, run
-from uavmap.fly.picture_pose import pose_fault
 from uavmap.link.continuity import distance_m
 from uavmap.link.whereabouts import KEPT_S, Fix, Whereabouts
 
@@ -127,7 +128,7 @@ def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> s
         await asyncio.sleep(heard_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
-        return pose_fault(message, view, GRID, taken_s)
+        return pose_fault(told_pose(message), view, GRID, taken_s)
 
     return run(main(), VirtualClock())
 

@@ -1,0 +1,1 @@
+"""Where pictures come from: cameras, streams, folders, each behind `uavmap.cameras.source`."""
