@@ -292,9 +292,11 @@ class Team(Section):
 
 
 class VehicleSection(Section):
-    """One vehicle: where to reach it, and where it stands if not at the start."""
+    """One vehicle: where to reach it, its camera, and where it stands if not at the start."""
 
     url: str | None = None
+    camera: str | None = None
+    """As `uavmap fly --camera`; not for a simulated flight, whose cameras are simulated, too."""
     home: Vertex | None = None
 
 

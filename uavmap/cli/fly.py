@@ -8,6 +8,7 @@ from typing import Any
 
 from missions.errors import LinkError, MissionFileError
 from missions.mission_file.checks import STRATEGIES
+from uavmap.cameras.spec import HELP
 from uavmap.cli.common import (
     EXIT_CODES,
     report,
@@ -16,6 +17,7 @@ from uavmap.cli.common import (
     speedup,
     vehicle_count,
 )
+from uavmap.fly.fleet import cameras_of
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
@@ -28,6 +30,7 @@ examples:
   uavmap fly field.toml --connect udpin://0.0.0.0:14550
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600
   uavmap fly field.toml --connect udpin://0.0.0.0:14540 --driver mavsdk
+  uavmap fly field.toml --connect serial:///dev/ttyACM0:57600 --camera libcamera
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
 
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
@@ -59,6 +62,14 @@ def add_parser(commands: Any) -> None:
         action="append",
         default=[],
         help="where a vehicle is reached; once a vehicle (default: the URLs of the mission file)",
+    )
+    parser.add_argument(
+        "--camera",
+        metavar="SPEC",
+        action="append",
+        default=[],
+        help=f"the camera of a vehicle, once a vehicle, in the order of --connect: {HELP} "
+        "(default: those of the mission file, else mavlink)",
     )
     parser.add_argument(
         "--vehicles", metavar="N", type=vehicle_count, help="fly with so many vehicles"
@@ -108,6 +119,8 @@ def run(options: argparse.Namespace) -> int:
             f"{options.mission}: no vehicle to fly; give --connect URL (or vehicles.url in the "
             "mission file), or --sim for the simulator"
         )
+    if options.sim and options.camera:
+        raise LinkError("--camera goes with --connect: with --sim the cameras are simulated, too")
     plan = FlightPlan(
         mission_source=source.source,
         mission_text=source.text,
@@ -118,10 +131,11 @@ def run(options: argparse.Namespace) -> int:
         speedup=options.speedup,
         auto_swap=options.auto_swap,
         driver=options.driver,
+        cameras=tuple(options.camera),
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
     plan.check_driver()
-    plan.mission()  # says what is wrong before a folder is made
+    cameras_of(plan, plan.mission())  # says what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
     progress = Terminal()
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.fly.flight import resume
 from uavmap.fly.progress import Terminal
@@ -47,6 +48,13 @@ def add_parser(commands: Any) -> None:
         "--driver", choices=DRIVERS, help="who speaks MAVLink from now on, if that shall change"
     )
     parser.add_argument(
+        "--camera",
+        metavar="SPEC",
+        action="append",
+        default=[],
+        help=f"the camera of a vehicle, if that has changed; once a vehicle: {HELP}",
+    )
+    parser.add_argument(
         "--from-home",
         action="store_true",
         help="simulation: put the aircraft at home with full batteries instead of where they were",
@@ -71,6 +79,7 @@ def run(options: argparse.Namespace) -> int:
         progress,
         urls=tuple(options.connect),
         driver=options.driver,
+        cameras=tuple(options.camera),
         from_home=options.from_home,
         ask=_ask if at_terminal else None,
     )

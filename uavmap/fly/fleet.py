@@ -10,12 +10,14 @@ from functools import partial
 from typing import Final
 
 from missions.errors import LinkError
-from missions.mission_file.schema import CameraSection
+from missions.mission_file.schema import CameraSection, Mission
 from missions.state import Setting
-from uavmap.cameras.mavlink import MavlinkSource
+from uavmap.cameras.local import LocalSource
 from uavmap.cameras.mount import Mount
+from uavmap.cameras.opening import Settings, opened_camera
 from uavmap.cameras.pose import Poses
 from uavmap.cameras.source import FrameSource
+from uavmap.cameras.spec import CameraSpec, parse_camera
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.http_pictures import PictureFetcher
@@ -63,16 +65,19 @@ async def opened_links(
     """
     speedup = plan.speedup or 1.0
     ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
-    named = setting.mission.camera.hosts
+    section, named = setting.mission.camera, setting.mission.camera.hosts
     async with contextlib.AsyncExitStack() as stack:
         links: list[Link] = []
-        for url in plan.urls:
+        for url, spec in zip(plan.urls, cameras_of(plan, setting.mission), strict=True):
             session, transport = await stack.enter_async_context(
                 _connected(url, record, ack_wait_s, say, plan.driver, speedup)
             )
             # the peer is known only when it has spoken
             hosts = partial(_hosts, named, transport)
-            links.append(Link(url, session, MavlinkSource(session, PictureFetcher(hosts))))
+            camera = await stack.enter_async_context(
+                opened_camera(spec, session, PictureFetcher(hosts), settings_of(section), say)
+            )
+            links.append(Link(url, session, camera))
         yield links
 
 
@@ -140,6 +145,8 @@ def vehicles_of(
         altitude_m = setting.mission.altitude_m(number - 1)
         classifier = Classifier.of(setting.mission, setting.grid, altitude_m)
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
+        if isinstance(link.camera, LocalSource):  # which tells no pose
+            poses.need_telemetry()
         vehicles[number] = MavlinkVehicle(
             number,
             link.name,
@@ -161,6 +168,21 @@ def vehicles_of(
 def mount_of(camera: CameraSection) -> Mount:
     """How the camera of a mission file is fixed to its aircraft."""
     return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
+
+
+def settings_of(camera: CameraSection) -> Settings:
+    """What a mission file says of its cameras."""
+    size_px = (camera.width_px, camera.height_px)
+    return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
+
+
+def cameras_of(plan: FlightPlan, mission: Mission) -> list[CameraSpec]:
+    """The camera of each vehicle: of the command line, else of the mission file.
+
+    Raises `LinkError` for what is no camera.
+    """
+    written = plan.cameras or [v.camera or "mavlink" for v in mission.vehicles]
+    return [parse_camera(text) for text in written]
 
 
 def _say_of(say: Callable[[str], None], number: int, text: str) -> None:

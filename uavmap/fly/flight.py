@@ -67,6 +67,7 @@ def resume(
     *,
     urls: tuple[str, ...] = (),
     driver: Driver | None = None,
+    cameras: tuple[str, ...] = (),
     from_home: bool = False,
     ask: Callable[[str], bool] | None = None,
 ) -> dict[str, Any]:
@@ -85,6 +86,8 @@ def resume(
         if driver is not None:
             plan = replace(plan, driver=driver)
             plan.check_driver()
+        if cameras:
+            plan = replace(plan, cameras=cameras)
         setting = plan.setting(progress.say)
         state = fold(setting, journal.events())
         progress.say(

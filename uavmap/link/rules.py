@@ -160,6 +160,16 @@ RULES: Final[Mapping[str, Rule]] = {
     "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked
     # a pose that makes no sense costs the picture and is told there (`uavmap.cameras.pose`)
     "CAMERA_IMAGE_CAPTURED": Rule(Sender.CAMERA, (Limit("image_index", 0, 2**31 - 1),)),
+    "CAMERA_FEEDBACK": Rule(
+        Sender.AUTOPILOT,
+        (
+            *_degrees("lat", "lng"),
+            Limit("alt_rel", _LOWEST_M, _HIGHEST_M),
+            Limit("roll", -360, 360),
+            Limit("pitch", -360, 360),
+            Limit("yaw", -360, 360),
+        ),
+    ),
     "CAMERA_CAPTURE_STATUS": Rule(
         Sender.CAMERA, (Limit("image_status", 0, 3), Limit("image_interval", 0, 86_400))
     ),

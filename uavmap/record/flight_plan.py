@@ -64,6 +64,8 @@ class FlightPlan:
 
     driver: Driver = PYMAVLINK
     """Who speaks MAVLink with the aircraft."""
+    cameras: tuple[str, ...] = ()
+    """One a vehicle, instead of the mission file's; empty: those."""
 
     @property
     def simulated(self) -> bool:
@@ -97,6 +99,11 @@ class FlightPlan:
             raise MissionFileError(
                 f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
                 f"{len(self.urls)} connection URLs; give --connect once a vehicle"
+            )
+        if self.cameras and len(self.cameras) != len(mission.vehicles):
+            raise MissionFileError(
+                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
+                f"{len(self.cameras)} cameras; give --camera once a vehicle, in the same order"
             )
         return mission
 
