@@ -6,6 +6,8 @@ from typing import Final
 
 EARLY: Final = 0.25
 """A picture may be early by this share of the interval: no camera keeps time exactly."""
+SLACK_S: Final = 0.05
+"""What the time of a picture is known to: of one that seems older than the order by no more."""
 
 
 class Cadence:
@@ -22,6 +24,8 @@ class Cadence:
         self._left: int | None = 0
         """Pictures that are still wanted; None: until stopped."""
         self._due_s = 0.0
+        self._early_s = SLACK_S
+        self._first = True
 
     @property
     def interval_s(self) -> float:
@@ -37,7 +41,7 @@ class Cadence:
         """Begin anew: none older than now; so far apart, and so many, or 0 until stopped."""
         self._interval_s = interval_s
         self._left = count if count > 0 else None
-        self._due_s = now_s + EARLY * interval_s
+        self._due_s, self._early_s, self._first = now_s, SLACK_S, True
 
     def stop(self) -> None:
         """No more."""
@@ -45,7 +49,7 @@ class Cadence:
 
     def wants(self, taken_s: float) -> bool:
         """Whether a picture of this time would be taken."""
-        return self._left != 0 and taken_s >= self._due_s - EARLY * self._interval_s
+        return self._left != 0 and taken_s >= self._due_s - self._early_s
 
     def take(self, taken_s: float) -> bool:
         """Whether it is taken; the next one is due an interval later."""
@@ -55,5 +59,8 @@ class Cadence:
             self._left -= 1
         # keeps the rhythm; what was missed is not made up for
         next_s = self._due_s + self._interval_s
-        self._due_s = next_s if next_s > taken_s else taken_s + self._interval_s
+        begins = self._first or next_s <= taken_s
+        self._due_s = taken_s + self._interval_s if begins else next_s
+        self._first = False
+        self._early_s = max(EARLY * self._interval_s, 2.0 * SLACK_S)
         return True

@@ -16,11 +16,16 @@ from typing import Any, Protocol
 
 import numpy as np
 from PIL import Image
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import UavmapError
-from uavmap.cameras.folder import Card, FolderSource
+from missions.errors import ImageError, LinkError, UavmapError
+from tests.unit.uavmap.peer import Peer, heartbeat
+from uavmap.cameras.folder import FolderSource
+from uavmap.cameras.mavlink import MavlinkSource
+from uavmap.cameras.mount import Mount
 from uavmap.cameras.source import Announcement, FrameSource
 from uavmap.cameras.stream import Grabbed, StreamSource, Wants
+from uavmap.cameras.triggered import TriggeredSource
 
 SIZE_PX = (64, 48)
 LATENCY_S = 0.3
@@ -153,8 +158,6 @@ class StreamHardware:
         self.opened = 0
 
     async def open(self, wants: Wants) -> None:
-        from missions.errors import LinkError
-
         if not self.there:
             raise LinkError("the test's camera cannot be opened")
         self.opened += 1
@@ -178,8 +181,6 @@ class StreamHardware:
         asyncio.get_running_loop().call_later(LATENCY_S, self._put, number, image)
 
     async def spoil(self, number: int) -> None:
-        from missions.errors import ImageError
-
         broken = ImageError("half of a frame")
         asyncio.get_running_loop().call_later(LATENCY_S, self._put, number, broken)
 
@@ -202,4 +203,179 @@ async def stream_bench(tmp_path: Path) -> AsyncIterator[Bench]:
         yield bench
 
 
-__all__ = ["Bench", "Card", "folder_bench", "running", "stream_bench"]
+# --- over MAVLink ----------------------------------------------------------------------------
+EPOCH_S = 1_790_000_000.0
+AHEAD_S = 100.0
+"""The vehicle was switched on so long before the loop began."""
+
+
+class Ordered:
+    """A camera that takes pictures only as ordered, at the other end of a session.
+
+    `component` is who answers the commands: a camera component, or the autopilot.
+    """
+
+    def __init__(self, component: int) -> None:
+        self.peer = Peer()
+        self.component = component
+        self.there = True
+        self.left = 0
+        self.interval_s = 0.0
+        self.last_s = -1e9
+        self.taken = 0
+        self.peer.answer = self._answer
+
+    def _answer(self, message: Any) -> None:
+        if not self.there or message.get_type() != "COMMAND_LONG":
+            return
+        if message.target_component != self.component:
+            return
+        if message.command == mav.MAV_CMD_IMAGE_START_CAPTURE:
+            if self.left:
+                self._ack(message.command, mav.MAV_RESULT_TEMPORARILY_REJECTED)
+                return
+            self.interval_s, self.left = message.param2, int(message.param3) or -1
+            self.last_s = -1e9
+        elif message.command == mav.MAV_CMD_IMAGE_STOP_CAPTURE:
+            self.left = 0
+        self._ack(message.command, mav.MAV_RESULT_ACCEPTED)
+
+    def _ack(self, command: int, result: int) -> None:
+        self.peer.say(
+            mav.MAVLink_command_ack_message(command, result, 0, 0, 245, 191),
+            component=self.component,
+        )
+
+    def due(self) -> bool:
+        """Whether a picture is taken now; it is noted if so."""
+        now_s = asyncio.get_running_loop().time()
+        if not self.left or not self.there or now_s - self.last_s < 0.9 * self.interval_s:
+            return False
+        self.left -= self.left > 0
+        self.last_s = now_s
+        return True
+
+    def vanish(self) -> None:
+        self.there, self.left = False, 0
+
+    def come_back(self) -> None:
+        self.there = True
+
+    async def telemetry(self) -> None:
+        """Heartbeat, place and attitude, ten times a second, without delay."""
+        loop, peer = asyncio.get_running_loop(), self.peer
+        while True:
+            boot_ms = round((loop.time() + AHEAD_S) * 1000)
+            place = mav.MAVLink_global_position_int_message(
+                boot_ms, 480_000_000, 110_000_000, 500_000, 12_000, 0, 0, 0, 0
+            )
+            level = mav.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
+            for message in (heartbeat(), place, level):
+                peer.session.feed(peer.frame(message, 1))
+            await asyncio.sleep(0.1)
+
+
+class ComponentHardware(Ordered):
+    """Announces with pose and address, a moment later."""
+
+    def __init__(self) -> None:
+        super().__init__(mav.MAV_COMP_ID_CAMERA)
+        self.pictures: dict[str, bytes] = {}
+
+    async def fetch(self, url: str) -> bytes:
+        if url not in self.pictures:
+            raise LinkError(f"{url}: 404")
+        return self.pictures[url]
+
+    async def expose(self, number: int) -> None:
+        self._take(number, there=True)
+
+    async def spoil(self, number: int) -> None:
+        self._take(number, there=False)
+
+    def _take(self, number: int, there: bool) -> None:
+        if not self.due():
+            return
+        index, self.taken = self.taken, self.taken + 1
+        url = f"http://127.0.0.1/{number}.jpg"
+        if there:
+            self.pictures[url] = jpeg(number)
+        boot_ms = round((asyncio.get_running_loop().time() + AHEAD_S) * 1000)
+        message = mav.MAVLink_camera_image_captured_message(
+            boot_ms, 0, 0, 480_000_000, 110_000_000, 500_000, 12_000,
+            [0.7071068, 0.0, -0.7071068, 0.0], index, 1, url.encode(),
+        )  # fmt: skip
+        self.peer.say(message, after_s=0.1, component=self.component)
+
+
+class TriggerHardware(Ordered):
+    """CAMERA_FEEDBACK at once, and the picture in a folder later."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(mav.MAV_COMP_ID_AUTOPILOT1)
+        self.card = FolderHardware(folder)
+
+    async def expose(self, number: int) -> None:
+        if self._trigger():
+            await self.card.expose(number)
+
+    async def spoil(self, number: int) -> None:
+        """Triggered, but the camera was not ready."""
+        self._trigger()
+
+    def _trigger(self) -> bool:
+        if not self.due():
+            return False
+        self.taken += 1
+        utc_s = EPOCH_S + asyncio.get_running_loop().time()
+        self.peer.say(
+            mav.MAVLink_camera_feedback_message(
+                round(utc_s * 1e6), 0, 0, self.taken, 480_000_000, 110_000_000, 500.0, 12.0,
+                0.0, 0.0, 90.0, 0.0, 0, self.taken,
+            ),
+            after_s=0.02,
+        )  # fmt: skip
+        return True
+
+    def vanish(self) -> None:
+        super().vanish()
+        self.card.vanish()
+
+    def come_back(self) -> None:
+        super().come_back()
+        self.card.come_back()
+
+
+@contextlib.asynccontextmanager
+async def mavlink_bench(tmp_path: Path) -> AsyncIterator[Bench]:
+    hardware = ComponentHardware()
+    source = MavlinkSource(hardware.peer.session, hardware.fetch)
+    bench = Bench(source, hardware, [])
+    source.listen(bench.heard.append)
+    async with running(hardware.telemetry):
+        await asyncio.sleep(0.5)
+        yield bench
+
+
+@contextlib.asynccontextmanager
+async def triggered_bench(tmp_path: Path) -> AsyncIterator[Bench]:
+    folder = tmp_path / "card"
+    folder.mkdir()
+    hardware, told = TriggerHardware(folder), list[str]()
+    session = hardware.peer.session
+    session.view.gate.say = told.append
+    source = TriggeredSource(session, Mount(), folder, LATENCY_S, told.append, inline)
+    await source.begin()
+    bench = Bench(source, hardware, told)
+    source.listen(bench.heard.append)
+    async with running(hardware.telemetry), running(source.run):
+        await asyncio.sleep(0.5)
+        yield bench
+
+
+BENCHES = {
+    "folder": folder_bench,
+    "stream": stream_bench,
+    "mavlink": mavlink_bench,
+    "triggered": triggered_bench,
+}
