@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon, Quaternion
+from uavmap.cameras.mavlink_ftp import MavlinkFtp
 from uavmap.cameras.source import Announcement, ToldPose, never
 from uavmap.link.session import Message, Session
 from uavmap.link.view import STAMP_SLACK_S
@@ -104,7 +105,8 @@ class MavlinkSource:
 
     def __init__(self, session: Session, fetch: Fetch) -> None:
         self._session = session
-        self._fetch = fetch
+        self._by_http = fetch
+        self._ftp = MavlinkFtp(session)
         self._commands = CaptureCommands(session, lambda: session.view.camera_component)
         self._heard: Callable[[Announcement], None] = lambda announcement: None
         session.listen(self._on_message)
@@ -139,6 +141,12 @@ class MavlinkSource:
         if message.get_type() == "CAMERA_IMAGE_CAPTURED":
             self._heard(self._announcement(message))
 
+    async def fetch(self, url: str) -> bytes:
+        """The file of a picture, by MAVLink FTP or by HTTP. Raises `LinkError`."""
+        if url.startswith("mftp://"):
+            return await self._ftp.fetch(url)
+        return await self._by_http(url)
+
     def _announcement(self, message: Message) -> Announcement:
         view = self._session.view
         url, now_s = message.file_url, asyncio.get_running_loop().time()
@@ -148,7 +156,7 @@ class MavlinkSource:
         return Announcement(
             name=url,
             taken_s=taken_s,
-            load=lambda: self._fetch(url),
+            load=lambda: self.fetch(url),
             index=message.image_index,
             told=told_pose(message),
             fault="its time cannot be right" if wrong else None,

@@ -157,6 +157,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "AUTOPILOT_VERSION": Rule(Sender.AUTOPILOT),
     "PARAM_VALUE": Rule(Sender.AUTOPILOT, (Limit("param_value", -1e9, 1e9),)),
     "STATUSTEXT": Rule(Sender.ANY, (Limit("severity", 0, 7),)),
+    "FILE_TRANSFER_PROTOCOL": Rule(Sender.ANY),  # the client knows whom it has asked
     "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked
     # a pose that makes no sense costs the picture and is told there (`uavmap.cameras.pose`)
     "CAMERA_IMAGE_CAPTURED": Rule(Sender.CAMERA, (Limit("image_index", 0, 2**31 - 1),)),
