@@ -47,6 +47,7 @@ class Poses:
         self._mount = mount
         self._grid = grid
         self._attitudes = Attitudes()
+        self._told = False
         self.streams: dict[int, float] = {}
         """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
         session.listen(self._on_message)
@@ -82,6 +83,7 @@ class Poses:
         """
         told = picture.told
         if told.position is None or told.attitude is None:
+            self._tell(picture)
             self.need_telemetry()
             await self._session.until(lambda: self._knows(picture.taken_s), AFTER_S)
         fault, pose = self._pose(picture)
@@ -92,6 +94,17 @@ class Poses:
             )  # fmt: skip
             raise ImageError(f"the camera tells no usable pose: {fault}")
         return pose
+
+    def _tell(self, picture: Announcement) -> None:
+        """Say once that a camera that could tell its pose does not."""
+        if self._told or picture.kind != "CAMERA_IMAGE_CAPTURED":
+            return
+        self._told = True
+        what = "attitude" if picture.told.attitude is None else "position"
+        self._view.gate.say(
+            f"the camera does not tell its {what}: the autopilot's is taken, with camera.mounting, "
+            "camera.yaw_deg, camera.pitch_deg and camera.roll_deg"
+        )
 
     def _knows(self, taken_s: float) -> bool:
         """Whether the telemetry reaches beyond a time of the loop."""
