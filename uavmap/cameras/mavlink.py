@@ -20,7 +20,7 @@ from missions.units import LatLon, Quaternion
 from uavmap.cameras.mavlink_ftp import MavlinkFtp
 from uavmap.cameras.source import Announcement, ToldPose, never
 from uavmap.link.session import Message, Session
-from uavmap.link.view import STAMP_SLACK_S
+from uavmap.link.view import STAMP_SLACK_S, VehicleView
 
 Fetch = Callable[[str], Awaitable[bytes]]
 """From a picture's `file_url` to its bytes. Raises `LinkError`."""
@@ -158,13 +158,13 @@ class MavlinkSource:
             taken_s=taken_s,
             load=lambda: self.fetch(url),
             index=message.image_index,
-            told=told_pose(message),
+            told=told_pose(message, view),
             fault="its time cannot be right" if wrong else None,
             kind=message.get_type(),
         )
 
 
-def told_pose(message: Message) -> ToldPose:
+def told_pose(message: Message, view: VehicleView) -> ToldPose:
     """What a CAMERA_IMAGE_CAPTURED tells; zeros and NaN are what cameras say that do not know."""
     position = None
     if not message.lat == message.lon == 0:
@@ -172,4 +172,4 @@ def told_pose(message: Message) -> ToldPose:
     attitude = None
     if any(message.q) and not all(map(math.isnan, message.q)):
         attitude = Quaternion(*message.q)
-    return ToldPose(position, message.relative_alt / 1000.0, attitude)
+    return ToldPose(position, view.height_of(message), attitude)

@@ -128,7 +128,7 @@ def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> s
         await asyncio.sleep(heard_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
-        return pose_fault(told_pose(message), view, GRID, taken_s)
+        return pose_fault(told_pose(message, view), view, GRID, taken_s)
 
     return run(main(), VirtualClock())
 
