@@ -24,12 +24,18 @@ from uavmap.pictures import MAX_PICTURE_BYTES
 
 OPEN_TIMEOUT_MS: Final = 10_000
 READ_TIMEOUT_MS: Final = 5_000
+URL_SETTLE_S: Final = 1.5
+"""FFmpeg reads ahead, up to a second, to find out what a stream holds; that comes first."""
+DEVICE_SETTLE_S: Final = 0.3
 _CHUNK_BYTES: Final = 1 << 16
 _BEGIN, _END = b"\xff\xd8\xff", b"\xff\xd9"
 
 
 class Capture(Protocol):
     """An open device or stream. All but `interrupt` is called from one thread."""
+
+    settle_s: float
+    """Real seconds after its opening for which it may give old pictures."""
 
     def grab(self) -> bool:
         """Wait for the next picture; False when there will be none."""
@@ -58,6 +64,7 @@ class OpenCvCapture:
     def __init__(self, target: str, name: str, size_px: tuple[int, int]) -> None:
         device = target.startswith("/dev/")
         self._name = name
+        self.settle_s = DEVICE_SETTLE_S if device else URL_SETTLE_S
         if device:
             self._capture = cv2.VideoCapture(target, cv2.CAP_V4L2)
             self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, size_px[0])
@@ -104,6 +111,7 @@ class PipeCapture:
     """A program that writes one JPEG after the other to its standard output."""
 
     def __init__(self, arguments: Sequence[str], name: str) -> None:
+        self.settle_s = DEVICE_SETTLE_S
         self._buffer = bytearray()
         self._jpeg = b""
         if shutil.which(arguments[0]) is None:

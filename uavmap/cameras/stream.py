@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from typing import Final, Protocol
 
 from missions.errors import ImageError, LinkError
 from uavmap.cameras.captures import Capture, Open
+from uavmap.cameras.freshness import Freshness
 from uavmap.cameras.local import LocalSource
 from uavmap.cameras.source import Announcement, Loaded, decoded
 
@@ -102,11 +104,13 @@ class ThreadReader:
                 tell(partial(settle, error))
                 return
             self._capture = capture
+            watch, settled_s = Freshness(), time.monotonic() + capture.settle_s
             tell(partial(settle, None))
             try:
                 while not over.is_set() and capture.grab():
                     there_s = loop.time()
-                    frame = _retrieved(capture, there_s) if wants(there_s) else None
+                    good = watch.fresh(there_s) and time.monotonic() >= settled_s
+                    frame = _retrieved(capture, there_s) if good and wants(there_s) else None
                     tell(partial(self._put, over, there_s, frame))
             finally:
                 capture.close()

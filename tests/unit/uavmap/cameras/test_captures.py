@@ -23,6 +23,7 @@ from missions.errors import LinkError
 from tests.unit.uavmap.cameras.rtsp_server import RtspServer
 from tests.unit.uavmap.peer import Peer
 from uavmap.cameras.captures import PipeCapture, gstreamer_command, libcamera_command
+from uavmap.cameras.freshness import Freshness
 from uavmap.cameras.mount import Mount
 from uavmap.cameras.opening import Settings, opened_camera
 from uavmap.cameras.source import Announcement, FrameSource, decoded
@@ -140,6 +141,17 @@ def test_a_gstreamer_pipeline() -> None:
     on(f"gstreamer:videotestsrc is-live=true ! {wanted}", body)
 
 
+def test_frames_that_piled_up_in_a_stall_are_not_of_now() -> None:
+    """25 frames a second; for two seconds the network stands, then all of them come at once."""
+    watch = Freshness()
+    taken_s = [n * 0.04 for n in range(250)]
+    there_s = [7.0 + n * 0.002 if 5.0 <= t < 7.2 else t for n, t in enumerate(taken_s, -125)]
+    fresh = [watch.fresh(t) for t in sorted(there_s)]
+    late_s = [there - taken for there, taken in zip(sorted(there_s), taken_s, strict=True)]
+    assert all(late < 0.25 for late, good in zip(late_s, fresh, strict=True) if good)
+    assert sum(fresh) > 190
+
+
 def test_a_v4l2_device() -> None:
     if not os.path.exists("/dev/video0"):
         pytest.skip("this machine has no V4L2 device")
@@ -179,7 +191,7 @@ def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends() -> None:
 
 def test_a_hanging_stream_ends_nothing() -> None:
     """Its frames stop; what waits for it ends at once when it is closed."""
-    command = [sys.executable, "-c", WRITER + "time.sleep(600)", jpeg(90).hex(), "3"]
+    command = [sys.executable, "-c", WRITER + "time.sleep(600)", jpeg(90).hex(), "40"]
 
     async def main() -> None:
         reader = ThreadReader(partial(PipeCapture, command, "a program"))
