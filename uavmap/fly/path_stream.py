@@ -40,8 +40,6 @@ BRAKE_S: Final = 6.0
 SLOW_M_S: Final = 0.5
 PLACES_INTERVAL_S: Final = 0.5
 """Between two places that are told one after another, instead of a stream."""
-PLACES_LEAD_S: Final = 1.4
-"""So far ahead of its time: a vehicle flies towards a place as fast as it can stop there."""
 PLACES_SPEED_M_S: Final = 9.0
 """That it may fly to catch up with a place."""
 
@@ -173,7 +171,7 @@ class PathStream:
                     )
                 )  # fmt: skip
             now_s = self._reporter.now_s()
-            at = self.course.at(now_s + PLACES_LEAD_S)
+            at = self.course.at(now_s + view.kind.places_lead_s)
             point = Setpoint(at.east_m, at.north_m, 0.0, 0.0)
             self._session.send(self._place_message(point, self._flown_now()))
             told += 1

@@ -46,6 +46,9 @@ class Autopilot:
     place_lead_s: float
     velocity_lead_s: float
     """So far ahead of its time each part of a setpoint is told, for the vehicle to be in time."""
+    places_lead_s: float
+    """The same of places that are told instead of a stream: a vehicle flies towards a place as fast
+    as it can stop there."""
     stream_mode: int
     """The mode in which a stream of setpoints is followed."""
     stream_params: tuple[float, ...]
@@ -97,6 +100,7 @@ ARDUPILOT: Final = Autopilot(
     # measured: an acceleration is answered 0.4 to 0.5 s late, a steady speed is not
     place_lead_s=0.0,
     velocity_lead_s=0.5,
+    places_lead_s=1.4,
     stream_mode=4,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4),
     stream_timeout="GUID_TIMEOUT",
@@ -129,6 +133,8 @@ PX4: Final = Autopilot(
     # measured: whatever is flown, it is 0.17 to 0.19 s behind
     place_lead_s=0.2,
     velocity_lead_s=0.2,
+    # by its limits on jerk and acceleration it is 15 m from where it stops from 6 m/s
+    places_lead_s=2.4,
     stream_mode=_OFFBOARD,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 6),
     heard_as=mav.MAV_TYPE_GCS,

@@ -24,7 +24,6 @@ from uavmap.fly.path_stream import (
     BRAKE_S,
     INTERVAL_S,
     PLACES_INTERVAL_S,
-    PLACES_LEAD_S,
     PathStream,
     setpoint,
 )
@@ -423,8 +422,9 @@ def test_places_ahead_instead_of_a_stream(px4: bool) -> None:
             places = [(t_s, place_of(m)) for t_s, m in wire.setpoints()]
             assert {m.type_mask for _, m in wire.setpoints()} == {0x9F8}
         assert len(places) == 10.0 / PLACES_INTERVAL_S
+        lead_s = (PX4 if px4 else ARDUPILOT).places_lead_s
         for t_s, place in places:
-            assert place.distance_to(plan().at(t_s + PLACES_LEAD_S).place) < 0.05
+            assert place.distance_to(plan().at(t_s + lead_s).place) < 0.05
         modes = [m for _, m in wire.peer.heard if getattr(m, "command", 0) == SET_MODE]
         assert not modes
         assert await wire.stream.leave()
