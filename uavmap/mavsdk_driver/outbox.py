@@ -35,11 +35,10 @@ def kind_of(message: Message) -> Kind:
 
 
 class Outbox:
-    """Lets pass what was asked for; `send` takes the frames, `record` sees them."""
+    """Lets pass what was asked for; `send` takes the frames."""
 
-    def __init__(self, send: Callable[[bytes], None], record: Callable[[bytes], None]) -> None:
+    def __init__(self, send: Callable[[bytes], None]) -> None:
         self._send = send
-        self._record = record
         self._codec = mav.MAVLink(None)
         self._codec.robust_parsing = True
         self._asked: Counter[int] = Counter()
@@ -68,9 +67,7 @@ class Outbox:
             if message.get_type() == "BAD_DATA":
                 continue
             if self._may_go(message):
-                frame = bytes(message.get_msgbuf())
-                self._record(frame)
-                self._send(frame)
+                self._send(bytes(message.get_msgbuf()))
             else:
                 self.held_back[message.get_type()] += 1
 

@@ -96,8 +96,7 @@ class _Ends:
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
-        self.recorded: list[bytes] = []
-        self.outbox = Outbox(self.sent.append, self.recorded.append)
+        self.outbox = Outbox(self.sent.append)
         self._codec = mav.MAVLink(None, 245, 191)
 
     def wants(self, *messages: Any) -> int:
@@ -105,7 +104,6 @@ class _Ends:
         before = len(self.sent)
         for message in messages:
             self.outbox.take(message.pack(self._codec))
-        assert self.sent == self.recorded
         return len(self.sent) - before
 
 
