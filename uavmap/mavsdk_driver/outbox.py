@@ -57,9 +57,14 @@ class Outbox:
         finally:
             self._asked[command] -= 1
 
-    def once(self, message: Message, times: int = 1) -> None:
-        """A message may go; with -1 times it has not come out, and may not any more."""
-        self._once[kind_of(message)] += times
+    def once(self, message: Message) -> None:
+        """A message may go."""
+        self._once[kind_of(message)] += 1
+
+    def not_sent(self, message: Message) -> None:
+        """One that might go has not come out, as far as is known, and may not any more."""
+        kind = kind_of(message)
+        self._once[kind] = max(self._once[kind] - 1, 0)
 
     def take(self, data: bytes) -> None:
         """What MAVSDK wants to be sent."""

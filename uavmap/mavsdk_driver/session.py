@@ -94,7 +94,7 @@ class MavsdkSession(Session):
         def answered(result: str) -> None:
             if result == "SUCCESS":
                 return
-            self.outbox.once(message, -1)
+            self.outbox.not_sent(message)
             if result not in _NOT_SENT and not self._complained:
                 self._complained = True
                 self._say(f"MAVSDK does not send {message.get_type()}: {printable(result)}")
