@@ -19,8 +19,9 @@ from tests.unit.uavmap.flights import Flight, running, small_mission, under_way
 from uavmap.clock import ScaledClock, VirtualClock, run
 from uavmap.link.session import GROUND_SYSTEM_ID, Session
 from uavmap.mavsdk_driver.session import MavsdkSession
+from uavmap.simulation import STEP_S
 
-SPEEDUP = 12.0
+SPEEDUP = 10.0
 SLOW_MACHINE_S = 3.0
 """Real seconds by which it may be late."""
 PATIENCE_S = 60.0
@@ -76,6 +77,9 @@ def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
         assert isinstance(spoken_to, MavsdkSession)
         await spoken_to.process.start()
         try:
+            while spoken_to.view.autopilot is None:  # however long MAVSDK takes to find it
+                flight._deliver(flight.vehicle.step(STEP_S))
+                await asyncio.sleep(STEP_S)
             async with asyncio.timeout(PATIENCE_S * speedup), running(flight):
                 await body(flight)
         finally:

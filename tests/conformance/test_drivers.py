@@ -175,8 +175,6 @@ def test_a_pilot_has_the_last_word(driver: str, autopilot: str) -> None:
         follows = flight.session.view.kind
         await turned_to(flight, follows.follows, *follows.follow_params[1:])
         await flight.sees(Released)
-        await flight.after(to(0.0, 0.0), Arrived)
-        await flight.after(Land(), Landed)
 
     fly(body, driver, autopilot)
 
@@ -212,8 +210,6 @@ def test_what_is_refused_is_said_and_not_asked_again(driver: str, autopilot: str
         failed = await flight.after(to(20.0, 0.0), OrderFailed)
         assert "MAV_CMD_DO_REPOSITION was refused: denied" in failed.reason
         assert commands(flight, before).count(mav.MAV_CMD_DO_REPOSITION) == 1
-        flight.vehicle.fail.clear()
-        await flight.after(Land(), Landed)
 
     fly(body, driver, autopilot)
 
@@ -240,7 +236,6 @@ def test_a_silent_link_is_lost_and_found_again(driver: str) -> None:
         await flight.sees(Connected, 2)
         assert flight.seen(Connected)[-1].ours
         await flight.after(to(6.0, 0.0), Arrived)
-        await flight.after(Land(), Landed)
 
     fly(body, driver, "ardupilot")
 

@@ -129,6 +129,10 @@ class Session:
         except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
             raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
         self._codec.seq = (self._codec.seq + 1) & 0xFF
+        self._emit(frame)
+
+    def _emit(self, frame: bytes) -> None:
+        """A frame goes to the link as it is."""
         self._record(frame)
         self._send(frame)
 

@@ -35,11 +35,10 @@ def kind_of(message: Message) -> Kind:
 
 
 class Outbox:
-    """Lets pass what was asked for; `send` takes the frames, `record` sees them."""
+    """Lets pass what was asked for; `send` takes the frames."""
 
-    def __init__(self, send: Callable[[bytes], None], record: Callable[[bytes], None]) -> None:
+    def __init__(self, send: Callable[[bytes], None]) -> None:
         self._send = send
-        self._record = record
         self._codec = mav.MAVLink(None)
         self._codec.robust_parsing = True
         self._asked: Counter[int] = Counter()
@@ -58,9 +57,14 @@ class Outbox:
         finally:
             self._asked[command] -= 1
 
-    def once(self, message: Message, times: int = 1) -> None:
-        """A message may go; with -1 times it has not come out, and may not any more."""
-        self._once[kind_of(message)] += times
+    def once(self, message: Message) -> None:
+        """A message may go."""
+        self._once[kind_of(message)] += 1
+
+    def not_sent(self, message: Message) -> None:
+        """One that might go has not come out, as far as is known, and may not any more."""
+        kind = kind_of(message)
+        self._once[kind] = max(self._once[kind] - 1, 0)
 
     def take(self, data: bytes) -> None:
         """What MAVSDK wants to be sent."""
@@ -68,9 +72,7 @@ class Outbox:
             if message.get_type() == "BAD_DATA":
                 continue
             if self._may_go(message):
-                frame = bytes(message.get_msgbuf())
-                self._record(frame)
-                self._send(frame)
+                self._send(bytes(message.get_msgbuf()))
             else:
                 self.held_back[message.get_type()] += 1
 

@@ -54,7 +54,7 @@ class MavsdkSession(Session):
     ) -> None:
         super().__init__(send, record, ack_wait_s)
         self._say = say
-        self.outbox = Outbox(send, record)
+        self.outbox = Outbox(self._emit)
         self.process = MavsdkProcess(
             GROUND_SYSTEM_ID, COMPONENT, self.outbox.take, self._hear, say, speedup
         )
@@ -62,16 +62,13 @@ class MavsdkSession(Session):
         self._complained = False
 
     # --- frames ---------------------------------------------------------------------------
-    def feed(self, data: bytes) -> bool:
-        """Hand to MAVSDK what the link has heard; whether our vehicle spoke in it.
+    def _take(self, message: Message, now_s: float) -> bool:
+        """Hand a frame of the link to MAVSDK; whether our vehicle speaks in it.
 
-        Nothing is believed of it here: the view hears what MAVSDK makes of it.
+        Nothing in it is believed here: the view hears what MAVSDK makes of it.
         """
-        ours = False
-        for message in self._parsed(data):
-            self._record(bytes(message.get_msgbuf()))
-            ours = self._is_ours(message) or ours
-        self.process.feed(data, ours=ours)
+        ours = self._is_ours(message)
+        self.process.feed(bytes(message.get_msgbuf()), ours=ours)
         return ours
 
     def _is_ours(self, message: Message) -> bool:
@@ -83,7 +80,7 @@ class MavsdkSession(Session):
         """A message that MAVSDK has read."""
         message = message_of(told["name"], told["system"], told["component"], told["fields"])
         if message is not None:
-            self._take(message, asyncio.get_running_loop().time())
+            super()._take(message, asyncio.get_running_loop().time())
             self._wake()
 
     def send(self, message: Message) -> None:
@@ -97,7 +94,7 @@ class MavsdkSession(Session):
         def answered(result: str) -> None:
             if result == "SUCCESS":
                 return
-            self.outbox.once(message, -1)
+            self.outbox.not_sent(message)
             if result not in _NOT_SENT and not self._complained:
                 self._complained = True
                 self._say(f"MAVSDK does not send {message.get_type()}: {printable(result)}")
