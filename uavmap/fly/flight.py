@@ -22,6 +22,8 @@ from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.fleet import Link, each_its_own, opened_links, vehicles_of
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.interrupts import interrupts
+from uavmap.fly.keyboard import keyboard
+from uavmap.fly.keys import Keys
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
@@ -232,7 +234,10 @@ class _Flight:
         # a simulated flight just stops when it is interrupted: nobody is in the air
         may_stop = self._plan.simulated
         try:
-            with contextlib.nullcontext() if may_stop else interrupts(service, say):
+            with contextlib.ExitStack() as hand:
+                if not may_stop:
+                    hand.enter_context(interrupts(service, say))
+                    hand.enter_context(keyboard(Keys(service, say), crew, say))
                 self._state = await watched_over(
                     guardians, self._fly(vehicles, service), leave=not may_stop
                 )

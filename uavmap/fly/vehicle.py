@@ -186,6 +186,13 @@ class MavlinkVehicle:
             return
         self._task = self._tasks.create_task(self._carry_out(order))
 
+    def land_here(self, reason: str) -> bool:
+        """Have its guardian land it where it is; False where it is not in the air and ours."""
+        if not self.guardian.responsible:
+            return False
+        self.guardian.take_over("land", reason)
+        return True
+
     async def leave_as_found(self) -> None:
         """Set back what was changed in the vehicle for the flight."""
         if self._hears():
