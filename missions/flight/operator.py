@@ -14,6 +14,8 @@ from missions.orders import FlyPath, FlyTo, Look, Sweep
 from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell
 
+UNTOLD = "a failsafe; the autopilot has not said which"
+"""The cause of an `Overridden` whose vehicle says that a failsafe flies, and no more yet."""
 CALLED_HOME = "called home by the operator"
 
 
@@ -81,7 +83,8 @@ def explained(state: State, event: Told) -> State:
     vehicle = state.vehicles[event.vehicle]
     if event.cause is None or vehicle.phase is not Phase.YIELDED or event.cause in vehicle.note:
         return state
-    return state.with_vehicle(replace(vehicle, note=f"{vehicle.note}: {event.cause}"))
+    note = vehicle.note.replace(f": {UNTOLD}", "")
+    return state.with_vehicle(replace(vehicle, note=f"{note}: {event.cause}"))
 
 
 def _works(vehicle: VehicleState) -> bool:

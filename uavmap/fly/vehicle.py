@@ -26,6 +26,7 @@ from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
+from uavmap.fly.spoken import Spoken
 from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
@@ -84,6 +85,7 @@ class MavlinkVehicle:
             battery_stale_s,
         )
         self._monitor = Monitor(self._reporter, session.view)
+        self._monitor.why = Spoken(self._reporter, session.view, tell).why
         limits = Limits(setting.fence, setting.energy, slack_s)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside

@@ -77,6 +77,8 @@ class Session:
         self.view = VehicleView()
         self.flight: Commands = MavlinkCommands(self)
         """What the vehicle can be told in flight."""
+        self.onboard = False
+        """Whether to a PX4, too, we are no ground station but a part of the vehicle."""
 
     # --- frames --------------------------------------------------------------------------
     def feed(self, data: bytes) -> bool:
@@ -228,6 +230,7 @@ class Session:
     ) -> None:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
+            sent_s = asyncio.get_running_loop().time()
             queue = self._acks[command, asked] = asyncio.Queue()
             ack: Message | None = None
             try:
@@ -248,7 +251,8 @@ class Session:
             return
         if ack is not None:
             raise CommandRefusedError(
-                f"{name} was refused: {result_name(ack.result)}" + self.view.recent_texts()
+                f"{name} was refused: {result_name(ack.result)}"
+                + self.view.recent_texts(since_s=sent_s)
             )
         raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
 
@@ -278,13 +282,15 @@ class Session:
 
     # --- what a client sends of itself -----------------------------------------------------
     def heartbeat(self) -> None:
-        """HEARTBEAT as an onboard controller, which does not stand in for a ground station.
+        """HEARTBEAT: as a ground station to a PX4, which says its texts to nobody else.
 
-        To a PX4 as a ground station: it explains nothing to anybody else.
+        Otherwise, and with `onboard`, as an onboard controller, which stands in for no ground
+        station.
         """
+        onboard = mav.MAV_TYPE_ONBOARD_CONTROLLER
         self.send(
             mav.MAVLink_heartbeat_message(
-                self.view.kind.heard_as,
+                onboard if self.onboard else self.view.kind.heard_as,
                 mav.MAV_AUTOPILOT_INVALID,
                 0,
                 0,
