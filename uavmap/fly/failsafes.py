@@ -22,7 +22,8 @@ _NAMES: Final = tuple(
          r"|(global )?position (estimate )?(lost|invalid)|dead ?reckon\w* failsafe"),
         ("radio failsafe", r"(radio|throttle|rc)\b.* failsafe|(manual|radio|rc) control.* lost"
          r"|rc (signal )?lost"),
-        ("ground station failsafe", r"gcs.* failsafe|(gcs|ground ?(control )?station|data ?link).* lost"),
+        ("ground station failsafe", r"gcs.* failsafe"
+         r"|(gcs|ground ?(control )?station|data ?link).* lost"),
         ("vibration failsafe", r"vibration (failsafe|compensation)"),
         ("terrain failsafe", r"terrain.* failsafe"),
         ("thrust loss", r"thrust loss|motor (failure|fault)"),

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -13,16 +11,13 @@ from missions.errors import LinkError
 from missions.state import Setting
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.http_pictures import PictureFetcher
-from uavmap.fly.imaging import CameraDriver, Fetch
+from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.links import Link
 from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
-from uavmap.link.session import ACK_WAIT_S, Session
-from uavmap.link.transports import Transport, open_transport
-from uavmap.link.urls import parse_url
-from uavmap.mavsdk_driver.session import opened_session
-from uavmap.record.flight_plan import MAVSDK, FlightPlan
+from uavmap.link.session import ACK_WAIT_S
+from uavmap.record.flight_plan import FlightPlan
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
@@ -34,80 +29,9 @@ machine misses it: places ahead are told instead, at which a vehicle stops."""
 ACK_WAIT_WALL_S: Final = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
-    """The way to one aircraft, and to the pictures of its camera."""
-
-    name: str
-    """What the operator calls it: its URL."""
-    session: Session
-    fetch: Fetch
-
-
-@contextlib.asynccontextmanager
-async def opened_links(
-    plan: FlightPlan,
-    setting: Setting,
-    record: Callable[[bytes], None],
-    say: Callable[[str], None],
-) -> AsyncIterator[list[Link]]:
-    """A link to every URL of a plan, in their order, open until the end of the context.
-
-    `record` is given every frame, `say` a line for the operator. Raises `LinkError` where one
-    cannot be opened.
-    """
-    speedup = plan.speedup or 1.0
-    ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
-    named = setting.mission.camera.hosts
-    async with contextlib.AsyncExitStack() as stack:
-        links: list[Link] = []
-        for url in plan.urls:
-            session, transport = await stack.enter_async_context(
-                _connected(url, record, ack_wait_s, say, plan.driver, speedup)
-            )
-            # the peer is known only when it has spoken
-            hosts = partial(_hosts, named, transport)
-            links.append(Link(url, session, PictureFetcher(hosts)))
-        yield links
-
-
-def _hosts(named: Sequence[str], transport: Transport) -> tuple[str, ...]:
-    """Where the pictures of the vehicle at the other end of a link may come from."""
-    return (*named, transport.peer_host or "")
-
-
-@contextlib.asynccontextmanager
-async def _connected(
-    url: str,
-    record: Callable[[bytes], None],
-    ack_wait_s: float,
-    say: Callable[[str], None],
-    driver: str,
-    speedup: float,
-) -> AsyncIterator[tuple[Session, Transport]]:
-    """A session of a driver over the transport that a URL names."""
-    opened: list[Transport] = []
-
-    def send(frame: bytes) -> None:
-        for transport in opened:
-            transport.send(frame)
-
-    async with contextlib.AsyncExitStack() as stack:
-        session = Session(send, record, ack_wait_s)
-        if driver == MAVSDK:
-            session = await stack.enter_async_context(
-                opened_session(send, record, ack_wait_s, partial(_say_of_link, say, url), speedup)
-            )
-        transport = await stack.enter_async_context(
-            open_transport(parse_url(url), session.feed, say)
-        )
-        opened.append(transport)
-        yield session, transport
-
-
-def _say_of_link(say: Callable[[str], None], url: str, text: str) -> None:
-    """A line about one link."""
-    say(f"{url}: {text}")
+def ack_wait_s(plan: FlightPlan) -> float:
+    """How long an acknowledgement is waited for, in seconds of the loop's clock."""
+    return max(ACK_WAIT_S, ACK_WAIT_WALL_S * (plan.speedup or 1.0))
 
 
 def vehicles_of(

@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.commands import Commands, MavlinkCommands
+from uavmap.link.signing import Signing
 from uavmap.link.view import VehicleView
 
 Message = Any  # pymavlink carries no types
@@ -77,6 +78,17 @@ class Session:
         self.view = VehicleView()
         self.flight: Commands = MavlinkCommands(self)
         """What the vehicle can be told in flight."""
+        self.signing: Signing | None = None
+        """With a key, what is not signed with it is not heard, and what is sent is signed."""
+        self.tap: Callable[[bytes], None] = lambda data: None
+        """Takes what the link has heard, as it was, since the vehicle first spoke."""
+        self.process_number = 0
+        """A number of this process, told in our heartbeat: so others of us are known from an echo.
+        0: not told, and nobody is looked for."""
+        self.rival_s: float | None = None
+        """When another process of ours was last heard on this link."""
+        self.bound_s: float | None = None
+        """When our vehicle first spoke, on the loop's clock."""
         self.onboard = False
         """Whether to a PX4, too, we are no ground station but a part of the vehicle."""
 
@@ -86,8 +98,14 @@ class Session:
         now_s = asyncio.get_running_loop().time()
         ours = False
         for message in self._parsed(data):
+            if self.signing is not None and not self._signed(message):
+                continue
             self._record(bytes(message.get_msgbuf()))
+            if message.get_srcSystem() == GROUND_SYSTEM_ID:
+                self._look_for_rival(message, now_s)
             ours = self._take(message, now_s) or ours
+        if self.view.system_id:
+            self.tap(data)
         self._wake()
         return ours
 
@@ -95,6 +113,7 @@ class Session:
         """Take in one message; whether it is of our vehicle."""
         if not self.view.take(message, now_s):
             return False
+        self.bound_s = now_s if self.bound_s is None else self.bound_s
         if message.get_srcComponent() == self.view.autopilot_component:
             self.heard_s[message.get_msgId()] = now_s
         if message.get_type() == "COMMAND_ACK":
@@ -102,6 +121,28 @@ class Session:
         for listener in self._listeners:
             listener(message)
         return True
+
+    def has_rival(self) -> bool:
+        """Whether another process of ours was heard to speak to this vehicle."""
+        return self.rival_s is not None
+
+    def _look_for_rival(self, message: Message, now_s: float) -> None:
+        """A vehicle or a router may pass on what another service like this one sends."""
+        beats = message.get_type() == "HEARTBEAT" and self.process_number
+        if not beats or message.custom_mode == self.process_number:
+            return
+        if self.rival_s is None:
+            self.view.gate.say("another uavmap speaks to this vehicle; one of the two must end")
+        self.rival_s = now_s
+
+    def _signed(self, message: Message) -> bool:
+        """Whether a message is signed as it has to be; if not it is counted, and said once."""
+        if self.signing is None or message.get_msgId() == mav.MAVLINK_MSG_ID_RADIO_STATUS:
+            return self.signing is None  # a radio beside us has no key, and nobody needs its word
+        fault = self.signing.fault(bytes(message.get_msgbuf()))
+        if fault is not None:
+            self.view.gate.refuse_once("frames", fault)
+        return fault is None
 
     def _parsed(self, data: bytes) -> Iterator[Message]:
         """The messages in a piece of a stream; what is none is passed over."""
@@ -128,6 +169,8 @@ class Session:
         except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
             raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
         self._codec.seq = (self._codec.seq + 1) & 0xFF
+        if self.signing is not None:
+            frame = self.signing.sign(frame)
         self._record(frame)
         self._send(frame)
 
@@ -293,7 +336,7 @@ class Session:
                 onboard if self.onboard else self.view.kind.heard_as,
                 mav.MAV_AUTOPILOT_INVALID,
                 0,
-                0,
+                self.process_number,
                 mav.MAV_STATE_ACTIVE,
                 3,
             )

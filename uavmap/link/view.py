@@ -51,6 +51,8 @@ class VehicleView:
     """What is known of the vehicle from its messages; None where it has not said yet."""
 
     system_id: int = 0
+    wanted_system: int | None = None
+    """The only system that is listened to; None: the first that speaks."""
     autopilot: int | None = None
     autopilot_component: int = 0
     """Bound with `system_id` by the first heartbeat of an autopilot."""
@@ -118,6 +120,8 @@ class VehicleView:
 
     def _bind(self, message: Message, system: int, component: int) -> None:
         """The first heartbeat of an autopilot says which vehicle is at the other end."""
+        if self.wanted_system not in (None, system):
+            return
         if is_autopilot(message):
             self.system_id, self.autopilot_component = system, component
 

@@ -70,14 +70,19 @@ class MavsdkSession(Session):
         ours = False
         for message in self._parsed(data):
             self._record(bytes(message.get_msgbuf()))
+            if message.get_srcSystem() == GROUND_SYSTEM_ID:
+                self._look_for_rival(message, asyncio.get_running_loop().time())
             ours = self._is_ours(message) or ours
+        if self.view.system_id:
+            self.tap(data)
         self.process.feed(data, ours=ours)
         return ours
 
     def _is_ours(self, message: Message) -> bool:
         if self.view.system_id:
             return bool(message.get_srcSystem() == self.view.system_id)
-        return message.get_type() == "HEARTBEAT" and is_autopilot(message)
+        wanted = self.view.wanted_system in (None, message.get_srcSystem())
+        return wanted and message.get_type() == "HEARTBEAT" and is_autopilot(message)
 
     def _hear(self, told: Words) -> None:
         """A message that MAVSDK has read."""
