@@ -10,6 +10,7 @@ from typing import Final
 from missions.errors import LinkError
 from missions.state import Setting
 from uavmap.fly.classifier import Classifier
+from uavmap.fly.clock_rate import WINDOW_WALL_S, ClockRate
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.links import Link
@@ -72,6 +73,9 @@ def vehicles_of(
             slack_s=slack_s,
             by_places=not plan.simulated and speedup > STREAMED_SPEEDUP,
             tell=say,
+            clock_rate=None
+            if plan.simulated
+            else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
     return vehicles
 

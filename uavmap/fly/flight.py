@@ -160,12 +160,18 @@ class _Flight:
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
         clock: Clock
-        if self._plan.simulated:
-            clock = VirtualClock(self._plan.speedup)
-            run(self._fly_simulated(), clock)
-        else:
-            clock = ScaledClock(self._plan.speedup or 1.0)
-            run(self._fly_connected(), clock)
+        try:
+            if self._plan.simulated:
+                clock = VirtualClock(self._plan.speedup)
+                run(self._fly_simulated(), clock)
+            else:
+                clock = ScaledClock(self._plan.speedup or 1.0)
+                run(self._fly_connected(), clock)
+        except BaseException:
+            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
+                if len(self._journal):
+                    self._progress.say(f"to go on: uavmap resume {self._folder}")
+            raise
         return _results(self._plan, self._setting, self._folder, self._journal, self._truth)
 
     def _now_s(self) -> float:
@@ -256,11 +262,6 @@ class _Flight:
                 self._state = await watched_over(
                     guardians, self._fly(vehicles, links, service), leave=not may_stop
                 )
-        except BaseException:
-            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
-                if len(self._journal):
-                    say(f"to go on: uavmap resume {self._folder}")
-            raise
         finally:
             for vehicle in vehicles.values():
                 with contextlib.suppress(LinkError):

@@ -127,7 +127,7 @@ class Spoken:
             self._untold = 0
         severity = _SEVERITIES[min(max(text.severity, 0), 7)]
         again = f" ({times} times)" if times > 1 else ""
-        self._tell(f"vehicle {number} says ({severity}): {text.words}{again}")
+        self._tell(f"[vehicle {number}, {severity}] {text.words}{again}")
 
     def _keep(self, text: Text, times: int, cause: str | None) -> None:
         if self._kept >= MOST_TOLD and cause is None:

@@ -21,6 +21,7 @@ from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.state import Setting
+from uavmap.fly.clock_rate import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
@@ -65,6 +66,7 @@ class MavlinkVehicle:
         slack_s: float = 0.0,
         by_places: bool = False,
         tell: Callable[[str], None] = lambda text: None,
+        clock_rate: ClockRate | None = None,
     ) -> None:
         self.number = number
         self.name = name
@@ -74,6 +76,8 @@ class MavlinkVehicle:
         self._setting = setting
         self._link_lost_s = link_lost_s
         self._ground_patience_s = ground_patience_s
+        self._clock_rate = clock_rate
+        self._tell = tell
         self._reporter = Reporter(
             number,
             name,
@@ -236,6 +240,7 @@ class MavlinkVehicle:
         give_up_after_s: float | None = None
         while True:
             await asyncio.sleep(1.0)
+            self._watch_clock()
             if monitor.connected and not monitor.overridden and self._hears():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
@@ -258,6 +263,14 @@ class MavlinkVehicle:
             ):
                 given_up = True
                 reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+
+    def _watch_clock(self) -> None:
+        """Say it when the vehicle's time passes faster or slower than ours."""
+        boot_s = self._view.gate.clock.boot_s
+        if self._clock_rate is None or boot_s is None:
+            return
+        if wrong := self._clock_rate.take(self._view.position_s, boot_s):
+            self._tell(f"vehicle {self.number}: {wrong}")
 
     async def _fresh_position(self) -> None:
         """Wait for the next position: what is ordered now begins where it is, not where it was."""

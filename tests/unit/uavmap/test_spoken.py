@@ -83,7 +83,7 @@ def test_words_are_told_with_severity_and_kept() -> None:
         await asyncio.sleep(1.0)
 
     flight = fly(body)
-    assert "vehicle 1 says (warning): Compass not calibrated" in flight.told
+    assert "[vehicle 1, warning] Compass not calibrated" in flight.told
     told = [e for e in flight.seen(Told) if e.text in ("Compass not calibrated", "x")]
     assert [(e.severity, e.text) for e in told] == [(WARNING, "Compass not calibrated")]
 
