@@ -16,6 +16,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.commands import Commands, MavlinkCommands
+from uavmap.link.frames import sender_of
+from uavmap.link.px4_events import EVENT_ID, event_text
 from uavmap.link.signing import Signing
 from uavmap.link.view import VehicleView
 
@@ -28,6 +30,8 @@ ACK_TRIES: Final = 5
 GROUND_SYSTEM_ID: Final = 245
 """Our own system id: this process flies several vehicles, so it is none of them."""
 
+_EVENT: Final = f"UNKNOWN_{EVENT_ID}"
+"""What the parser calls a message that its dialect does not know."""
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
 _RESULTS: dict[str, int] = {
@@ -101,8 +105,7 @@ class Session:
             if self.signing is not None and not self._signed(message):
                 continue
             self._record(bytes(message.get_msgbuf()))
-            if message.get_srcSystem() == GROUND_SYSTEM_ID:
-                self._look_for_rival(message, now_s)
+            self._overhear(message, now_s)
             ours = self._take(message, now_s) or ours
         if self.view.system_id:
             self.tap(data)
@@ -121,6 +124,20 @@ class Session:
         for listener in self._listeners:
             listener(message)
         return True
+
+    def _overhear(self, message: Message, now_s: float) -> None:
+        """Take note of what is not for the view: events of a PX4, others like us."""
+        if message.get_type() == _EVENT:
+            self._hear_event(message)
+        elif message.get_srcSystem() == GROUND_SYSTEM_ID:
+            self._look_for_rival(message, now_s)
+
+    def _hear_event(self, message: Message) -> None:
+        """An event of the autopilot; as a ground station we are told texts, which say more."""
+        frame = bytes(message.get_msgbuf())
+        ours = sender_of(frame) == (self.view.system_id, self.view.autopilot_component)
+        if self.onboard and ours and (text := event_text(frame)):
+            self.view.hear(text)
 
     def has_rival(self) -> bool:
         """Whether another process of ours was heard to speak to this vehicle."""
@@ -156,7 +173,8 @@ class Session:
             data = b""
             if message is None:
                 break
-            if message.get_type() != "BAD_DATA" and message.get_msgId() in mav.mavlink_map:
+            known = message.get_msgId() in mav.mavlink_map and message.get_type() != "BAD_DATA"
+            if known or message.get_type() == _EVENT:
                 yield message
         # the parser lets go of what it has read only when it has read all of it
         if codec.buf_index > _READ_BYTES_KEPT:

@@ -70,8 +70,7 @@ class MavsdkSession(Session):
         ours = False
         for message in self._parsed(data):
             self._record(bytes(message.get_msgbuf()))
-            if message.get_srcSystem() == GROUND_SYSTEM_ID:
-                self._look_for_rival(message, asyncio.get_running_loop().time())
+            self._overhear(message, asyncio.get_running_loop().time())
             ours = self._is_ours(message) or ours
         if self.view.system_id:
             self.tap(data)

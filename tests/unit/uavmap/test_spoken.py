@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 from typing import Any
 
 import pytest
@@ -217,3 +218,27 @@ def test_a_px4_takes_us_for_a_ground_station(autopilot: int, onboard: bool, type
 
     run(body(), VirtualClock())
     assert [message.type for _, message in peer.heard] == [type_]
+
+
+def event_frame(number: int, levels: int, *, garbled: bool = False) -> bytes:
+    payload = struct.pack("<IIHBBB", number, 1234, 7, 0, 0, levels) + b"\x05\x01"
+    head = bytes([len(payload), 0, 0, 3, 1, 1]) + (410).to_bytes(3, "little")
+    crc = mav.x25crc(head + payload + bytes([160])).crc ^ garbled
+    return b"\xfd" + head + payload + crc.to_bytes(2, "little")
+
+
+@pytest.mark.parametrize(("onboard", "garbled"), [(True, False), (True, True), (False, False)])
+def test_an_event_is_told_by_its_number_where_no_text_comes(onboard: bool, garbled: bool) -> None:
+    peer, heard = Peer(), []
+    peer.session.onboard = onboard
+    peer.session.view.hear = heard.append
+
+    async def body() -> None:
+        peer.session.feed(peer.frame(heartbeat()))
+        peer.session.feed(event_frame(0x01ABCDEF, 0x42, garbled=garbled))
+        peer.session.feed(peer.frame(heartbeat()))
+
+    run(body(), VirtualClock())
+    found = [(text.severity, text.words[:17]) for text in heard]
+    assert found == ([(CRITICAL, "event 0x01abcdef:")] if onboard and not garbled else [])
+    assert peer.session.view.system_id == 1
