@@ -308,7 +308,7 @@ def ours_says(process: int) -> bytes:
 @pytest.mark.parametrize(("heard", "refused"), [(7, False), (8, True), (None, False)])
 def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
     peer = Peer()
-    peer.session.process = 7
+    peer.session.process_number = 7
     link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures)
 
     async def body() -> None:

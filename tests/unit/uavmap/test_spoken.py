@@ -16,6 +16,7 @@ from tests.unit.uavmap.peer import Peer, heartbeat
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.failsafes import failsafe_of, may_be_a_failsafe
 from uavmap.fly.spoken import BURST, MOST_TOLD
+from uavmap.link.px4_events import event_text, number_of
 from uavmap.link.texts import LATE_S, MOST_OPEN, Texts
 
 CRITICAL, WARNING, INFO, DEBUG = (
@@ -242,3 +243,11 @@ def test_an_event_is_told_by_its_number_where_no_text_comes(onboard: bool, garbl
     found = [(text.severity, text.words[:17]) for text in heard]
     assert found == ([(CRITICAL, "event 0x01abcdef:")] if onboard and not garbled else [])
     assert peer.session.view.system_id == 1
+
+
+def test_the_events_of_failsafes_have_words() -> None:
+    number = 1 << 24 | number_of("commander_failsafe_enter_low_bat")
+    text = event_text(event_frame(number, 0x44))
+    assert text is not None
+    assert text.words == f"event {number:#010x}: Low battery level, return advised"
+    assert (failsafe_of([text.words]) or "").startswith("battery failsafe: ")
