@@ -173,6 +173,8 @@ class Overridden:
     t_s: float
     mode: str
     kind: Literal["overridden"] = "overridden"
+    cause: str | None = None
+    """Why, if the vehicle has said it: "battery failsafe: Battery 1 is low 9.90V"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,6 +231,57 @@ class Recalled:
 
 
 @dataclass(frozen=True, slots=True)
+class Paused:
+    """The operator has everybody hold where they are; who is on its way home goes on."""
+
+    t_s: float
+    kind: Literal["paused"] = "paused"
+
+
+@dataclass(frozen=True, slots=True)
+class Continued:
+    """The operator lets a mission go on that was paused."""
+
+    t_s: float
+    kind: Literal["continued"] = "continued"
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleRecalled:
+    """The operator calls one vehicle home; it takes no further part until a resume."""
+
+    vehicle: int
+    t_s: float
+    kind: Literal["vehicle_recalled"] = "vehicle_recalled"
+
+
+@dataclass(frozen=True, slots=True)
+class CellSkipped:
+    """The operator has nobody look from a cell: the one that a vehicle was at, or on its way to."""
+
+    vehicle: int
+    t_s: float
+    cell: Cell
+    kind: Literal["cell_skipped"] = "cell_skipped"
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a vehicle said in words (STATUSTEXT). It changes nothing that anybody acts on."""
+
+    vehicle: int
+    t_s: float
+    severity: int
+    """MAV_SEVERITY: 0 is an emergency, 7 for debugging."""
+    text: str
+    kind: Literal["told"] = "told"
+    times: int = 1
+    """How often it was said in the same words since it was last noted."""
+    cause: str | None = None
+    """Of a failsafe that has taken the vehicle already: why."""
+
+
+@dataclass(frozen=True, slots=True)
 class Resumed:
     """The operator goes on with a mission that was interrupted."""
 
@@ -254,8 +307,11 @@ VehicleEvent = (
     | LinkLost
     | GivenUp
     | OrderFailed
+    | VehicleRecalled
+    | CellSkipped
+    | Told
 )
-Event = VehicleEvent | Recalled | Resumed
+Event = VehicleEvent | Recalled | Paused | Continued | Resumed
 
 _ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
 

@@ -131,6 +131,8 @@ class VehicleState:
     """When it flew past the end of a leg without a stop."""
     landed_away_m: float = 0.0
     """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
+    called_home: bool = False
+    """Whether the operator wants it at home, and there to stay."""
     note: str = ""
 
     @property
@@ -343,6 +345,10 @@ class State:
     unreachable_lanes: tuple[Lane, ...] = ()
     """Lanes that no way inside the fence leads to."""
     recalled: bool = False
+    paused: bool = False
+    """Whether the operator has everybody hold where they are."""
+    skipped: frozenset[Cell] = frozenset()
+    """Cells that the operator has nobody look from."""
     abandoned: frozenset[Cell] = frozenset()
     """ROI cells that nobody could look from: beyond the fence or out of reach."""
     memory: Memory | None = None
@@ -401,6 +407,7 @@ class State:
             self.exploration_finished
             and not self.abandoned
             and not self.undecided
+            and not self.skipped
             and not self.unsearched
             and all(
                 v.landed and v.phase not in (Phase.DOWN, Phase.LOST) for v in self.vehicles.values()

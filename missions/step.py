@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from missions.events import Event
+from missions.events import Event, Told
 from missions.flight.dispatch import assign
+from missions.flight.operator import explained
 from missions.flight.transitions import apply
 from missions.orders import Order
 from missions.state import Setting, State
@@ -25,6 +26,8 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
 
     An order holds until it ends or until another replaces it.
     """
+    if isinstance(event, Told):  # words move nobody, and no plan depends on when they came
+        return explained(state, event), ()
     after = assign(setting, apply(setting, state, event))
     orders = tuple(
         (number, vehicle.order)

@@ -36,11 +36,12 @@ def resume(setting: Setting, state: State) -> State:
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
+            called_home=False,
             note="",
         )
         for number, v in state.vehicles.items()
     }
-    return replace(state, recalled=False, vehicles=vehicles)
+    return replace(state, recalled=False, paused=False, vehicles=vehicles)
 
 
 def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
@@ -153,7 +154,7 @@ def given_up(event: GivenUp, vehicle: VehicleState, setting: Setting) -> Vehicle
 def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """A pilot or a failsafe has it: nothing more is sent to it."""
     returns = event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode
-    note = f"yielded to {event.mode}"
+    note = f"yielded to {event.mode}" + (f": {event.cause}" if event.cause else "")
     return taken_away(vehicle, setting, Phase.YIELDED, note, returns=returns)
 
 

@@ -46,8 +46,8 @@ def assign(setting: Setting, state: State) -> State:
         state = turn_back(setting, state, state.vehicles[number])
     if setting.nonstop and not state.falls_back:
         state = end_searched(setting, keep_clear(setting, state))
-        state = explore_passes(setting, state)
-    else:
+        state = state if state.paused else explore_passes(setting, state)
+    elif not state.paused:
         state = explore_moves(setting, state)
     for number in sorted(state.vehicles):
         vehicle = state.vehicles[number]
@@ -66,6 +66,8 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     given_way = give_way(setting, state, vehicle)
     if given_way is not None:
         return given_way
+    if state.paused:
+        return hold(state, vehicle)
     if setting.nonstop and not state.falls_back:
         return _waiting_for_a_path(setting, state, vehicle)
     if state.tree is None:
@@ -90,7 +92,7 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
 
 def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Take off, wait for a battery, or stay."""
-    if state.exploration_finished or state.recalled:
+    if state.exploration_finished or state.recalled or vehicle.called_home:
         return state.with_vehicle(
             replace(vehicle, phase=Phase.FINISHED, order=StandDown(), vertex=None)
         )
@@ -98,6 +100,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
+    if state.paused:
+        return state
     if state.tree is None and idle_in_search(vehicle):
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]

@@ -37,11 +37,12 @@ is kept while it waits for a blocked pad."""
 
 def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
-    if isinstance(vehicle.order, TakeOff) and (state.recalled or state.exploration_finished):
+    called = state.recalled or vehicle.called_home
+    if isinstance(vehicle.order, TakeOff) and (called or state.exploration_finished):
         return _call_off(state, vehicle)
     if vehicle.phase is not Phase.AIRBORNE or vehicle.return_reason is not None:
         return state
-    if state.recalled:
+    if called:
         return send_home(setting, state, vehicle, ReturnReason.RECALLED)
     if state.exploration_finished:
         return send_home(setting, state, vehicle, ReturnReason.DONE)
@@ -71,7 +72,8 @@ def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool
 
 def _call_off(state: State, vehicle: VehicleState) -> State:
     """A take-off that is under way ends where it began, whether the motors turn yet or not."""
-    return_reason = ReturnReason.RECALLED if state.recalled else ReturnReason.DONE
+    called = state.recalled or vehicle.called_home
+    return_reason = ReturnReason.RECALLED if called else ReturnReason.DONE
     called_off = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=return_reason)
     return state.with_vehicle(replace(called_off, over_home=True, order=Land()))
 

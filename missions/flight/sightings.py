@@ -98,6 +98,8 @@ def _hint(setting: Setting, state: State, event: FrameSeen) -> Cell | None:
     """The first cell that a search frame takes for ROI and that nobody has looked from yet."""
     for vote in event.votes:
         looked = state.belief.frames_taken(vote.cell) >= setting.mission.votes.frames
+        if vote.cell in state.skipped:
+            continue
         if vote.positive and not looked and _in_reach(setting, state, vote.cell):
             return vote.cell
     return None

@@ -9,7 +9,9 @@ from missions.events import (
     Airborne,
     Arrived,
     BatterySwapped,
+    CellSkipped,
     Connected,
+    Continued,
     Event,
     FrameLost,
     FrameSeen,
@@ -17,6 +19,7 @@ from missions.events import (
     LiftedOff,
     LookEnded,
     OrderFailed,
+    Paused,
     Recalled,
     Resumed,
     Tracked,
@@ -34,6 +37,7 @@ from missions.flight.connections import (
 )
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
@@ -62,14 +66,20 @@ def apply(setting: Setting, state: State, event: Event) -> State:
     """The state after an event, before anybody is given a new order."""
     state = replace(state, t_s=max(state.t_s, event.t_s))
     if isinstance(event, Recalled):
-        return replace(state, recalled=True)
+        return replace(state, recalled=True, paused=False)
+    if isinstance(event, Paused):
+        return paused(setting, state)
+    if isinstance(event, Continued):
+        return continued(state)
     if isinstance(event, Resumed):
         return resume(setting, state)
     if isinstance(event, FrameSeen):
-        return frame_seen(setting, state, event)
+        return skipped_for_good(frame_seen(setting, state, event))
     vehicle = state.vehicles[event.vehicle]
     if isinstance(event, LookEnded):
-        return look_ended(state, vehicle)
+        return skipped_for_good(look_ended(state, vehicle))
+    if isinstance(event, CellSkipped):
+        return skip(setting, state, vehicle, event.cell)
     if isinstance(event, Connected) and state.reference_amsl_m is None:
         state = replace(state, reference_amsl_m=event.home_amsl_m)
     changed = _changed(event, vehicle, setting)
@@ -92,6 +102,7 @@ _changed.register(overridden)
 _changed.register(released)
 _changed.register(landed)
 _changed.register(crashed)
+_changed.register(called_home)
 
 
 @_changed.register

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -60,6 +60,17 @@ class Packer:
         )
         body += payload
         return b"\xfd" + body + _checksum(body + _BYTES[crc_extra]).to_bytes(2, "little")
+
+
+EVENT: Final = 410
+CRC_EXTRA_OF_OTHERS: Final = {EVENT: 160}
+"""Of messages that vehicles here send and the dialect does not know."""
+
+
+def crc_extra_of(message_id: int) -> int:
+    """What goes into the checksum of a kind of message."""
+    known = CRC_EXTRA_OF_OTHERS.get(message_id)
+    return int(mav.mavlink_map[message_id].crc_extra) if known is None else known
 
 
 def cut(frames: bytes) -> list[bytes]:

@@ -15,6 +15,8 @@ import hmac
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.codec.wire import crc_extra_of
+
 KEY_BYTES = 32
 NEW_STREAM_BEHIND = 6_000_000
 """A new stream may begin one minute before the newest timestamp."""
@@ -88,8 +90,7 @@ class Signing:
         self.timestamp = min(self.timestamp + 1, _MAX_TIMESTAMP)
         flagged = bytearray(frame[:-2])
         flagged[2] |= _SIGNED
-        message_id = int.from_bytes(frame[7:10], "little")
-        extra = mav.mavlink_map[message_id].crc_extra
+        extra = crc_extra_of(int.from_bytes(frame[7:10], "little"))
         checksum = mav.x25crc(flagged[1:] + bytes([extra])).crc
         flagged += checksum.to_bytes(2, "little")
         flagged.append(link_id)

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import struct
 
-from sitl.codec.wire import Packed
+from sitl.codec.wire import EVENT, Packed, crc_extra_of
 
-EVENT = 410
-_CRC_EXTRA = 160
 _AUTOPILOT = 1 << 24
 # number, time, sequence; to component and system (all); the log levels
 _LAYOUT = struct.Struct("<IIHBBB")
@@ -51,4 +49,4 @@ class Events:
         levels = severity & 0xF | (severity & 0xF) << 4
         boot_ms = round(t_s * 1000.0) & 0xFFFFFFFF
         payload = _LAYOUT.pack(number_of(name), boot_ms, self._sequence, 0, 0, levels)
-        return EVENT, _CRC_EXTRA, payload
+        return EVENT, crc_extra_of(EVENT), payload

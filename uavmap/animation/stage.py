@@ -32,7 +32,7 @@ _TRAIL_S: Final = 0.8
 _TRAIL_PARTS: Final = 4
 
 _STATES_OF_A_TREE: Final[dict[State, str]] = {
-    state: state for state in STATES if state not in NOT_ROI
+    state: state for state in STATES if state not in NOT_ROI and state != "skipped"
 }
 _STATES_IN_FLIGHT: Final[dict[State, str]] = {
     "explored": "decided",

@@ -85,6 +85,7 @@ def _cells(film: Film, reel: Reel, t: float) -> Iterator[tuple[Cell, Colour]]:
         "explored",
         "under exploration",
         "unexplored",
+        "skipped",
     ):
         if state is None:
             yield from ((cell, HIDDEN) for cell in film.roi if cell not in reel.states)

@@ -20,6 +20,7 @@ from uavmap.cli import (
     camera,
     check,
     fly,
+    keys,
     replay,
     resume,
     simulate,
@@ -41,7 +42,9 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (fly, resume, camera, sitl, replay, animate, check, simulate, strategies, study):
+    for module in (
+        fly, resume, camera, sitl, replay, animate, check, keys, simulate, strategies, study,
+    ):  # fmt: skip
         module.add_parser(commands)
     return top
 

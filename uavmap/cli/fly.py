@@ -17,7 +17,8 @@ from uavmap.cli.common import (
     speedup,
     vehicle_count,
 )
-from uavmap.fly.fleet import cameras_of
+from uavmap.cli.link_options import add_link_options, key_file
+from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
@@ -33,6 +34,12 @@ examples:
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600 --camera libcamera
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
 
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550?system=1 \\
+                        --connect udpin://0.0.0.0:14550?system=2
+  uavmap fly field.toml --connect serial:///dev/ttyUSB0:57600 --forward udpout://127.0.0.1:14550
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
+
+In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
 as that is seen. Either way `uavmap resume DIR` goes on later.
 """
@@ -97,6 +104,13 @@ def add_parser(commands: Any) -> None:
         help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
         "(default), or MAVSDK; not with --sim",
     )
+    parser.add_argument(
+        "--onboard",
+        action="store_true",
+        help="the service flies with the vehicle: no ground station to a PX4, which then says its "
+        "texts, and its failsafe for a lost ground station listens, to others",
+    )
+    add_link_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -132,6 +146,9 @@ def run(options: argparse.Namespace) -> int:
         auto_swap=options.auto_swap,
         driver=options.driver,
         cameras=tuple(options.camera),
+        key_file=None if options.sim else key_file(options),
+        onboard=options.onboard,
+        forward=tuple(options.forward or ()),
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
     plan.check_driver()

@@ -10,6 +10,7 @@ from typing import Any
 
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
+from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.fly.flight import resume
 from uavmap.fly.progress import Terminal
 from uavmap.record.flight_plan import DRIVERS, JOURNAL
@@ -64,6 +65,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
     )
+    add_link_options(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
@@ -80,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
         urls=tuple(options.connect),
         driver=options.driver,
         cameras=tuple(options.camera),
+        key_file=key_file(options),
+        forward=None if options.forward is None else tuple(options.forward),
         from_home=options.from_home,
         ask=_ask if at_terminal else None,
     )

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
 from missions.errors import LinkError
-from missions.mission_file.schema import CameraSection, Mission
 from missions.state import Setting
 from uavmap.cameras.local import LocalSource
-from uavmap.cameras.mount import Mount
-from uavmap.cameras.opening import Settings, opened_camera
 from uavmap.cameras.pose import Poses
-from uavmap.cameras.source import FrameSource
-from uavmap.cameras.spec import CameraSpec, parse_camera
+from uavmap.fly.cameras_of import mount_of
 from uavmap.fly.classifier import Classifier
+from uavmap.fly.clock_rate import WINDOW_WALL_S, ClockRate
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.http_pictures import PictureFetcher
 from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.links import Link
 from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
-from uavmap.link.session import ACK_WAIT_S, Session
-from uavmap.link.transports import Transport, open_transport
-from uavmap.link.urls import parse_url
-from uavmap.mavsdk_driver.session import opened_session
-from uavmap.record.flight_plan import MAVSDK, FlightPlan
+from uavmap.link.session import ACK_WAIT_S
+from uavmap.record.flight_plan import FlightPlan
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
@@ -41,83 +33,9 @@ machine misses it: places ahead are told instead, at which a vehicle stops."""
 ACK_WAIT_WALL_S: Final = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
-    """The way to one aircraft, and its camera."""
-
-    name: str
-    """What the operator calls it: its URL."""
-    session: Session
-    camera: FrameSource
-
-
-@contextlib.asynccontextmanager
-async def opened_links(
-    plan: FlightPlan,
-    setting: Setting,
-    record: Callable[[bytes], None],
-    say: Callable[[str], None],
-) -> AsyncIterator[list[Link]]:
-    """A link to every URL of a plan, in their order, open until the end of the context.
-
-    `record` is given every frame, `say` a line for the operator. Raises `LinkError` where one
-    cannot be opened.
-    """
-    speedup = plan.speedup or 1.0
-    ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
-    section, named = setting.mission.camera, setting.mission.camera.hosts
-    async with contextlib.AsyncExitStack() as stack:
-        links: list[Link] = []
-        for url, spec in zip(plan.urls, cameras_of(plan, setting.mission), strict=True):
-            session, transport = await stack.enter_async_context(
-                _connected(url, record, ack_wait_s, say, plan.driver, speedup)
-            )
-            # the peer is known only when it has spoken
-            hosts = partial(_hosts, named, transport)
-            camera = await stack.enter_async_context(
-                opened_camera(spec, session, PictureFetcher(hosts), settings_of(section), say)
-            )
-            links.append(Link(url, session, camera))
-        yield links
-
-
-def _hosts(named: Sequence[str], transport: Transport) -> tuple[str, ...]:
-    """Where the pictures of the vehicle at the other end of a link may come from."""
-    return (*named, transport.peer_host or "")
-
-
-@contextlib.asynccontextmanager
-async def _connected(
-    url: str,
-    record: Callable[[bytes], None],
-    ack_wait_s: float,
-    say: Callable[[str], None],
-    driver: str,
-    speedup: float,
-) -> AsyncIterator[tuple[Session, Transport]]:
-    """A session of a driver over the transport that a URL names."""
-    opened: list[Transport] = []
-
-    def send(frame: bytes) -> None:
-        for transport in opened:
-            transport.send(frame)
-
-    async with contextlib.AsyncExitStack() as stack:
-        session = Session(send, record, ack_wait_s)
-        if driver == MAVSDK:
-            session = await stack.enter_async_context(
-                opened_session(send, record, ack_wait_s, partial(_say_of_link, say, url), speedup)
-            )
-        transport = await stack.enter_async_context(
-            open_transport(parse_url(url), session.feed, say)
-        )
-        opened.append(transport)
-        yield session, transport
-
-
-def _say_of_link(say: Callable[[str], None], url: str, text: str) -> None:
-    """A line about one link."""
-    say(f"{url}: {text}")
+def ack_wait_s(plan: FlightPlan) -> float:
+    """How long an acknowledgement is waited for, in seconds of the loop's clock."""
+    return max(ACK_WAIT_S, ACK_WAIT_WALL_S * (plan.speedup or 1.0))
 
 
 def vehicles_of(
@@ -161,28 +79,11 @@ def vehicles_of(
             slack_s=slack_s,
             by_places=not plan.simulated and speedup > STREAMED_SPEEDUP,
             tell=say,
+            clock_rate=None
+            if plan.simulated
+            else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
     return vehicles
-
-
-def mount_of(camera: CameraSection) -> Mount:
-    """How the camera of a mission file is fixed to its aircraft."""
-    return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
-
-
-def settings_of(camera: CameraSection) -> Settings:
-    """What a mission file says of its cameras."""
-    size_px = (camera.width_px, camera.height_px)
-    return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
-
-
-def cameras_of(plan: FlightPlan, mission: Mission) -> list[CameraSpec]:
-    """The camera of each vehicle: of the command line, else of the mission file.
-
-    Raises `LinkError` for what is no camera.
-    """
-    written = plan.cameras or [v.camera or "mavlink" for v in mission.vehicles]
-    return [parse_camera(text) for text in written]
 
 
 def _say_of(say: Callable[[str], None], number: int, text: str) -> None:

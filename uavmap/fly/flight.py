@@ -11,7 +11,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import JournalError, LinkError, OutputError
 from missions.events import Event, Resumed
@@ -20,9 +20,12 @@ from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
-from uavmap.fly.fleet import Link, each_its_own, opened_links, vehicles_of
+from uavmap.fly.fleet import ack_wait_s, each_its_own, vehicles_of
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.interrupts import interrupts
+from uavmap.fly.keyboard import keyboard
+from uavmap.fly.keys import Keys
+from uavmap.fly.links import Link, check_urls, opened_links, refuse_rivals
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
@@ -39,6 +42,10 @@ if TYPE_CHECKING:
     from uavmap.simulation import Truth
 
 
+RIVAL_WALL_S: Final = 1.5
+"""For so long another process that flies a vehicle is listened for: it speaks every second."""
+
+
 def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
     """Fly a new mission into a folder; returns the summary.
 
@@ -46,7 +53,8 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
     leaves before the end.
     """
     setting = plan.setting(progress.say)
-    for url in plan.urls:
+    check_urls(plan.urls)
+    for url in plan.forward:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
@@ -68,6 +76,8 @@ def resume(
     urls: tuple[str, ...] = (),
     driver: Driver | None = None,
     cameras: tuple[str, ...] = (),
+    key_file: str | None = None,
+    forward: tuple[str, ...] | None = None,
     from_home: bool = False,
     ask: Callable[[str], bool] | None = None,
 ) -> dict[str, Any]:
@@ -85,9 +95,14 @@ def resume(
             plan = replace(plan, urls=urls)
         if driver is not None:
             plan = replace(plan, driver=driver)
-            plan.check_driver()
-        if cameras:
-            plan = replace(plan, cameras=cameras)
+        check_urls(plan.urls)
+        plan = replace(
+            plan,
+            cameras=cameras or plan.cameras,
+            key_file=key_file or plan.key_file,
+            forward=plan.forward if forward is None else forward,
+        )
+        plan.check_driver()
         setting = plan.setting(progress.say)
         state = fold(setting, journal.events())
         progress.say(
@@ -148,12 +163,18 @@ class _Flight:
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
         clock: Clock
-        if self._plan.simulated:
-            clock = VirtualClock(self._plan.speedup)
-            run(self._fly_simulated(), clock)
-        else:
-            clock = ScaledClock(self._plan.speedup or 1.0)
-            run(self._fly_connected(), clock)
+        try:
+            if self._plan.simulated:
+                clock = VirtualClock(self._plan.speedup)
+                run(self._fly_simulated(), clock)
+            else:
+                clock = ScaledClock(self._plan.speedup or 1.0)
+                run(self._fly_connected(), clock)
+        except BaseException:
+            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
+                if len(self._journal):
+                    self._progress.say(f"to go on: uavmap resume {self._folder}")
+            raise
         return _results(self._plan, self._setting, self._folder, self._journal, self._truth)
 
     def _now_s(self) -> float:
@@ -212,7 +233,8 @@ class _Flight:
     async def _fly_connected(self) -> None:
         plan, setting, say = self._plan, self._setting, self._progress.say
         with self._log() as log:
-            async with opened_links(plan, setting, log.record, say) as links:
+            wait_s = ack_wait_s(plan)
+            async with opened_links(plan, setting.mission, log.record, say, wait_s) as links:
                 await self._serve(links)
 
     # --- both ------------------------------------------------------------------------------
@@ -237,22 +259,22 @@ class _Flight:
         # a simulated flight just stops when it is interrupted: nobody is in the air
         may_stop = self._plan.simulated
         try:
-            with contextlib.nullcontext() if may_stop else interrupts(service, say):
+            with contextlib.ExitStack() as hand:
+                if not may_stop:
+                    hand.enter_context(interrupts(service, say))
+                    hand.enter_context(keyboard(Keys(service, say), crew, say))
                 self._state = await watched_over(
-                    guardians, self._fly(vehicles, service), leave=not may_stop
+                    guardians, self._fly(vehicles, links, service), leave=not may_stop
                 )
-        except BaseException:
-            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
-                if len(self._journal):
-                    say(f"to go on: uavmap resume {self._folder}")
-            raise
         finally:
             for vehicle in vehicles.values():
                 with contextlib.suppress(LinkError):
                     await vehicle.leave_as_found()
             self._progress.end()
 
-    async def _fly(self, vehicles: dict[int, MavlinkVehicle], service: Service) -> State:
+    async def _fly(
+        self, vehicles: dict[int, MavlinkVehicle], links: Sequence[Link], service: Service
+    ) -> State:
         for number, vehicle in vehicles.items():
             left = self._left[number]
             flew = not left.landed or isinstance(left.order, TakeOff)
@@ -264,6 +286,8 @@ class _Flight:
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
         each_its_own(vehicles)
+        if not self._plan.simulated:
+            await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
         self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
         if self._resumed:
             if not self._plan.simulated:

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import sys
 import termios
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import TextIO
 
 
@@ -25,6 +25,8 @@ class Crew:
         self._stream: TextIO | None = stream or sys.stdin
         self._asking = asyncio.Lock()
         self.waiting: set[int] = set()
+        self.enter: Callable[[], Awaitable[bool]] = self._entered
+        """Waits for Enter, pressed after the question; False when the terminal is gone."""
 
     @property
     def absent(self) -> bool:
@@ -47,7 +49,7 @@ class Crew:
                     f"vehicle {vehicle} has landed: swap its battery, stand clear, press Enter; "
                     "it takes off by itself"
                 )
-                if not await self._entered():
+                if not await self.enter():
                     await asyncio.Event().wait()
         finally:
             self.waiting.discard(vehicle)

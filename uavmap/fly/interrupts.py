@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
+PAUSE, GO_ON = signal.SIGUSR1, signal.SIGUSR2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -23,10 +24,20 @@ class Recallable(Protocol):
         """Bring everybody home."""
         ...
 
+    def pause(self) -> bool:
+        """Have everybody hold."""
+        ...
+
+    def go_on(self) -> bool:
+        """End a pause."""
+        ...
+
 
 @contextlib.contextmanager
 def interrupts(service: Recallable, say: Callable[[str], None]) -> Iterator[None]:
     """While real aircraft are flown: Ctrl-C, SIGTERM or SIGHUP once recalls, a second time cancels.
+
+    SIGUSR1 pauses the mission, SIGUSR2 lets it go on.
 
     Cancels the task that entered the context, out of which comes `KeyboardInterrupt` then. Before
     the service has begun the first time counts as the second.
@@ -46,10 +57,12 @@ def interrupts(service: Recallable, say: Callable[[str], None]) -> Iterator[None
 
     for number in SIGNALS:
         loop.add_signal_handler(number, interrupted)
+    loop.add_signal_handler(PAUSE, service.pause)
+    loop.add_signal_handler(GO_ON, service.go_on)
     try:
         yield
     except asyncio.CancelledError:
         raise KeyboardInterrupt from None
     finally:
-        for number in SIGNALS:
+        for number in (*SIGNALS, PAUSE, GO_ON):
             loop.remove_signal_handler(number)

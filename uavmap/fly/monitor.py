@@ -5,6 +5,7 @@ Watched at every message, whatever the vehicle carries out just then.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -45,6 +46,8 @@ class Monitor:
         self.wind = WindEstimate()
         self.leaps = Leaps()
         self.impact = Impact()
+        self.why: Callable[[str], str | None] = lambda mode: None
+        """Why the vehicle is in a mode that nobody asked for, by its own words."""
         self.struck_m_s = 0.0
         """How fast it struck the ground; whoever takes note of it sets it to 0."""
         self._reporter = reporter
@@ -130,7 +133,10 @@ class Monitor:
         elif self._not_by_us(mode, armed=armed, failsafe=failsafe, turned=turned):
             self.overridden = True
             self._refused = not armed
-            reporter.report(Overridden(reporter.number, reporter.t_s(), view.mode_name))
+            cause = self.why(view.mode_name)
+            reporter.report(
+                Overridden(reporter.number, reporter.t_s(), view.mode_name, cause=cause)
+            )
         elif mode == kind.follows:
             # what it stood in before counts no more: who turns the switch back there means it
             self.commanded = kind.ours

@@ -18,6 +18,7 @@ from rich.text import Text
 
 from missions.events import (
     BatterySwapped,
+    CellSkipped,
     Connected,
     Crashed,
     Event,
@@ -28,6 +29,7 @@ from missions.events import (
     OrderFailed,
     Overridden,
     Released,
+    Told,
 )
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
@@ -203,6 +205,8 @@ def phase(state: State) -> str:
     """
     if state.recalled:
         return "recalled"
+    if state.paused:
+        return "paused"
     if state.exploration_finished:
         return "coming home"
     return "searching" if state.tree is None else "exploring"
@@ -248,8 +252,13 @@ def _remarkable(event: Event, state: State) -> str:
     match event:
         case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
             return f"vehicle {number} was put into {mode}, not by us: it is the pilot's now"
-        case Overridden(vehicle=number, mode=mode):
-            return f"vehicle {number} is in {mode}, not by us: hands off until it is in {_OURS}"
+        case Overridden(vehicle=number, mode=mode, cause=cause):
+            by = f" ({cause})" if cause else ""
+            return f"vehicle {number} is in {mode}, not by us{by}: hands off until it is in {_OURS}"
+        case Told(vehicle=number, cause=str(cause)):
+            return f"vehicle {number} flies by itself: {cause}"
+        case CellSkipped(vehicle=number, cell=cell):
+            return f"cell {cell.east}, {cell.north} is skipped: nobody looks from it"
         case Released(vehicle=number):
             return f"vehicle {number} is ours again"
         case LinkLost(vehicle=number):

@@ -15,7 +15,15 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
 from missions.errors import EventError
-from missions.events import Event, Recalled
+from missions.events import (
+    CellSkipped,
+    Continued,
+    Event,
+    Paused,
+    Recalled,
+    VehicleRecalled,
+)
+from missions.flight.operator import to_skip
 from missions.orders import Order
 from missions.state import Setting, State
 from missions.step import step
@@ -35,6 +43,10 @@ class Vehicle(Protocol):
 
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
+        ...
+
+    def land_here(self, reason: str) -> bool:
+        """Have the autopilot land it where it is; False where it is not ours to land."""
         ...
 
 
@@ -122,6 +134,50 @@ class Service:
         if not self._recalled:
             self._recalled = True
             self.post(Recalled(self.state.t_s))
+
+    # --- the operator's hand ---------------------------------------------------------------------
+    def pause(self) -> bool:
+        """Have everybody hold; False where they do already, or nobody flies."""
+        if not self.flying or self.state.paused:
+            return False
+        self.post(Paused(self.state.t_s))
+        return True
+
+    def go_on(self) -> bool:
+        """End a pause; False where there is none."""
+        if not self.flying or not self.state.paused:
+            return False
+        self.post(Continued(self.state.t_s))
+        return True
+
+    def recall_vehicle(self, number: int) -> bool:
+        """Call one vehicle home, to stay there until a resume; False where it is called already.
+
+        Raises `KeyError` for a number that no vehicle has.
+        """
+        if not self.flying or self.state.vehicles[number].called_home:
+            return False
+        self.post(VehicleRecalled(number, self.state.t_s))
+        return True
+
+    def skip_cell(self, number: int) -> bool:
+        """Have nobody look from the cell that a vehicle is at, or on its way to.
+
+        It is told as skipped in the summary and on the map. False where there is no such cell: in
+        lanes, on paths without a stop, on the ground. Raises `KeyError` as `recall_vehicle`.
+        """
+        cell = to_skip(self.setting, self.state, self.state.vehicles[number])
+        if not self.flying or cell is None:
+            return False
+        self.post(CellSkipped(number, self.state.t_s, cell))
+        return True
+
+    def land_here(self, number: int) -> bool:
+        """Have one vehicle land where it is, by its autopilot; False where it is not ours.
+
+        Somebody has to fetch it. Raises `KeyError` as `recall_vehicle`.
+        """
+        return self.flying and self._vehicles[number].land_here("the operator wants it down")
 
     def stop(self) -> None:
         """End the flight as it is; the journal tells how to go on."""

@@ -21,11 +21,13 @@ from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.state import Setting
+from uavmap.fly.clock_rate import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
+from uavmap.fly.spoken import Spoken
 from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
@@ -64,6 +66,7 @@ class MavlinkVehicle:
         slack_s: float = 0.0,
         by_places: bool = False,
         tell: Callable[[str], None] = lambda text: None,
+        clock_rate: ClockRate | None = None,
     ) -> None:
         self.number = number
         self.name = name
@@ -73,6 +76,8 @@ class MavlinkVehicle:
         self._setting = setting
         self._link_lost_s = link_lost_s
         self._ground_patience_s = ground_patience_s
+        self._clock_rate = clock_rate
+        self._tell = tell
         self._reporter = Reporter(
             number,
             name,
@@ -84,6 +89,7 @@ class MavlinkVehicle:
             battery_stale_s,
         )
         self._monitor = Monitor(self._reporter, session.view)
+        self._monitor.why = Spoken(self._reporter, session.view, tell).why
         limits = Limits(setting.fence, setting.energy, slack_s)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
@@ -186,6 +192,13 @@ class MavlinkVehicle:
             return
         self._task = self._tasks.create_task(self._carry_out(order))
 
+    def land_here(self, reason: str) -> bool:
+        """Have its guardian land it where it is; False where it is not in the air and ours."""
+        if not self.guardian.responsible:
+            return False
+        self.guardian.take_over("land", reason)
+        return True
+
     async def leave_as_found(self) -> None:
         """Set back what was changed in the vehicle for the flight."""
         if self._hears():
@@ -226,6 +239,7 @@ class MavlinkVehicle:
         give_up_after_s: float | None = None
         while True:
             await asyncio.sleep(1.0)
+            self._watch_clock()
             if monitor.connected and not monitor.overridden and self._hears():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
@@ -248,6 +262,14 @@ class MavlinkVehicle:
             ):
                 given_up = True
                 reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+
+    def _watch_clock(self) -> None:
+        """Say it when the vehicle's time passes faster or slower than ours."""
+        boot_s = self._view.gate.clock.boot_s
+        if self._clock_rate is None or boot_s is None:
+            return
+        if wrong := self._clock_rate.take(self._view.position_s, boot_s):
+            self._tell(f"vehicle {self.number}: {wrong}")
 
     async def _fresh_position(self) -> None:
         """Wait for the next position: what is ordered now begins where it is, not where it was."""

@@ -68,6 +68,12 @@ class Gate:
         count = self.refused[kind, reason]
         self.say(f"{kind} refused: {reason}" + (f" ({count} times by now)" if count > 1 else ""))
 
+    def refuse_once(self, kind: str, reason: str) -> None:
+        """Count what was not believed, and tell it the first time only."""
+        self.refused[kind, reason] += 1
+        if self.refused[kind, reason] == 1:
+            self.say(f"{kind} refused: {reason}; further ones are counted, and not told")
+
     def figures(self) -> dict[str, int]:
         """What was refused, for a summary: "KIND: reason" and how often."""
         return {f"{kind}: {why}": count for (kind, why), count in sorted(self.refused.items())}

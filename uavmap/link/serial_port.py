@@ -1,15 +1,18 @@
-"""A serial port as a link: read when the loop says so, and opened again when it was unplugged."""
+"""A serial port as a link: read and written when the loop says so, opened again when unplugged."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Hashable
 from typing import Final
 
 import serial
 
 REOPEN_S: Final = 1.0
+MOST_UNSENT: Final = 1 << 14
+"""Bytes that wait for the port, three seconds of it at 57600 baud; what is more is lost."""
 
 
 class SerialPort:
@@ -23,14 +26,26 @@ class SerialPort:
         self._on_bytes = on_bytes
         self._loop = asyncio.get_running_loop()
         self._port: serial.Serial | None = None
+        self._unsent = bytearray()
         self._reopening: asyncio.Task[None] | None = None
         self._open()
 
+    @property
+    def way(self) -> Hashable:
+        """Itself: nobody else leads there."""
+        return id(self)
+
     def send(self, data: bytes) -> None:
-        """Write; full, or unplugged: the session will miss the heartbeats."""
-        if self._port is not None:
-            with contextlib.suppress(serial.SerialException):
-                self._port.write(data)
+        """Write, now or as soon as the port takes it; nobody waits for that.
+
+        Full, or unplugged: the session will miss the heartbeats.
+        """
+        if self._port is None or len(self._unsent) + len(data) > MOST_UNSENT:
+            return
+        waits = bool(self._unsent)
+        self._unsent += data
+        if not waits:
+            self._write()
 
     def close(self) -> None:
         """Let go of it."""
@@ -39,14 +54,17 @@ class SerialPort:
         self._shut()
 
     def _open(self) -> None:
-        port = serial.Serial(self._name, self._baud, timeout=0, write_timeout=0.2)
+        port = serial.Serial(self._name, self._baud, timeout=0)
+        os.set_blocking(port.fileno(), False)
         self._port = port
         self._loop.add_reader(port.fileno(), self._read)
 
     def _shut(self) -> None:
         port, self._port = self._port, None
+        self._unsent.clear()
         if port is not None:
             self._loop.remove_reader(port.fileno())
+            self._loop.remove_writer(port.fileno())
             with contextlib.suppress(OSError):
                 port.close()
 
@@ -54,11 +72,31 @@ class SerialPort:
         try:
             data = self._port.read(4096) if self._port is not None else b""
         except (serial.SerialException, OSError):  # unplugged
-            self._shut()
-            self._reopening = self._loop.create_task(self._reopen())
+            self._lost()
             return
         if data:
             self._on_bytes(data)
+
+    def _write(self) -> None:
+        if self._port is None:
+            return
+        file = self._port.fileno()
+        try:
+            del self._unsent[: os.write(file, self._unsent)]
+        except BlockingIOError:
+            pass
+        except OSError:  # unplugged
+            self._lost()
+            return
+        if self._unsent:
+            self._loop.add_writer(file, self._write)
+        else:
+            self._loop.remove_writer(file)
+
+    def _lost(self) -> None:
+        self._shut()
+        if self._reopening is None or self._reopening.done():
+            self._reopening = self._loop.create_task(self._reopen())
 
     async def _reopen(self) -> None:
         """Try until it is plugged in again, under the same name."""

@@ -16,6 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.commands import Commands, MavlinkCommands
+from uavmap.link.frames import sender_of
+from uavmap.link.px4_events import EVENT_ID, event_text
+from uavmap.link.signing import Signing
 from uavmap.link.view import VehicleView
 
 Message = Any  # pymavlink carries no types
@@ -27,6 +30,8 @@ ACK_TRIES: Final = 5
 GROUND_SYSTEM_ID: Final = 245
 """Our own system id: this process flies several vehicles, so it is none of them."""
 
+_EVENT: Final = f"UNKNOWN_{EVENT_ID}"
+"""What the parser calls a message that its dialect does not know."""
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
 _RESULTS: dict[str, int] = {
@@ -79,6 +84,19 @@ class Session:
         self.view = VehicleView()
         self.flight: Commands = MavlinkCommands(self)
         """What the vehicle can be told in flight."""
+        self.signing: Signing | None = None
+        """With a key, what is not signed with it is not heard, and what is sent is signed."""
+        self.tap: Callable[[bytes], None] = lambda data: None
+        """Takes what the link has heard, as it was, since the vehicle first spoke."""
+        self.process_number = 0
+        """A number of this process, told in our heartbeat: so others of us are known from an echo.
+        0: not told, and nobody is looked for."""
+        self.rival_s: float | None = None
+        """When another process of ours was last heard on this link."""
+        self.bound_s: float | None = None
+        """When our vehicle first spoke, on the loop's clock."""
+        self.onboard = False
+        """Whether to a PX4, too, we are no ground station but a part of the vehicle."""
 
     # --- frames --------------------------------------------------------------------------
     def feed(self, data: bytes) -> bool:
@@ -86,8 +104,13 @@ class Session:
         now_s = asyncio.get_running_loop().time()
         ours = False
         for message in self._parsed(data):
+            if self.signing is not None and not self._signed(message):
+                continue
             self._record(bytes(message.get_msgbuf()))
+            self._overhear(message, now_s)
             ours = self._take(message, now_s) or ours
+        if self.view.system_id:
+            self.tap(data)
         self._wake()
         return ours
 
@@ -96,6 +119,7 @@ class Session:
         if not self.view.take(message, now_s):
             self.overheard(message)
             return False
+        self.bound_s = now_s if self.bound_s is None else self.bound_s
         if message.get_srcComponent() == self.view.autopilot_component:
             self.heard_s[message.get_msgId()] = now_s
         if message.get_type() == "COMMAND_ACK":
@@ -103,6 +127,42 @@ class Session:
         for listener in self._listeners:
             listener(message)
         return True
+
+    def _overhear(self, message: Message, now_s: float) -> None:
+        """Take note of what is not for the view: events of a PX4, others like us."""
+        if message.get_type() == _EVENT:
+            self._hear_event(message)
+        elif message.get_srcSystem() == GROUND_SYSTEM_ID:
+            self._look_for_rival(message, now_s)
+
+    def _hear_event(self, message: Message) -> None:
+        """An event of the autopilot; as a ground station we are told texts, which say more."""
+        frame = bytes(message.get_msgbuf())
+        ours = sender_of(frame) == (self.view.system_id, self.view.autopilot_component)
+        if self.onboard and ours and (text := event_text(frame)):
+            self.view.hear(text)
+
+    def has_rival(self) -> bool:
+        """Whether another process of ours was heard to speak to this vehicle."""
+        return self.rival_s is not None
+
+    def _look_for_rival(self, message: Message, now_s: float) -> None:
+        """A vehicle or a router may pass on what another service like this one sends."""
+        beats = message.get_type() == "HEARTBEAT" and self.process_number
+        if not beats or message.custom_mode == self.process_number:
+            return
+        if self.rival_s is None:
+            self.view.gate.say("another uavmap speaks to this vehicle; one of the two must end")
+        self.rival_s = now_s
+
+    def _signed(self, message: Message) -> bool:
+        """Whether a message is signed as it has to be; if not it is counted, and said once."""
+        if self.signing is None or message.get_msgId() == mav.MAVLINK_MSG_ID_RADIO_STATUS:
+            return self.signing is None  # a radio beside us has no key, and nobody needs its word
+        fault = self.signing.fault(bytes(message.get_msgbuf()))
+        if fault is not None:
+            self.view.gate.refuse_once("frames", fault)
+        return fault is None
 
     def _parsed(self, data: bytes) -> Iterator[Message]:
         """The messages in a piece of a stream; what is none is passed over."""
@@ -116,7 +176,8 @@ class Session:
             data = b""
             if message is None:
                 break
-            if message.get_type() != "BAD_DATA" and message.get_msgId() in mav.mavlink_map:
+            known = message.get_msgId() in mav.mavlink_map and message.get_type() != "BAD_DATA"
+            if known or message.get_type() == _EVENT:
                 yield message
         # the parser lets go of what it has read only when it has read all of it
         if codec.buf_index > _READ_BYTES_KEPT:
@@ -132,7 +193,9 @@ class Session:
         self._emit(frame)
 
     def _emit(self, frame: bytes) -> None:
-        """A frame goes to the link as it is."""
+        """A frame goes to the link, signed where there is a key."""
+        if self.signing is not None:
+            frame = self.signing.sign(frame)
         self._record(frame)
         self._send(frame)
 
@@ -235,6 +298,7 @@ class Session:
     ) -> None:
         name = mav.enums["MAV_CMD"][command].name
         async with self._command_lock:
+            sent_s = asyncio.get_running_loop().time()
             queue = self._acks[command, asked] = asyncio.Queue()
             ack: Message | None = None
             try:
@@ -255,7 +319,8 @@ class Session:
             return
         if ack is not None:
             raise CommandRefusedError(
-                f"{name} was refused: {result_name(ack.result)}" + self.view.recent_texts()
+                f"{name} was refused: {result_name(ack.result)}"
+                + self.view.recent_texts(since_s=sent_s)
             )
         raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
 
@@ -285,16 +350,18 @@ class Session:
 
     # --- what a client sends of itself -----------------------------------------------------
     def heartbeat(self) -> None:
-        """HEARTBEAT as an onboard controller, which does not stand in for a ground station.
+        """HEARTBEAT: as a ground station to a PX4, which says its texts to nobody else.
 
-        To a PX4 as a ground station: it explains nothing to anybody else.
+        Otherwise, and with `onboard`, as an onboard controller, which stands in for no ground
+        station.
         """
+        onboard = mav.MAV_TYPE_ONBOARD_CONTROLLER
         self.send(
             mav.MAVLink_heartbeat_message(
-                self.view.kind.heard_as,
+                onboard if self.onboard else self.view.kind.heard_as,
                 mav.MAV_AUTOPILOT_INVALID,
                 0,
-                0,
+                self.process_number,
                 mav.MAV_STATE_ACTIVE,
                 3,
             )

@@ -11,10 +11,11 @@ import asyncio
 import contextlib
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Hashable, Mapping
 from typing import Any, Final, Protocol, cast
 
 from missions.errors import LinkError
+from uavmap.link.frames import Splitter, sender_of
 from uavmap.link.serial_port import REOPEN_S, SerialPort
 from uavmap.link.urls import Endpoint
 
@@ -22,6 +23,8 @@ PEER_SILENT_S: Final = 10.0
 """Real seconds of silence after which our vehicle may be heard from another address."""
 MOST_STRANGERS: Final = 16
 """How many strangers a link names; of more it says nothing."""
+MOST_UNSENT: Final = 1 << 18
+"""Bytes that wait for a TCP peer to read; what is more is lost, as on any other link."""
 _KEEPALIVE_S: Final = 5
 
 OnBytes = Callable[[bytes], bool]
@@ -39,6 +42,11 @@ class Transport(Protocol):
     @property
     def peer_host(self) -> str | None:
         """The address of the host at the other end; None for a serial port, or nobody yet."""
+        ...
+
+    @property
+    def way(self) -> Hashable:
+        """Equal for two that lead over the same socket to the same place."""
         ...
 
 
@@ -71,6 +79,86 @@ async def open_transport(
     finally:
         close()
         await asyncio.sleep(0)  # let the loop drop the file before it closes
+
+
+@contextlib.asynccontextmanager
+async def open_shared(
+    endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Say = _to_nobody
+) -> AsyncIterator[Mapping[int, Transport]]:
+    """One link that several vehicles share: a transport for each, by system id.
+
+    On a listening UDP socket each vehicle may speak from an address of its own. Frames of other
+    systems are named once and heard by nobody. Raises `LinkError` as `open_transport`.
+    """
+    if endpoint.transport != "udpin":
+        deliver = _by_system(on_bytes, _Strangers(endpoint, say))
+        splitter = Splitter()
+        async with open_transport(
+            endpoint, lambda data: deliver(splitter.feed(data), None), say
+        ) as one:
+            yield dict.fromkeys(on_bytes, one)
+        return
+    strangers = _Strangers(endpoint, say)
+    each = {system: _Udp(heard, strangers, None) for system, heard in on_bytes.items()}
+    loop = asyncio.get_running_loop()
+    try:
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: _SharedUdp(each, strangers), local_addr=(endpoint.host, endpoint.port)
+        )
+    except OSError as error:
+        raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
+    try:
+        yield each
+    finally:
+        transport.close()
+        await asyncio.sleep(0)
+
+
+def _by_system(
+    on_bytes: Mapping[int, OnBytes], strangers: _Strangers
+) -> Callable[[list[bytes], Any], bool]:
+    """Hands frames to whom their senders belong to; whether one of them was our vehicle."""
+
+    def deliver(frames: list[bytes], _address: Any) -> bool:
+        ours = False
+        for system, group in _grouped(frames).items():
+            if (heard := on_bytes.get(system)) is not None:
+                ours = heard(group) or ours
+            else:
+                strangers.tell((f"system {system}", None), _NOT_FLOWN)
+        return ours
+
+    return deliver
+
+
+_NOT_FLOWN: Final = "speaks here, and is no vehicle of this flight"
+
+
+def _grouped(frames: list[bytes]) -> dict[int, bytes]:
+    groups: dict[int, bytes] = {}
+    for frame in frames:
+        system, _ = sender_of(frame)
+        groups[system] = groups.get(system, b"") + frame
+    return groups
+
+
+class _SharedUdp(asyncio.DatagramProtocol):
+    """A listening UDP socket with several vehicles, each with an address of its own or not."""
+
+    def __init__(self, each: Mapping[int, _Udp], strangers: _Strangers) -> None:
+        self._each = each
+        self._strangers = strangers
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        for udp in self._each.values():
+            udp.connection_made(transport)
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        for system, group in _grouped(Splitter().feed(data)).items():
+            if (udp := self._each.get(system)) is not None:
+                udp.datagram_received(group, addr)
+            else:
+                self._strangers.tell((f"system {system}", None), _NOT_FLOWN)
 
 
 _Opened = tuple[Transport, Callable[[], None]]
@@ -121,6 +209,10 @@ class _Udp(asyncio.DatagramProtocol):
     @property
     def peer_host(self) -> str | None:
         return None if self._peer is None else self._peer[0]
+
+    @property
+    def way(self) -> Hashable:
+        return (id(self._transport), self._peer)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.DatagramTransport, transport)
@@ -179,6 +271,10 @@ class _Tcp:
             return None
         return str(self._transport.get_extra_info("peername")[0])
 
+    @property
+    def way(self) -> Hashable:
+        return id(self)
+
     def made(self, transport: asyncio.Transport) -> bool:
         """A connection was made; whether it is the link's."""
         peer = transport.get_extra_info("peername")
@@ -200,8 +296,11 @@ class _Tcp:
             self.gone.set()
 
     def send(self, data: bytes) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(data)
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if transport.get_write_buffer_size() < MOST_UNSENT:  # else nobody reads at the other end
+            transport.write(data)
 
     def close(self) -> None:
         if self._transport is not None:

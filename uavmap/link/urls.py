@@ -6,12 +6,14 @@ udpout://192.168.1.12:14550         udpout:192.168.1.12:14550
 tcpout://192.168.1.12:5760          tcp:192.168.1.12:5760
 tcpin://0.0.0.0:5760                tcpin:0.0.0.0:5760
 serial:///dev/ttyACM0:57600         /dev/ttyACM0,57600
+
+With `?system=2` behind it a URL means that one of several vehicles on it.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from missions.errors import LinkError
@@ -30,6 +32,7 @@ _SYNONYMS: dict[str, Transport] = {
 _NETWORK = re.compile(r"(?P<scheme>[a-z]+):(//)?(?P<host>\[[^\]]*\]|[^:/]*):(?P<port>\d+)/?")
 _SERIAL_URL = re.compile(r"serial:(//)?(?P<device>[^:]+)(:(?P<baud>\d+))?")
 _SERIAL_PATH = re.compile(r"(?P<device>/dev/[^,]+|COM\d+)(,(?P<baud>\d+))?")
+_WHICH = re.compile(r"system=(?P<system>\d{1,3})")
 DEFAULT_BAUD = 57600
 
 
@@ -40,12 +43,20 @@ class Endpoint:
     transport: Transport
     host: str
     port: int
+    system: int | None = None
+    """The system id of the vehicle that is meant; None: the first that speaks."""
 
     @property
     def url(self) -> str:
         """The URL in MAVSDK's style."""
         host = f"[{self.host}]" if ":" in self.host else self.host  # an IPv6 address
-        return f"{self.transport}://{host}:{self.port}"
+        which = "" if self.system is None else f"?system={self.system}"
+        return f"{self.transport}://{host}:{self.port}{which}"
+
+    @property
+    def port_of_all(self) -> Endpoint:
+        """The same for whoever is there: what several vehicles may share."""
+        return replace(self, system=None)
 
 
 def parse_url(url: str) -> Endpoint:
@@ -55,8 +66,20 @@ def parse_url(url: str) -> Endpoint:
     Endpoint(transport='udpin', host='127.0.0.1', port=14550)
     >>> parse_url("/dev/ttyACM0,115200").url
     'serial:///dev/ttyACM0:115200'
+    >>> parse_url("udpin://0.0.0.0:14550?system=2").system
+    2
     """
-    text = url.strip()
+    text, _, which = url.strip().partition("?")
+    endpoint = _parsed(url, text)
+    if "?" not in url:
+        return endpoint
+    found = _WHICH.fullmatch(which)
+    if found is None or not 0 < int(found["system"]) < 256:
+        raise LinkError(f"{url!r}: behind the ? stands system=N, with a system id of 1 to 255")
+    return replace(endpoint, system=int(found["system"]))
+
+
+def _parsed(url: str, text: str) -> Endpoint:
     if match := _SERIAL_PATH.fullmatch(text) or _SERIAL_URL.fullmatch(text):
         baud = int(match["baud"] or DEFAULT_BAUD)
         if baud == 0:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -18,8 +19,8 @@ from uavmap.link.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
 from uavmap.link.continuity import CameraClock
 from uavmap.link.gate import Gate
 from uavmap.link.rules import RULES, Sender
+from uavmap.link.texts import Text, Texts
 from uavmap.link.whereabouts import Fix, Place, Whereabouts
-from uavmap.printable import printable
 
 Message = Any
 
@@ -32,7 +33,6 @@ PREARM_BIT: Final = 0x10000000
 EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
-TEXT_LENGTH: Final = 200
 CAMERA_SILENT_S: Final = 10.0
 """After so long another camera of the vehicle may take the place of the one that was heard."""
 STAMP_SLACK_S: Final = 0.5
@@ -51,6 +51,8 @@ class VehicleView:
     """What is known of the vehicle from its messages; None where it has not said yet."""
 
     system_id: int = 0
+    wanted_system: int | None = None
+    """The only system that is listened to; None: the first that speaks."""
     autopilot: int | None = None
     autopilot_component: int = 0
     """Bound with `system_id` by the first heartbeat of an autopilot."""
@@ -63,6 +65,8 @@ class VehicleView:
     armed: bool = False
     failsafe: bool = False
     """The autopilot flies by itself, whatever the mode."""
+    critical: bool = False
+    """What it says of its state; with an ArduPilot a failsafe lasts, whoever flies."""
     position: LatLon | None = None
     position_s: float = float("-inf")
     height_m: float = 0.0
@@ -90,6 +94,9 @@ class VehicleView:
     """The hardware's own number, hexadecimal; empty where it has none or did not tell."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
     texts_heard: int = 0
+    hear: Callable[[Text], None] = lambda text: None
+    """Takes every text of the vehicle as it is complete."""
+    _chunks: Texts = field(default_factory=Texts)
 
     def take(self, message: Message, now_s: float) -> bool:
         """Note a message; False when it is not from our vehicle, or not to be believed."""
@@ -113,6 +120,8 @@ class VehicleView:
 
     def _bind(self, message: Message, system: int, component: int) -> None:
         """The first heartbeat of an autopilot says which vehicle is at the other end."""
+        if self.wanted_system not in (None, system):
+            return
         if is_autopilot(message):
             self.system_id, self.autopilot_component = system, component
 
@@ -207,11 +216,18 @@ class VehicleView:
             found.append(max(capacity_wh - self.energy_consumed_j / 3600.0, 0.0))
         return min(found) if found else None
 
-    def recent_texts(self, now_s: float | None = None) -> str:
-        """What the vehicle said in the seconds before now (the loop's), for an error message."""
+    def words_since(self, since_s: float) -> list[str]:
+        """What the vehicle has said since a time of the loop's clock, oldest first."""
+        return [text for at_s, text in self.texts if at_s >= since_s]
+
+    def recent_texts(self, now_s: float | None = None, since_s: float = float("inf")) -> str:
+        """What the vehicle said in the seconds before now (the loop's), for an error message.
+
+        And since `since_s`, when it was asked, if that is longer ago.
+        """
         if now_s is None:
             now_s = asyncio.get_running_loop().time()
-        texts = [text for at_s, text in self.texts if now_s - at_s <= TEXT_HORIZON_S]
+        texts = self.words_since(min(now_s - TEXT_HORIZON_S, since_s))
         return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")" if texts else ""
 
 
@@ -231,6 +247,8 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     view.armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
     critical = message.system_status == mav.MAV_STATE_CRITICAL
     view.failsafe = critical and view.kind.tells_failsafe
+    view.critical = critical
+    _spoken(view, view._chunks.late(now_s), now_s)
 
 
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
@@ -308,8 +326,14 @@ def _version(view: VehicleView, message: Message, now_s: float, component: int) 
 
 
 def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.texts.append((now_s, printable(str(message.text), TEXT_LENGTH).strip()))
-    view.texts_heard += 1
+    _spoken(view, view._chunks.take(component, message, now_s), now_s)
+
+
+def _spoken(view: VehicleView, texts: list[Text], now_s: float) -> None:
+    for text in texts:
+        view.texts.append((now_s, text.words))
+        view.texts_heard += 1
+        view.hear(text)
 
 
 _HANDLERS: Final = {

@@ -74,7 +74,8 @@ class MavsdkSession(Session):
     def _is_ours(self, message: Message) -> bool:
         if self.view.system_id:
             return bool(message.get_srcSystem() == self.view.system_id)
-        return message.get_type() == "HEARTBEAT" and is_autopilot(message)
+        wanted = self.view.wanted_system in (None, message.get_srcSystem())
+        return wanted and message.get_type() == "HEARTBEAT" and is_autopilot(message)
 
     def _hear(self, told: Words) -> None:
         """A message that MAVSDK has read."""

@@ -66,6 +66,12 @@ class FlightPlan:
     """Who speaks MAVLink with the aircraft."""
     cameras: tuple[str, ...] = ()
     """One a vehicle, instead of the mission file's; empty: those."""
+    key_file: str | None = None
+    """Where the signing key lies; the key itself is nowhere."""
+    onboard: bool = False
+    """Whether the service flies with a vehicle, and is no ground station to it."""
+    forward: tuple[str, ...] = ()
+    """URLs of ground stations to which the vehicles' frames are passed on, and theirs back."""
 
     @property
     def simulated(self) -> bool:
@@ -79,6 +85,11 @@ class FlightPlan:
                 "--driver mavsdk cannot fly with --sim: MAVSDK has a clock of its own, and a "
                 "simulated flight is on virtual time; start `uavmap sitl`, and give its URLs with "
                 "--connect"
+            )
+        if self.key_file is not None and self.driver == MAVSDK:
+            raise LinkError(
+                "--driver mavsdk does not sign: fly with a key (--key, UAVMAP_KEY_FILE) by "
+                "--driver pymavlink"
             )
 
     def mission(self) -> Mission:

@@ -9,7 +9,7 @@ from typing import Any
 from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.arena.passing_bound import passing_bound_s
-from missions.events import BatterySwapped, Connected, Event, Landed, Tracked
+from missions.events import BatterySwapped, Connected, Event, Landed, Told, Tracked
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.optics import kinematics
 from missions.orders import FlyPath
@@ -98,6 +98,9 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     first_s, last_s = None, 0.0
     before_s = 0.0
     for event in events:
+        if isinstance(event, Told):  # words are no part of a flight's times
+            state, _ = step(setting, state, event)
+            continue
         for number, vehicle in state.vehicles.items():
             _on_task(counts[number], vehicle, state, max(event.t_s - before_s, 0.0))
         before_s = max(before_s, event.t_s)
@@ -242,12 +245,15 @@ def finding(state: State) -> str:
         return f"{found}, the whole box surveyed{rim}"
     if state.tree is None:
         text = f"no region found in {frames} judged frames"
+        if state.skipped:
+            text += f"; {len(state.skipped)} suspicions were skipped by the operator"
         return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text
     gaps = [
         f"{len(cells)} cells {what}"
         for cells, what in (
             (state.abandoned, "could not be looked from"),
             (state.undecided, "lack votes"),
+            (state.skipped, "were skipped by the operator"),
         )
         if cells
     ]

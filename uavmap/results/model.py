@@ -17,8 +17,10 @@ State = Literal[
     "explored",
     "provisional",
     "provisional non-roi",
+    "skipped",
 ]
-"""Of a cell. Provisional is what most of its frames say while too few of them make a verdict."""
+"""Of a cell. Skipped is one of the region from which the operator had nobody look. Provisional is
+what most of its frames say while too few of them make a verdict."""
 
 NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi"))
 """What a map does not count as region."""

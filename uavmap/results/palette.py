@@ -19,6 +19,7 @@ STATES: Mapping[State, Colour] = MappingProxyType(
         "explored": (116, 178, 122),
         "under exploration": (242, 201, 76),
         "unexplored": (43, 47, 51),
+        "skipped": (200, 30, 160),
         "non-roi": (216, 220, 224),
         "provisional": (226, 178, 158),
         "provisional non-roi": (236, 232, 222),

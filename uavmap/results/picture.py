@@ -178,6 +178,7 @@ NAMES: Mapping[State, str] = MappingProxyType(
         "non-roi": "not region",
         "provisional": "region so far",
         "provisional non-roi": "not region so far",
+        "skipped": "skipped by the operator",
     }
 )
 """Of states whose own names would not be understood."""

@@ -64,6 +64,8 @@ def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
         return "provisional" if state.belief.provisional(cell) else "provisional non-roi"
     if recorded:
         return "explored"
+    if cell in state.skipped:
+        return "skipped"
     tree: Tree | None = state.tree
     if tree is None or cell not in tree:
         return "unexplored"
@@ -91,6 +93,7 @@ def write_results(
     kml.write(data, folder / "map.kml")
     picture.write(data, folder / "map.png")
     values = summary(setting, state, found, seed)
+    values |= {"cells_skipped": len(state.skipped)}
     if recorded is not None:
         judged = sum(isinstance(event, FrameSeen) and bool(event.votes) for event in events)
         values |= {

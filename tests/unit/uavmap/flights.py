@@ -20,8 +20,8 @@ from tests.small_missions import CELL_M, START, mission, square
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.cameras.pose import Poses
 from uavmap.clock import VirtualClock, run
+from uavmap.fly.cameras_of import mount_of
 from uavmap.fly.classifier import Classifier
-from uavmap.fly.fleet import mount_of
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.link.session import GROUND_SYSTEM_ID, Session

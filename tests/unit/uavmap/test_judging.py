@@ -24,8 +24,8 @@ from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.cameras.pose import Poses
 from uavmap.cameras.source import Announcement
 from uavmap.clock import VirtualClock, run
+from uavmap.fly.cameras_of import mount_of
 from uavmap.fly.classifier import Classifier
-from uavmap.fly.fleet import mount_of
 from uavmap.fly.imaging import CameraDriver
 from uavmap.link.session import Message
 

@@ -41,6 +41,9 @@ class Played:
     def give(self, order: Order) -> None:
         self.orders.append(order)
 
+    def land_here(self, reason: str) -> bool:
+        return False
+
 
 @pytest.fixture
 def journal(tmp_path: Path) -> Iterator[Journal]:

@@ -26,8 +26,8 @@ from uavmap.cameras.picture_server import PictureStore
 from uavmap.cameras.pose import Poses
 from uavmap.cameras.source import FrameSource
 from uavmap.cameras.triggered import TriggeredSource
-from uavmap.fly.fleet import Link
 from uavmap.fly.flight import _Flight
+from uavmap.fly.links import Link
 from uavmap.fly.progress import Progress
 from uavmap.link.session import Session
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan

@@ -1,0 +1,29 @@
+"""The cameras of a flight, as the mission file and the command line describe them."""
+
+from __future__ import annotations
+
+from missions.mission_file.schema import CameraSection, Mission
+from uavmap.cameras.mount import Mount
+from uavmap.cameras.opening import Settings
+from uavmap.cameras.spec import CameraSpec, parse_camera
+from uavmap.record.flight_plan import FlightPlan
+
+
+def mount_of(camera: CameraSection) -> Mount:
+    """How the camera of a mission file is fixed to its aircraft."""
+    return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
+
+
+def settings_of(camera: CameraSection) -> Settings:
+    """What a mission file says of its cameras."""
+    size_px = (camera.width_px, camera.height_px)
+    return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
+
+
+def cameras_of(plan: FlightPlan, mission: Mission) -> list[CameraSpec]:
+    """The camera of each vehicle: of the command line, else of the mission file.
+
+    Raises `LinkError` for what is no camera.
+    """
+    written = plan.cameras or [v.camera or "mavlink" for v in mission.vehicles]
+    return [parse_camera(text) for text in written]

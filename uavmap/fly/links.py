@@ -1,0 +1,178 @@
+"""The links of a flight: opened together, signed with one key, shared by vehicles and stations."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from missions.errors import LinkError
+from missions.mission_file.schema import Mission
+from uavmap.cameras.opening import opened_camera
+from uavmap.cameras.source import FrameSource
+from uavmap.fly.cameras_of import cameras_of, settings_of
+from uavmap.fly.http_pictures import PictureFetcher
+from uavmap.link.forwarding import Forwarding
+from uavmap.link.key_file import signing_with
+from uavmap.link.session import Session
+from uavmap.link.transports import Transport, open_shared, open_transport
+from uavmap.link.urls import Endpoint, parse_url
+from uavmap.mavsdk_driver.session import opened_session
+from uavmap.record.flight_plan import MAVSDK, FlightPlan
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The way to one aircraft, and its camera."""
+
+    name: str
+    """What the operator calls it: its URL."""
+    session: Session
+    camera: FrameSource
+
+
+class _Line:
+    """A session, and the transport that it is given once that is open."""
+
+    def __init__(self, endpoint: Endpoint, record: Callable[[bytes], None], wait_s: float) -> None:
+        self.endpoint = endpoint
+        self._opened: list[Transport] = []
+        self.session = Session(self.send, record, wait_s)
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame, or nothing before it is open."""
+        for transport in self._opened:
+            transport.send(frame)
+
+    def opened(self, transport: Transport) -> None:
+        """What it sends over from now on."""
+        self._opened.append(transport)
+
+    @property
+    def transport(self) -> Transport:
+        """What it sends over."""
+        return self._opened[0]
+
+    @property
+    def system_id(self) -> int:
+        """The system at the other end, 0 until it has spoken."""
+        return self.session.view.system_id
+
+    def hosts(self, named: Sequence[str]) -> tuple[str, ...]:
+        """Where the pictures of its vehicle may come from; its peer is known once it has spoken."""
+        return (*named, self.transport.peer_host or "")
+
+
+@contextlib.asynccontextmanager
+async def opened_links(
+    plan: FlightPlan,
+    mission: Mission,
+    record: Callable[[bytes], None],
+    say: Callable[[str], None],
+    ack_wait_s: float,
+) -> AsyncIterator[list[Link]]:
+    """A link to every URL of a plan, in their order, open until the end of the context.
+
+    With the signing of the plan's key, and with the ground stations of `forward` beside them.
+    The cameras are those of the plan, else of the mission. `record` is given every frame, `say` a
+    line for the operator. Raises `LinkError` where one cannot be opened.
+    """
+    lines = [_Line(parse_url(url), record, ack_wait_s) for url in plan.urls]
+    forwarding = Forwarding(record)
+    async with contextlib.AsyncExitStack() as stack:
+        number = secrets.randbelow(2**32 - 1) + 1
+        signing = stack.enter_context(signing_with(plan.key_file))
+        for url, line in zip(plan.urls, lines, strict=True):
+            if plan.driver == MAVSDK:
+                speaks = partial(_say_of_link, say, url)
+                line.session = await stack.enter_async_context(
+                    opened_session(line.send, record, ack_wait_s, speaks, plan.speedup or 1.0)
+                )
+            line.session.view.wanted_system = line.endpoint.system
+            line.session.signing = signing
+            line.session.onboard = plan.onboard
+            line.session.process_number = number
+            if plan.forward:
+                line.session.tap = forwarding.add(line)
+        for shared in _by_port(lines).values():
+            await _open(stack, shared, say)
+        await stack.enter_async_context(forwarding.open(plan.forward, say))
+        links: list[Link] = []
+        cameras = cameras_of(plan, mission)
+        for url, line, spec in zip(plan.urls, lines, cameras, strict=True):
+            fetch = PictureFetcher(partial(line.hosts, mission.camera.hosts))
+            camera = await stack.enter_async_context(
+                opened_camera(spec, line.session, fetch, settings_of(mission.camera), say)
+            )
+            links.append(Link(url, line.session, camera))
+        yield links
+        _tell_refused(lines, say)
+
+
+def _say_of_link(say: Callable[[str], None], url: str, text: str) -> None:
+    """A line about one link."""
+    say(f"{url}: {text}")
+
+
+def check_urls(urls: Sequence[str]) -> None:
+    """Raise `LinkError` for URLs that cannot be flown together, before anything is opened."""
+    ports: dict[Endpoint, list[int | None]] = {}
+    for endpoint in map(parse_url, urls):
+        ports.setdefault(endpoint.port_of_all, []).append(endpoint.system)
+    for port, systems in ports.items():
+        if len(systems) > 1 and (None in systems or len(set(systems)) < len(systems)):
+            raise LinkError(
+                f"{port.url} is given {len(systems)} times; say which vehicle each means: "
+                f"{port.url}?system=1, {port.url}?system=2"
+            )
+
+
+async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
+    """Raise `LinkError` where another process of ours speaks to one of the vehicles.
+
+    `listen_s`: for how long heartbeats are listened for since each vehicle first spoke.
+    """
+    loop = asyncio.get_running_loop()
+    for link in links:
+        session = link.session
+        left_s = (session.bound_s or loop.time()) + listen_s - loop.time()
+        if await session.until(session.has_rival, max(left_s, 1e-3)):
+            raise LinkError(
+                f"{link.name}: another uavmap flies this vehicle already; end that one first "
+                "(Ctrl-C there), or wait until it is done"
+            )
+
+
+def _by_port(lines: Sequence[_Line]) -> Mapping[Endpoint, list[_Line]]:
+    check_urls([line.endpoint.url for line in lines])
+    ports: dict[Endpoint, list[_Line]] = {}
+    for line in lines:
+        ports.setdefault(line.endpoint.port_of_all, []).append(line)
+    return ports
+
+
+async def _open(
+    stack: contextlib.AsyncExitStack, shared: Sequence[_Line], say: Callable[[str], None]
+) -> None:
+    """Open what one vehicle has alone, or several have together."""
+    first = shared[0]
+    if len(shared) == 1:
+        alone = open_transport(first.endpoint, first.session.feed, say)
+        first.opened(await stack.enter_async_context(alone))
+        return
+    takers = {line.endpoint.system or 0: line.session.feed for line in shared}
+    together = open_shared(first.endpoint.port_of_all, takers, say)
+    transports = await stack.enter_async_context(together)
+    for line in shared:
+        line.opened(transports[line.endpoint.system or 0])
+
+
+def _tell_refused(lines: Sequence[_Line], say: Callable[[str], None]) -> None:
+    """How many frames were not believed for their signatures: said at the end."""
+    for number, line in enumerate(lines, start=1):
+        for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
+            if kind == "frames":
+                say(f"vehicle {number}: {count} frames were refused: {reason}")

@@ -1,0 +1,111 @@
+"""MAVLink frames as bytes: cut out of a stream, with their addresses, and nothing of them changed.
+
+For what is passed on and not understood: frames of other dialects, and signed ones.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+_V2, _V1 = mav.PROTOCOL_MARKER_V2, mav.PROTOCOL_MARKER_V1
+_MARKS: Final = (_V1, _V2)
+_MOST_KEPT: Final = 2 * 280
+_SIGNATURE_BYTES: Final = 13
+
+
+def length_of(data: bytes | bytearray, at: int = 0) -> int:
+    """How long the frame is that begins there; 0 where that cannot be said yet."""
+    if len(data) - at < 3:
+        return 0
+    if data[at] == _V1:
+        return 8 + data[at + 1]
+    return 12 + data[at + 1] + (_SIGNATURE_BYTES if data[at + 2] & mav.MAVLINK_IFLAG_SIGNED else 0)
+
+
+class Splitter:
+    """Cuts a stream into whole frames; what is none is passed over.
+
+    A frame is taken for one if another begins behind it, or nothing follows, or its checksum is
+    right.
+
+    >>> beat = mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mav.MAVLink(None))
+    >>> splitter = Splitter()
+    >>> splitter.feed(b"boot" + beat + beat[:9]) == [beat], splitter.feed(beat[9:]) == [beat]
+    (True, True)
+    """
+
+    def __init__(self) -> None:
+        self._kept = bytearray()
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """The frames that are whole now."""
+        buffer = self._kept
+        buffer += data
+        found: list[bytes] = []
+        at = 0
+        while at < len(buffer):
+            if buffer[at] not in _MARKS:
+                at += 1
+                continue
+            length = length_of(buffer, at)
+            end = at + length
+            if not length or end > len(buffer):
+                break
+            frame = bytes(buffer[at:end])
+            if end == len(buffer) or buffer[end] in _MARKS or _checks(frame):
+                found.append(frame)
+                at = end
+            else:
+                at += 1
+        del buffer[:at]
+        if len(buffer) > _MOST_KEPT:
+            buffer.clear()
+        return found
+
+
+def sender_of(frame: bytes) -> tuple[int, int]:
+    """System and component that sent a frame."""
+    return (frame[3], frame[4]) if frame[0] == _V1 else (frame[5], frame[6])
+
+
+def message_id_of(frame: bytes) -> int:
+    """The kind of message in a frame."""
+    return frame[5] if frame[0] == _V1 else int.from_bytes(frame[7:10], "little")
+
+
+def target_of(frame: bytes) -> int:
+    """The system that a frame is for; 0 for everybody, and where that is not known."""
+    offset = _target_offset(message_id_of(frame))
+    begin = 6 if frame[0] == _V1 else 10
+    if offset is None or offset >= frame[1]:  # zeros at the end are not sent
+        return 0
+    return frame[begin + offset]
+
+
+@functools.cache
+def _target_offset(message_id: int) -> int | None:
+    """Where in the payload of a kind of message its target system stands."""
+    kind = mav.mavlink_map.get(message_id)
+    if kind is None or "target_system" not in kind.ordered_fieldnames:
+        return None
+    index = kind.ordered_fieldnames.index("target_system")
+    letters = kind.native_format.decode("ascii").lstrip("<")
+    sizes: list[int] = [
+        struct.calcsize(f"<{letter}") * max(count, 1)
+        for letter, count in zip(letters, kind.array_lengths, strict=True)
+    ]
+    return sum(sizes[:index])
+
+
+def _checks(frame: bytes) -> bool:
+    """Whether the checksum of a frame is right; of an unknown kind nobody can say."""
+    kind = mav.mavlink_map.get(message_id_of(frame))
+    if kind is None:
+        return False
+    end = (8 if frame[0] == _V1 else 12) + frame[1] - 2
+    crc: int = mav.x25crc(frame[1:end] + bytes([kind.crc_extra])).crc
+    return crc == int.from_bytes(frame[end : end + 2], "little")
