@@ -15,7 +15,18 @@ from collections.abc import Sequence
 
 from missions.errors import AircraftError, UavmapError, leaves
 from uavmap import __version__
-from uavmap.cli import animate, check, fly, replay, resume, simulate, sitl, strategies, study
+from uavmap.cli import (
+    animate,
+    check,
+    doctor,
+    fly,
+    replay,
+    resume,
+    simulate,
+    sitl,
+    strategies,
+    study,
+)
 from uavmap.cli.common import AIRCRAFT_DOWN, INTERRUPTED, complain
 
 USER_ERROR = 2
@@ -30,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (fly, resume, sitl, replay, animate, check, simulate, strategies, study):
+    for module in (fly, resume, doctor, sitl, replay, animate, check, simulate, strategies, study):
         module.add_parser(commands)
     return top
 

@@ -22,7 +22,7 @@ from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_transport
 from uavmap.link.urls import parse_url
 from uavmap.mavsdk_driver.session import opened_session
-from uavmap.record.flight_plan import MAVSDK, FlightPlan
+from uavmap.record.flight_plan import MAVSDK, PYMAVLINK, FlightPlan
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
@@ -56,14 +56,31 @@ async def opened_links(
     `record` is given every frame, `say` a line for the operator. Raises `LinkError` where one
     cannot be opened.
     """
-    speedup = plan.speedup or 1.0
+    hosts = setting.mission.camera.hosts
+    async with opened_sessions(
+        plan.urls, hosts, plan.speedup, record, say, driver=plan.driver
+    ) as links:
+        yield links
+
+
+@contextlib.asynccontextmanager
+async def opened_sessions(
+    urls: Sequence[str],
+    named: Sequence[str],
+    speedup: float | None,
+    record: Callable[[bytes], None],
+    say: Callable[[str], None],
+    *,
+    driver: str = PYMAVLINK,
+) -> AsyncIterator[list[Link]]:
+    """`opened_links` without a plan; `named` are the hosts that pictures may come from."""
+    speedup = speedup or 1.0
     ack_wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
-    named = setting.mission.camera.hosts
     async with contextlib.AsyncExitStack() as stack:
         links: list[Link] = []
-        for url in plan.urls:
+        for url in urls:
             session, transport = await stack.enter_async_context(
-                _connected(url, record, ack_wait_s, say, plan.driver, speedup)
+                _connected(url, record, ack_wait_s, say, driver, speedup)
             )
             # the peer is known only when it has spoken
             hosts = partial(_hosts, named, transport)

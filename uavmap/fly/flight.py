@@ -13,12 +13,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from missions.errors import JournalError, LinkError, OutputError
+from missions.errors import JournalError, LinkError, OutputError, PreflightError
 from missions.events import Event, Resumed
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
 from uavmap.fly.fleet import Link, each_its_own, opened_links, vehicles_of
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.interrupts import interrupts
@@ -38,20 +39,28 @@ if TYPE_CHECKING:
     from uavmap.simulation import Truth
 
 
-def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+def fly(
+    plan: FlightPlan, folder: Path, progress: Progress, preflight: Preflight | None = None
+) -> dict[str, Any]:
     """Fly a new mission into a folder; returns the summary.
 
-    Raises `MissionFileError`, `JournalError`, `LinkError`; `KeyboardInterrupt` when the operator
-    leaves before the end.
+    `preflight`: what is looked at, asked and set before real aircraft take off; a flight that is
+    simulated in this process has none.
+
+    Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
+    when the operator leaves before the end.
     """
     setting = plan.setting(progress.say)
     for url in plan.urls:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
+        flight.preflight = preflight
+        if preflight is not None and preflight.keep_fence:
+            journal.put_meta(KEEP_FENCE, True)
         try:
             return flight.run()
-        except* LinkError:
+        except* (LinkError, PreflightError):
             if not len(journal):  # nobody answered: nothing has begun
                 journal.discard()
                 (folder / TLOG).unlink(missing_ok=True)
@@ -139,6 +148,7 @@ class _Flight:
         self._vehicle_clock: Callable[[], float | None] = lambda: None
         self.ask: Callable[[str], bool] | None = None
         """Puts a question to the operator, where there is one."""
+        self.preflight: Preflight | None = None
         self._truth: Truth | None = None
 
     def run(self) -> dict[str, Any]:
@@ -217,6 +227,7 @@ class _Flight:
         say = self._progress.say
         crew = Crew(say, automatic=automatic)
         vehicles = vehicles_of(self._plan, self._setting, links, crew, self._now_s, say)
+        before = None if self._plan.simulated else self._before(links)
 
         def observe(event: Event, state: State) -> None:
             if self._marks is not None:
@@ -234,7 +245,7 @@ class _Flight:
         try:
             with contextlib.nullcontext() if may_stop else interrupts(service, say):
                 self._state = await watched_over(
-                    guardians, self._fly(vehicles, service), leave=not may_stop
+                    guardians, self._fly(vehicles, service, before), leave=not may_stop
                 )
         except BaseException:
             with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
@@ -245,9 +256,24 @@ class _Flight:
             for vehicle in vehicles.values():
                 with contextlib.suppress(LinkError):
                     await vehicle.leave_as_found()
+            if before is not None:
+                await before.restore()
             self._progress.end()
 
-    async def _fly(self, vehicles: dict[int, MavlinkVehicle], service: Service) -> State:
+    def _before(self, links: Sequence[Link]) -> BeforeFlight:
+        """What comes before the take-off of real aircraft."""
+        keep_fence = kept_fence(self._journal.meta)
+        return BeforeFlight(
+            self.preflight, self._setting, self._folder, links, self._progress.say,
+            keep_fence=keep_fence,
+        )  # fmt: skip
+
+    async def _fly(
+        self,
+        vehicles: dict[int, MavlinkVehicle],
+        service: Service,
+        before_flight: BeforeFlight | None,
+    ) -> State:
         for number, vehicle in vehicles.items():
             left = self._left[number]
             flew = not left.landed or isinstance(left.order, TakeOff)
@@ -259,6 +285,8 @@ class _Flight:
             if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
                 vehicle.was_returning()
         each_its_own(vehicles)
+        if before_flight is not None:
+            await before_flight.go()
         self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
         if self._resumed:
             if not self._plan.simulated:

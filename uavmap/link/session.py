@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.commands import Commands, MavlinkCommands
+from uavmap.link.losses import Losses
 from uavmap.link.view import VehicleView
 
 Message = Any  # pymavlink carries no types
@@ -58,7 +59,8 @@ class Session:
     def __init__(
         self, send: Callable[[bytes], None], record: Record, ack_wait_s: float = ACK_WAIT_S
     ) -> None:
-        self._ack_wait_s = ack_wait_s
+        self.ack_wait_s = ack_wait_s
+        """How long an answer is waited for, in seconds of the loop's clock."""
         self._send = send
         self._record = record
         self._codec = mav.MAVLink(
@@ -77,6 +79,7 @@ class Session:
         self.view = VehicleView()
         self.flight: Commands = MavlinkCommands(self)
         """What the vehicle can be told in flight."""
+        self.losses = Losses()
 
     # --- frames --------------------------------------------------------------------------
     def feed(self, data: bytes) -> bool:
@@ -113,7 +116,10 @@ class Session:
             data = b""
             if message is None:
                 break
-            if message.get_type() != "BAD_DATA" and message.get_msgId() in mav.mavlink_map:
+            if message.get_type() == "BAD_DATA":
+                continue
+            self.losses.take(message)
+            if message.get_msgId() in mav.mavlink_map:
                 yield message
         # the parser lets go of what it has read only when it has read all of it
         if codec.buf_index > _READ_BYTES_KEPT:
@@ -256,12 +262,12 @@ class Session:
         """The next final ACK; IN_PROGRESS extends the wait."""
         while True:
             try:
-                async with asyncio.timeout(self._ack_wait_s):
+                async with asyncio.timeout(self.ack_wait_s):
                     ack = await queue.get()
             except TimeoutError:
                 return None
             if ack.result == mav.MAV_RESULT_TEMPORARILY_REJECTED:
-                await asyncio.sleep(self._ack_wait_s)
+                await asyncio.sleep(self.ack_wait_s)
             if ack.result != mav.MAV_RESULT_IN_PROGRESS:
                 return ack
 
