@@ -27,7 +27,8 @@ class Losses:
         last = self._last.get(sender)
         self.heard[sender] = self.heard.get(sender, 0) + 1
         gap = 0 if last is None else (sequence - last - 1) % 256
-        if gap >= _GAP:
+        if gap >= _GAP:  # overtaken on its way: it was counted as missing
+            self.missing[sender] = max(self.missing.get(sender, 0) - 1, 0)
             return
         self.missing[sender] = self.missing.get(sender, 0) + gap
         self._last[sender] = sequence

@@ -17,7 +17,7 @@ from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
 from uavmap.link.session import GROUND_SYSTEM_ID, Message, Session
 
-TRIES: Final = 5
+TRIES: Final = 8
 """How often something is sent that nobody answers."""
 WAIT_S: Final = 1.5
 WHOLE_TRIES: Final = 3
@@ -129,16 +129,22 @@ class MissionTransfer:
     async def _acknowledged(self, opening: Message) -> int:
         """The MAV_MISSION_RESULT that ends a transfer; items are sent as they are asked for.
 
-        The opening is repeated only until the vehicle answers: from then on it asks by itself.
+        The opening is repeated until the vehicle answers: from then on it asks by itself. When the
+        last item has gone and all is silent, its acknowledgement was lost: the item, sent once
+        more, is acknowledged once more.
         """
-        answered = False
+        asked: int | None = None
         for _ in range(TRIES):
-            if not answered:
+            if asked is None:
                 self._session.send(opening)
+            elif self._sending is not None and asked == len(self._sending) - 1:
+                self._send_item(asked)
             while (message := await self._next()) is not None:
-                answered = True
                 if message.get_type() == "MISSION_ACK":
                     return int(message.type)
+                asked = getattr(message, "seq", asked)
+        if asked is not None:
+            return int(mav.MAV_MISSION_OPERATION_CANCELLED)  # it gave up, and that was lost
         raise LinkError("the vehicle does not answer the mission protocol")
 
     # --- download -----------------------------------------------------------------------------
