@@ -148,7 +148,7 @@ class Manoeuvres:
             lambda: view.ready_to_arm, READY_S, lambda: "the checks before arming"
         ):
             raise LinkError(f"not ready to arm within {READY_S:g} s{view.recent_texts()}")
-        await self._arm()
+        await self._arm(waiting)
         if kind.amsl:  # arming has moved home, and the height is to be above the new one
             armed_s = asyncio.get_running_loop().time()
             await session.until(lambda: view.position_s > armed_s, HOME_S)
@@ -175,7 +175,7 @@ class Manoeuvres:
             )
         )
 
-    async def _arm(self) -> None:
+    async def _arm(self, waiting: Waiting) -> None:
         """Into the mode that follows us, and motors on."""
         kind = self._view.kind
         for attempt in range(ARM_TRIES):
@@ -189,6 +189,7 @@ class Manoeuvres:
             except LinkError:
                 if attempt == ARM_TRIES - 1:
                     raise
+                waiting.pass_on()
                 await asyncio.sleep(ARM_PAUSE_S)
         self._monitor.commanded = kind.ours
 

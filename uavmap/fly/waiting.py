@@ -38,12 +38,13 @@ class Waiting:
         while (left_s := end_s - loop.time()) > 0.0:
             if await self._session.until(condition, min(left_s, LOOK_S)):
                 return True
-            self._pass_on()
+            self.pass_on()
             if loop.time() >= self._due_s:
                 self._remind(what())
         return condition()
 
-    def _pass_on(self) -> None:
+    def pass_on(self) -> None:
+        """Tell each reason that the vehicle has given since, once."""
         for at_s, text in self._session.view.texts:
             fresh = at_s >= self._begin_s and text not in self._told
             if fresh and text.lower().startswith(REASONS):

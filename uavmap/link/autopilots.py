@@ -52,6 +52,8 @@ class Autopilot:
     """Of MAV_CMD_DO_SET_MODE for it."""
     heard_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
     """What our heartbeat says that we are: a PX4 tells its texts to ground stations only."""
+    fence_by_command: bool = False
+    """Whether MAV_CMD_DO_FENCE_ENABLE switches its fence off, in flight, too."""
     integers_bytewise: bool = False
     """Whether the bytes of an integer parameter lie in the float field of its message."""
     rests_constant: bool = False
@@ -101,6 +103,7 @@ ARDUPILOT: Final = Autopilot(
     velocity_lead_s=0.5,
     stream_mode=4,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4),
+    fence_by_command=True,
     stream_timeout="GUID_TIMEOUT",
 )  # fmt: skip
 

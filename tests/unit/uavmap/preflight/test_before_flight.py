@@ -132,7 +132,7 @@ def test_a_kept_fence_that_the_mission_leaves(tmp_path: Path) -> None:
         assert "kept: 0 items" in told(field, "fence")
         assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
         field.put(0, "FENCE_RADIUS", 15)
-        with pytest.raises(PreflightError, match="leaves the one that is set: search.box"):
+        with pytest.raises(PreflightError, match="leaves the one that is set: search"):
             await before(field, tmp_path, keep=True).go()
 
     on_field(body, mission_of("ardupilot"))
