@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from missions.errors import NotFlownError, PreflightError
+from missions.errors import NotFlownError, OutputError, PreflightError
 from missions.state import Setting
 from uavmap.fly.classifier import detector_of
 from uavmap.fly.fleet import Link
@@ -80,7 +80,10 @@ class BeforeFlight:
         `LinkError`, `OutputError`.
         """
         if self._wanted is None:
-            self._show(await self._set_up())
+            try:
+                self._show(await self._set_up())
+            except OutputError as error:  # others may be in the air: it goes on without
+                self._say(str(error))
             return
         found = await self._examine()
         self._say("\n".join(self._wanted.plan_lines(self._setting)))

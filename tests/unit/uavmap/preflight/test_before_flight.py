@@ -151,6 +151,25 @@ def test_without_a_fix_it_is_said_what_is_missing(tmp_path: Path) -> None:
     on_field(body, mission_of("ardupilot", faults=(fault,)))
 
 
+def test_a_flight_that_is_gone_on_with_asks_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real(monkeypatch)
+
+    async def body(field: Field) -> None:
+        goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, field.told.append)
+        await goes_on.go()
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
+        await goes_on.restore()
+        (tmp_path / FILE).write_text("damaged", "utf-8")
+        await goes_on.go()
+        assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
+        await goes_on.restore()
+        assert "stay as set for the mission" in field.told[-1]
+
+    on_field(body, mission_of("ardupilot"))
+
+
 # --- the question ----------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("typed", "answer"), [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False)]
