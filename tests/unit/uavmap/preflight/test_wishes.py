@@ -5,15 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from pymavlink import mavutil
 
 from missions.state import Setting
+from tests.e2e.rig import SHARED
 from tests.unit.uavmap.preflight.field import mission_of
 from uavmap.link.autopilots import ARDUPILOT, PX4, Autopilot
 from uavmap.link.losses import Losses
 from uavmap.link.parameters import Parameter
+from uavmap.preflight.autopilot_fence import ARDUPILOT_FENCE
 from uavmap.preflight.finding import Finding, Level
 from uavmap.preflight.wishes import ARDUPILOT_WISHES, PX4_WISHES, names_of, parameter_findings
 
+RECORDED = SHARED / "arducopter" / "flight-4.6.tlog"
 GOOD_ARDUPILOT = {
     "ARMING_CHECK": 1, "BATT_FS_LOW_ACT": 2, "BATT_LOW_VOLT": 10.5, "BATT_LOW_MAH": 0,
     "FS_THR_ENABLE": 1, "FS_EKF_ACTION": 1, "FS_GCS_ENABLE": 1, "SYSID_MYGCS": 245,
@@ -117,3 +121,16 @@ def test_missing_frames_are_counted_by_their_numbers(numbers: list[int], missing
     for number in numbers:
         losses.take(Numbered(number))
     assert losses.counts((1, 1)) == (len(numbers), missing)
+
+
+@pytest.mark.skipif(not RECORDED.exists(), reason="a recorded flight of a real ArduCopter")
+def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
+    log = mavutil.mavlink_connection(str(RECORDED))
+    told: dict[str, Parameter] = {}
+    while (message := log.recv_match(type="PARAM_VALUE")) is not None:
+        told[message.param_id] = Parameter(message.param_value, message.param_type)
+    assert {*names_of(ARDUPILOT), *ARDUPILOT_FENCE} <= set(told)
+    setting = Setting.of(mission_of("ardupilot"))
+    findings = list(parameter_findings(ARDUPILOT, told, setting, 12.6))
+    assert not_ok(findings) == ["BATT_FS_LOW_ACT", "FS_GCS_ENABLE", "BATT_CAPACITY"]
+    assert findings[-1].found.startswith("3300 mAh, with 12.6 V (taken for 3 cells) about 37 Wh")
