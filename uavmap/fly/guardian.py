@@ -14,6 +14,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
 from missions.guardian import (

@@ -102,9 +102,9 @@ PX4_WISHES: Final = (
          "the autopilot would warn, or end the flight, before the mission does"),
     Wish("NAV_RCL_ACT", lambda v, n: v["NAV_RCL_ACT"] in (1, 2, 3), "2 (return)",
          "a lost radio control is not noticed"),
-    Wish("NAV_DLL_ACT", lambda v, n: v["NAV_DLL_ACT"] == 0, "0",
-         "it listens to ground stations, which this program is none of: without one on the link it "
-         "is never ready, and returns in flight"),
+    Wish("NAV_DLL_ACT", lambda v, n: v["NAV_DLL_ACT"] in (1, 2, 3), "2 (return)",
+         "when this computer dies it hovers until its battery is low; to a PX4 this program is a "
+         "ground station, and it listens to any of them"),
     Wish("COM_OF_LOSS_T", lambda v, n: 0.5 <= v["COM_OF_LOSS_T"] <= 2.0, "1 s",
          "so long it flies on when setpoints stay away"),
     Wish("COM_OBL_RC_ACT", lambda v, n: v["COM_OBL_RC_ACT"] in (0, 3, 4, 5), "3 (return)",

@@ -24,7 +24,7 @@ GOOD_ARDUPILOT = {
     "RTL_ALT": 1500, "WPNAV_ACCEL": 250, "WPNAV_SPEED": 1000, "BATT_CAPACITY": 1126,
 }  # fmt: skip
 GOOD_PX4 = {
-    "COM_LOW_BAT_ACT": 3, "BAT_LOW_THR": 0.1, "NAV_RCL_ACT": 2, "NAV_DLL_ACT": 0,
+    "COM_LOW_BAT_ACT": 3, "BAT_LOW_THR": 0.1, "NAV_RCL_ACT": 2, "NAV_DLL_ACT": 2,
     "COM_OF_LOSS_T": 1, "COM_OBL_RC_ACT": 0, "RTL_RETURN_ALT": 30, "MPC_XY_CRUISE": 5,
     "BAT1_CAPACITY": 1126,
 }  # fmt: skip
@@ -69,7 +69,7 @@ def test_an_autopilot_that_is_set_well_has_nothing_against_it(
         (PX4, "COM_LOW_BAT_ACT", 0),
         (PX4, "BAT_LOW_THR", 0.4),
         (PX4, "NAV_RCL_ACT", 0),
-        (PX4, "NAV_DLL_ACT", 2),
+        (PX4, "NAV_DLL_ACT", 0),
         (PX4, "COM_OF_LOSS_T", 5),
         (PX4, "RTL_RETURN_ALT", 60),
     ],
