@@ -11,6 +11,8 @@
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── EventError              an event with a number that no journal can hold; a ValueError, too
     ├── OutputError             a file that cannot be written, or of a kind that is not written
+    ├── PreflightError          what keeps a mission on the ground: a finding, or the operator's no
+    │   └── NotFlownError             nothing is wrong: a dry run is over
     ├── AircraftError           an aircraft is down away from home, or was left to its autopilot
     └── LinkError               a connection URL, or a vehicle that does not answer
         └── CommandRefusedError      a vehicle that answered no, with what it said
@@ -63,6 +65,18 @@ class EventError(UavmapError, ValueError):
 
 class OutputError(UavmapError):
     """A file that cannot be written: no folder, no permission, a kind that is not written."""
+
+
+class PreflightError(UavmapError):
+    """A mission that does not begin: something was found, or the operator did not want it."""
+
+
+class NotFlownError(PreflightError):
+    """A dry run is over; `could_fly` says whether the mission could have begun."""
+
+    def __init__(self, text: str, *, could_fly: bool) -> None:
+        super().__init__(text)
+        self.could_fly = could_fly
 
 
 class AircraftError(UavmapError):

@@ -117,6 +117,25 @@ def estimate(setting: Setting) -> dict[str, Any]:
     }
 
 
+def plan_lines(setting: Setting) -> list[str]:
+    """What would be flown, for people who decide whether to take off."""
+    mission, figures = setting.mission, estimate(setting)
+    cells = figures["search_area_m2"] / mission.grid.cell_m**2
+    heights = ", ".join(f"{layer['altitude_m']:g} m" for layer in figures["layers"])
+    energy, battery = setting.energy, mission.battery
+    return [
+        f"{mission.name}: a box of about {cells:.0f} cells of {mission.grid.cell_m:g} m, by "
+        f"{len(mission.vehicles)} vehicles, strategy {mission.strategy}",
+        f"  heights above the start: {heights}; at {mission.flight.speed_m_s:g} m/s",
+        f"  the search alone: about {figures['search_time_s'] / 60.0:.0f} minutes, "
+        f"{figures['search_sorties']} sorties a vehicle; exploring comes on top",
+        f"  energy: {battery.capacity_wh:g} Wh a battery, {energy.reserve_wh:.1f} Wh of it "
+        f"reserve, {battery.hover_power_w:g} W in hover",
+        f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
+        f"{mission.fence.margin_m:g} m inside",
+    ]
+
+
 def _stopping_s(setting: Setting, longest_m: float) -> float:
     """How long the longest share of the lanes takes with a stop at every end of a lane."""
     energy = setting.energy

@@ -6,11 +6,14 @@ import argparse
 import time
 from typing import Any
 
-from missions.errors import LinkError, MissionFileError
+from missions.errors import LinkError, MissionFileError, NotFlownError, leaves
 from missions.mission_file.checks import STRATEGIES
 from uavmap.cameras.spec import HELP
+from uavmap.cli.check import plan_lines
 from uavmap.cli.common import (
     EXIT_CODES,
+    INCOMPLETE,
+    complain,
     report,
     results_folder,
     seed_number,
@@ -18,6 +21,7 @@ from uavmap.cli.common import (
     vehicle_count,
 )
 from uavmap.cli.link_options import add_link_options, key_file
+from uavmap.fly.before_flight import Preflight
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Terminal
@@ -33,6 +37,7 @@ examples:
   uavmap fly field.toml --connect udpin://0.0.0.0:14540 --driver mavsdk
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600 --camera libcamera
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --dry-run     all but the take-off
 
   uavmap fly field.toml --connect udpin://0.0.0.0:14550?system=1 \\
                         --connect udpin://0.0.0.0:14550?system=2
@@ -111,6 +116,24 @@ def add_parser(commands: Any) -> None:
         "texts, and its failsafe for a lost ground station listens, to others",
     )
     add_link_options(parser)
+    parser.add_argument(
+        "--yes",
+        action="store_true",
+        help="take off without a question; what must not be passed over (fence, battery, camera) "
+        "keeps everybody on the ground all the same",
+    )
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="look at everything, set fences and return heights, put them back, and arm nothing; "
+        "exit code 3 where the mission could not be flown",
+    )
+    parser.add_argument(
+        "--keep-fence",
+        action="store_true",
+        help="leave fence, rally points and return heights of the autopilots as they are; a "
+        "mission that leaves such a fence is not flown",
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -152,8 +175,17 @@ def run(options: argparse.Namespace) -> int:
         epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
     plan.check_driver()
-    cameras_of(plan, plan.mission())  # says what is wrong before a folder is made
+    cameras_of(plan.cameras, plan.mission())  # says what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
     progress = Terminal()
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
-    return report(fly(plan, folder, progress), folder, as_json=options.json)
+    preflight = Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
+    code, summary = 0, None
+    try:
+        summary = fly(plan, folder, progress, None if options.sim else preflight)
+    except* NotFlownError as group:
+        for over in leaves(group):
+            complain(str(over))
+            if isinstance(over, NotFlownError) and not over.could_fly:
+                code = INCOMPLETE
+    return code if summary is None else report(summary, folder, as_json=options.json)

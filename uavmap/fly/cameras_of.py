@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from missions.mission_file.schema import CameraSection, Mission
 from uavmap.cameras.mount import Mount
 from uavmap.cameras.opening import Settings
 from uavmap.cameras.spec import CameraSpec, parse_camera
-from uavmap.record.flight_plan import FlightPlan
 
 
 def mount_of(camera: CameraSection) -> Mount:
@@ -20,10 +21,10 @@ def settings_of(camera: CameraSection) -> Settings:
     return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
 
 
-def cameras_of(plan: FlightPlan, mission: Mission) -> list[CameraSpec]:
+def cameras_of(given: Sequence[str], mission: Mission) -> list[CameraSpec]:
     """The camera of each vehicle: of the command line, else of the mission file.
 
     Raises `LinkError` for what is no camera.
     """
-    written = plan.cameras or [v.camera or "mavlink" for v in mission.vehicles]
+    written = given or [v.camera or "mavlink" for v in mission.vehicles]
     return [parse_camera(text) for text in written]

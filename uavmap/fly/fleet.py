@@ -20,7 +20,6 @@ from uavmap.fly.links import Link
 from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
-from uavmap.link.session import ACK_WAIT_S
 from uavmap.record.flight_plan import FlightPlan
 
 LINK_LOST_WALL_S: Final = 2.0
@@ -30,12 +29,6 @@ SLACK_WALL_S: Final = 2.0
 STREAMED_SPEEDUP: Final = 3.0
 """On a faster clock a stream's timeout, a second of the vehicle's time, is so short that any busy
 machine misses it: places ahead are told instead, at which a vehicle stops."""
-ACK_WAIT_WALL_S: Final = 0.3
-
-
-def ack_wait_s(plan: FlightPlan) -> float:
-    """How long an acknowledgement is waited for, in seconds of the loop's clock."""
-    return max(ACK_WAIT_S, ACK_WAIT_WALL_S * (plan.speedup or 1.0))
 
 
 def vehicles_of(

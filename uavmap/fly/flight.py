@@ -13,19 +13,21 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from missions.errors import JournalError, LinkError, OutputError
+from missions.errors import JournalError, LinkError, OutputError, PreflightError
 from missions.events import Event, Resumed
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
-from uavmap.fly.fleet import ack_wait_s, each_its_own, vehicles_of
+from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
+from uavmap.fly.cameras_of import cameras_of
+from uavmap.fly.fleet import each_its_own, vehicles_of
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.interrupts import interrupts
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
-from uavmap.fly.links import Link, check_urls, opened_links, refuse_rivals
+from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
@@ -46,11 +48,16 @@ RIVAL_WALL_S: Final = 1.5
 """For so long another process that flies a vehicle is listened for: it speaks every second."""
 
 
-def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+def fly(
+    plan: FlightPlan, folder: Path, progress: Progress, preflight: Preflight | None = None
+) -> dict[str, Any]:
     """Fly a new mission into a folder; returns the summary.
 
-    Raises `MissionFileError`, `JournalError`, `LinkError`; `KeyboardInterrupt` when the operator
-    leaves before the end.
+    `preflight`: what is looked at, asked and set before real aircraft take off; a flight that is
+    simulated in this process has none.
+
+    Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
+    when the operator leaves before the end.
     """
     setting = plan.setting(progress.say)
     check_urls(plan.urls)
@@ -58,9 +65,12 @@ def fly(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
+        flight.preflight = preflight
+        if preflight is not None and preflight.keep_fence:
+            journal.put_meta(KEEP_FENCE, True)
         try:
             return flight.run()
-        except* LinkError:
+        except* (LinkError, PreflightError):
             if not len(journal):  # nobody answered: nothing has begun
                 journal.discard()
                 (folder / TLOG).unlink(missing_ok=True)
@@ -158,6 +168,7 @@ class _Flight:
         self._vehicle_clock: Callable[[], float | None] = lambda: None
         self.ask: Callable[[str], bool] | None = None
         """Puts a question to the operator, where there is one."""
+        self.preflight: Preflight | None = None
         self._truth: Truth | None = None
 
     def run(self) -> dict[str, Any]:
@@ -233,8 +244,10 @@ class _Flight:
     async def _fly_connected(self) -> None:
         plan, setting, say = self._plan, self._setting, self._progress.say
         with self._log() as log:
-            wait_s = ack_wait_s(plan)
-            async with opened_links(plan, setting.mission, log.record, say, wait_s) as links:
+            camera, cameras = setting.mission.camera, cameras_of(plan.cameras, setting.mission)
+            async with opened_links(
+                plan.urls, LinkOptions.of(plan), cameras, camera, log.record, say
+            ) as links:
                 await self._serve(links)
 
     # --- both ------------------------------------------------------------------------------
@@ -244,6 +257,7 @@ class _Flight:
         say = self._progress.say
         crew = Crew(say, automatic=automatic)
         vehicles = vehicles_of(self._plan, self._setting, links, crew, self._now_s, say)
+        before = None if self._plan.simulated else self._before(links)
 
         def observe(event: Event, state: State) -> None:
             if self._marks is not None:
@@ -264,16 +278,32 @@ class _Flight:
                     hand.enter_context(interrupts(service, say))
                     hand.enter_context(keyboard(Keys(service, say), crew, say))
                 self._state = await watched_over(
-                    guardians, self._fly(vehicles, links, service), leave=not may_stop
+                    guardians,
+                    self._fly(vehicles, links, service, before),
+                    leave=not may_stop,
                 )
         finally:
             for vehicle in vehicles.values():
                 with contextlib.suppress(LinkError):
                     await vehicle.leave_as_found()
+            if before is not None:
+                await before.restore()
             self._progress.end()
 
+    def _before(self, links: Sequence[Link]) -> BeforeFlight:
+        """What comes before the take-off of real aircraft."""
+        keep_fence = kept_fence(self._journal.meta)
+        return BeforeFlight(
+            self.preflight, self._setting, self._folder, links, self._progress.say,
+            keep_fence=keep_fence,
+        )  # fmt: skip
+
     async def _fly(
-        self, vehicles: dict[int, MavlinkVehicle], links: Sequence[Link], service: Service
+        self,
+        vehicles: dict[int, MavlinkVehicle],
+        links: Sequence[Link],
+        service: Service,
+        before_flight: BeforeFlight | None,
     ) -> State:
         for number, vehicle in vehicles.items():
             left = self._left[number]
@@ -288,6 +318,8 @@ class _Flight:
         each_its_own(vehicles)
         if not self._plan.simulated:
             await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
+        if before_flight is not None:
+            await before_flight.go()
         self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
         if self._resumed:
             if not self._plan.simulated:

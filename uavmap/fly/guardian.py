@@ -14,6 +14,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
 from missions.guardian import (
@@ -268,8 +270,13 @@ class Guardian:
         self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
         loop = asyncio.get_running_loop()
         due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
+        fenced = kind.fence_by_command
         while (aim_m := self._aim_m()) is not None and view.armed and loop.time() < due_s:
             try:
+                if fenced:  # outside of its own fence it takes no target, and turns round
+                    with contextlib.suppress(CommandRefusedError):
+                        await session.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
+                    fenced = False
                 await self._aim(self._reporter.position(), aim_m)
             except CommandRefusedError:
                 return False

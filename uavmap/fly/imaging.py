@@ -73,6 +73,7 @@ class CameraDriver:
     @contextlib.asynccontextmanager
     async def _frames_of(self, frames: Frames) -> AsyncIterator[Frames]:
         self._frames = frames
+        self._source.listen(self._announced)  # others may have, before the flight
         try:
             yield frames
         finally:

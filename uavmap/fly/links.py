@@ -8,20 +8,25 @@ import secrets
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Final
 
 from missions.errors import LinkError
-from missions.mission_file.schema import Mission
+from missions.mission_file.schema import CameraSection
 from uavmap.cameras.opening import opened_camera
 from uavmap.cameras.source import FrameSource
-from uavmap.fly.cameras_of import cameras_of, settings_of
+from uavmap.cameras.spec import CameraSpec
+from uavmap.fly.cameras_of import settings_of
 from uavmap.fly.http_pictures import PictureFetcher
 from uavmap.link.forwarding import Forwarding
 from uavmap.link.key_file import signing_with
-from uavmap.link.session import Session
+from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_shared, open_transport
 from uavmap.link.urls import Endpoint, parse_url
 from uavmap.mavsdk_driver.session import opened_session
-from uavmap.record.flight_plan import MAVSDK, FlightPlan
+from uavmap.record.flight_plan import MAVSDK, PYMAVLINK, FlightPlan
+
+ACK_WAIT_WALL_S: Final = 0.3
+"""On a clock that runs fast, a busy machine takes so long of real time to answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,46 +71,67 @@ class _Line:
         return (*named, self.transport.peer_host or "")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkOptions:
+    """How the links of a flight are opened, besides their URLs."""
+
+    speedup: float = 1.0
+    driver: str = PYMAVLINK
+    key_file: str | None = None
+    onboard: bool = False
+    forward: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, plan: FlightPlan) -> LinkOptions:
+        """As a plan has it."""
+        return cls(
+            speedup=plan.speedup or 1.0, driver=plan.driver, key_file=plan.key_file,
+            onboard=plan.onboard, forward=plan.forward,
+        )  # fmt: skip
+
+
 @contextlib.asynccontextmanager
 async def opened_links(
-    plan: FlightPlan,
-    mission: Mission,
+    urls: Sequence[str],
+    options: LinkOptions,
+    cameras: Sequence[CameraSpec],
+    section: CameraSection,
     record: Callable[[bytes], None],
     say: Callable[[str], None],
-    ack_wait_s: float,
 ) -> AsyncIterator[list[Link]]:
-    """A link to every URL of a plan, in their order, open until the end of the context.
+    """A link to every URL, in their order, open until the end of the context.
 
-    With the signing of the plan's key, and with the ground stations of `forward` beside them.
-    The cameras are those of the plan, else of the mission. `record` is given every frame, `say` a
-    line for the operator. Raises `LinkError` where one cannot be opened.
+    With the signing of a key, and with the ground stations of `forward` beside them. `cameras`
+    are one a link, `section` what the mission file says of all of them. `record` is given every
+    frame, `say` a line for the operator. Raises `LinkError` where a link or a camera cannot be
+    opened.
     """
-    lines = [_Line(parse_url(url), record, ack_wait_s) for url in plan.urls]
+    wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * options.speedup)
+    lines = [_Line(parse_url(url), record, wait_s) for url in urls]
     forwarding = Forwarding(record)
     async with contextlib.AsyncExitStack() as stack:
         number = secrets.randbelow(2**32 - 1) + 1
-        signing = stack.enter_context(signing_with(plan.key_file))
-        for url, line in zip(plan.urls, lines, strict=True):
-            if plan.driver == MAVSDK:
+        signing = stack.enter_context(signing_with(options.key_file))
+        for url, line in zip(urls, lines, strict=True):
+            if options.driver == MAVSDK:
                 speaks = partial(_say_of_link, say, url)
                 line.session = await stack.enter_async_context(
-                    opened_session(line.send, record, ack_wait_s, speaks, plan.speedup or 1.0)
+                    opened_session(line.send, record, wait_s, speaks, options.speedup)
                 )
             line.session.view.wanted_system = line.endpoint.system
             line.session.signing = signing
-            line.session.onboard = plan.onboard
+            line.session.onboard = options.onboard
             line.session.process_number = number
-            if plan.forward:
+            if options.forward:
                 line.session.tap = forwarding.add(line)
         for shared in _by_port(lines).values():
             await _open(stack, shared, say)
-        await stack.enter_async_context(forwarding.open(plan.forward, say))
+        await stack.enter_async_context(forwarding.open(options.forward, say))
         links: list[Link] = []
-        cameras = cameras_of(plan, mission)
-        for url, line, spec in zip(plan.urls, lines, cameras, strict=True):
-            fetch = PictureFetcher(partial(line.hosts, mission.camera.hosts))
+        for url, line, spec in zip(urls, lines, cameras, strict=True):
+            fetch = PictureFetcher(partial(line.hosts, section.hosts))
             camera = await stack.enter_async_context(
-                opened_camera(spec, line.session, fetch, settings_of(mission.camera), say)
+                opened_camera(spec, line.session, fetch, settings_of(section), say)
             )
             links.append(Link(url, line.session, camera))
         yield links

@@ -33,7 +33,9 @@ from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.path_stream import PathStream
 from uavmap.fly.reporter import Reporter
+from uavmap.fly.speed_watch import SpeedWatch
 from uavmap.fly.stream_timeout import StreamTimeout
+from uavmap.fly.waiting import Waiting
 from uavmap.link.session import Session
 
 Crew = Callable[[int], Awaitable[None]]
@@ -79,8 +81,10 @@ class Manoeuvres:
         timeout: StreamTimeout,
         *,
         by_places: bool = False,
+        tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._session = session
+        self._tell = tell
         self._view = session.view
         self._camera = camera
         self._reporter = reporter
@@ -139,9 +143,12 @@ class Manoeuvres:
     # --- up -----------------------------------------------------------------------------------
     async def _take_off(self, order: TakeOff) -> None:
         session, view, kind = self._session, self._view, self._view.kind
-        if not await session.until(lambda: view.ready_to_arm, READY_S):
+        waiting = Waiting(self._reporter.name, session, self._tell)
+        if not await waiting.until(
+            lambda: view.ready_to_arm, READY_S, lambda: "the checks before arming"
+        ):
             raise LinkError(f"not ready to arm within {READY_S:g} s{view.recent_texts()}")
-        await self._arm()
+        await self._arm(waiting)
         if kind.amsl:  # arming has moved home, and the height is to be above the new one
             armed_s = asyncio.get_running_loop().time()
             await session.until(lambda: view.position_s > armed_s, HOME_S)
@@ -168,7 +175,7 @@ class Manoeuvres:
             )
         )
 
-    async def _arm(self) -> None:
+    async def _arm(self, waiting: Waiting) -> None:
         """Into the mode that follows us, and motors on."""
         kind = self._view.kind
         for attempt in range(ARM_TRIES):
@@ -182,6 +189,7 @@ class Manoeuvres:
             except LinkError:
                 if attempt == ARM_TRIES - 1:
                     raise
+                waiting.pass_on()
                 await asyncio.sleep(ARM_PAUSE_S)
         self._monitor.commanded = kind.ours
 
@@ -216,10 +224,16 @@ class Manoeuvres:
             return off_m <= radius_m and (not stop or self._view.ground_speed_m_s <= slow_m_s)
 
         pause_s = DRIFT_RESEND_S if drift_m_s > 0.0 else RESEND_S
+        ordered_m_s, begin_s = self._mission.flight.speed_m_s, self._reporter.now_s()
+        watch = SpeedWatch(self._reporter.name, self._view, ordered_m_s, begin_s)
         while True:
             await self._insist(lambda: self._aim(target(), height_m))
             if await self._session.until(there, pause_s):
                 return
+            left_m = self._reporter.position().distance_to(target())
+            if reason := watch.wrong(self._reporter.now_s(), left_m):
+                self._tell(reason)
+                self._paced_in = None  # the speed is sent again behind the next target
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
         """A target: acknowledged, and refused unless the vehicle follows us.

@@ -31,6 +31,7 @@ from uavmap.fly.spoken import Spoken
 from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
+from uavmap.fly.waiting import Waiting
 from uavmap.link.autopilots import AUTOPILOTS
 from uavmap.link.session import Message, Session
 from uavmap.link.view import VehicleView
@@ -94,10 +95,11 @@ class MavlinkVehicle:
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
+        self._tell = tell
         self._timeout = StreamTimeout(name, session, tell)
         self._manoeuvres = Manoeuvres(
             session, camera, self._reporter, self._monitor, setting.mission, crew, self._timeout,
-            by_places=by_places,
+            by_places=by_places, tell=tell,
         )  # fmt: skip
         self._manoeuvres.under_way = lambda order, target: self.guardian.told(
             self._tasks_of.begun(order, target)
@@ -143,9 +145,12 @@ class MavlinkVehicle:
         begin_s = asyncio.get_running_loop().time()
         await self._streams.ask(self._hears)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        waiting = Waiting(self.name, session, self._tell)
         while missing := self._missing(begin_s):
             session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
-            if await session.until(lambda: not self._missing(begin_s), 5.0):
+            if await waiting.until(
+                lambda: not self._missing(begin_s), 5.0, lambda: self._missing(begin_s)
+            ):
                 return
             if not self._hears():
                 raise LinkError(f"{self.name}: the link was lost while waiting for {missing}")

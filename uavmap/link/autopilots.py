@@ -55,6 +55,10 @@ class Autopilot:
     """Of MAV_CMD_DO_SET_MODE for it."""
     heard_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
     """What our heartbeat says that we are: a PX4 tells its texts to ground stations only."""
+    fence_by_command: bool = False
+    """Whether MAV_CMD_DO_FENCE_ENABLE switches its fence off, in flight, too."""
+    integers_bytewise: bool = False
+    """Whether the bytes of an integer parameter lie in the float field of its message."""
     rests_constant: bool = False
     """Whether its estimator tells of every vehicle at rest that its position is held constant."""
     target_taken: tuple[int, ...] = (mav.MAV_RESULT_ACCEPTED,)
@@ -103,6 +107,7 @@ ARDUPILOT: Final = Autopilot(
     places_lead_s=1.4,
     stream_mode=4,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4),
+    fence_by_command=True,
     stream_timeout="GUID_TIMEOUT",
 )  # fmt: skip
 
@@ -138,6 +143,7 @@ PX4: Final = Autopilot(
     stream_mode=_OFFBOARD,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 6),
     heard_as=mav.MAV_TYPE_GCS,
+    integers_bytewise=True,
     rests_constant=True,
     # without the flag that changes the mode it says "unsupported", and flies there in Hold; with
     # the flag it would take the vehicle back from a pilot, or from a landing by a failsafe

@@ -65,6 +65,8 @@ NO_FIX: Final = "no position yet"
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 _TURN = 2.0 * math.pi + 0.01
 _ARDUPILOT_MODES = 255
+_LARGEST_PARAMETER = 1e9
+_MOST_ITEMS = 65_534
 
 
 def unit_fault(w: float, x: float, y: float, z: float) -> str | None:
@@ -107,6 +109,14 @@ def _home(message: Message) -> str | None:
 
 def _attitude_quaternion(message: Message) -> str | None:
     return unit_fault(message.q1, message.q2, message.q3, message.q4)
+
+
+def _parameter(message: Message) -> str | None:
+    """A float is a number; what an integer's four bytes make as a float may be anything."""
+    real = message.param_type in (mav.MAV_PARAM_TYPE_REAL32, mav.MAV_PARAM_TYPE_REAL64)
+    if real and not abs(message.param_value) <= _LARGEST_PARAMETER:
+        return "param_value is out of range"
+    return None
 
 
 def _degrees(latitude: str, longitude: str) -> tuple[Limit, Limit]:
@@ -155,7 +165,13 @@ RULES: Final[Mapping[str, Rule]] = {
     "WIND": Rule(Sender.AUTOPILOT, (Limit("direction", -360, 360), Limit("speed", 0, 100))),
     "FENCE_STATUS": Rule(Sender.AUTOPILOT, (Limit("breach_status", 0, 1),)),
     "AUTOPILOT_VERSION": Rule(Sender.AUTOPILOT),
-    "PARAM_VALUE": Rule(Sender.AUTOPILOT, (Limit("param_value", -1e9, 1e9),)),
+    "PARAM_VALUE": Rule(Sender.AUTOPILOT, check=_parameter),
+    "TIMESYNC": Rule(Sender.ANY),  # who asked knows its own time again
+    "MISSION_COUNT": Rule(Sender.AUTOPILOT, (Limit("count", 0, _MOST_ITEMS),)),
+    "MISSION_REQUEST": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
+    "MISSION_REQUEST_INT": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
+    "MISSION_ITEM_INT": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
+    "MISSION_ACK": Rule(Sender.AUTOPILOT),
     "STATUSTEXT": Rule(Sender.ANY, (Limit("severity", 0, 7),)),
     "FILE_TRANSFER_PROTOCOL": Rule(Sender.ANY),  # the client knows whom it has asked
     "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked

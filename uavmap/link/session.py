@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.frames import sender_of
+from uavmap.link.losses import Losses
 from uavmap.link.px4_events import EVENT_ID, event_text
 from uavmap.link.signing import Signing
 from uavmap.link.view import VehicleView
@@ -63,7 +64,8 @@ class Session:
     def __init__(
         self, send: Callable[[bytes], None], record: Record, ack_wait_s: float = ACK_WAIT_S
     ) -> None:
-        self._ack_wait_s = ack_wait_s
+        self.ack_wait_s = ack_wait_s
+        """How long an answer is waited for, in seconds of the loop's clock."""
         self._send = send
         self._record = record
         self._codec = mav.MAVLink(
@@ -84,6 +86,7 @@ class Session:
         self.view = VehicleView()
         self.flight: Commands = MavlinkCommands(self)
         """What the vehicle can be told in flight."""
+        self.losses = Losses()
         self.signing: Signing | None = None
         """With a key, what is not signed with it is not heard, and what is sent is signed."""
         self.tap: Callable[[bytes], None] = lambda data: None
@@ -176,8 +179,10 @@ class Session:
             data = b""
             if message is None:
                 break
-            known = message.get_msgId() in mav.mavlink_map and message.get_type() != "BAD_DATA"
-            if known or message.get_type() == _EVENT:
+            if message.get_type() == "BAD_DATA":
+                continue
+            self.losses.take(message)
+            if message.get_msgId() in mav.mavlink_map or message.get_type() == _EVENT:
                 yield message
         # the parser lets go of what it has read only when it has read all of it
         if codec.buf_index > _READ_BYTES_KEPT:
@@ -328,12 +333,12 @@ class Session:
         """The next final ACK; IN_PROGRESS extends the wait."""
         while True:
             try:
-                async with asyncio.timeout(self._ack_wait_s):
+                async with asyncio.timeout(self.ack_wait_s):
                     ack = await queue.get()
             except TimeoutError:
                 return None
             if ack.result == mav.MAV_RESULT_TEMPORARILY_REJECTED:
-                await asyncio.sleep(self._ack_wait_s)
+                await asyncio.sleep(self.ack_wait_s)
             if ack.result != mav.MAV_RESULT_IN_PROGRESS:
                 return ack
 

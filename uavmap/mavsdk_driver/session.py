@@ -137,7 +137,7 @@ class MavsdkSession(Session):
                 if result != mav.MAV_RESULT_TEMPORARILY_REJECTED:
                     await self.hear_why()
                     break
-                await asyncio.sleep(self._ack_wait_s)
+                await asyncio.sleep(self.ack_wait_s)
         if result is not None and not done():
             raise CommandRefusedError(
                 f"{name} was refused: {result_name(result)}" + self.view.recent_texts()

@@ -1,0 +1,73 @@
+"""Wait for a vehicle without keeping the operator in the dark: for what, and what it says of it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from uavmap.link.session import Session
+
+FIRST_S: Final = 10.0
+"""What takes longer is told."""
+AGAIN_S: Final = 30.0
+LOOK_S: Final = 1.0
+REASONS: Final = ("prearm", "arm:", "preflight", "arming")
+"""How texts begin that say why a vehicle does not arm: ArduPilot's and PX4's."""
+
+
+class Waiting:
+    """One wait for one vehicle. `tell` takes a line for the operator."""
+
+    def __init__(self, name: str, session: Session, tell: Callable[[str], None]) -> None:
+        self._name = name
+        self._session = session
+        self._tell = tell
+        self._told: set[str] = set()
+        self._begin_s = asyncio.get_running_loop().time()
+        self._due_s = self._begin_s + FIRST_S
+
+    async def until(
+        self, condition: Callable[[], bool], timeout_s: float, what: Callable[[], str]
+    ) -> bool:
+        """`Session.until`; tells what is waited for, and each new reason that the vehicle gives."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + timeout_s
+        while (left_s := end_s - loop.time()) > 0.0:
+            if await self._session.until(condition, min(left_s, LOOK_S)):
+                return True
+            self.pass_on()
+            if loop.time() >= self._due_s:
+                self._remind(what())
+        return condition()
+
+    def pass_on(self) -> None:
+        """Tell each reason that the vehicle has given since, once."""
+        for at_s, text in self._session.view.texts:
+            fresh = at_s >= self._begin_s and text not in self._told
+            if fresh and text.lower().startswith(REASONS):
+                self._told.add(text)
+                self._tell(f"{self._name}: {text}")
+
+    def _remind(self, what: str) -> None:
+        now_s = asyncio.get_running_loop().time()
+        self._due_s = now_s + AGAIN_S
+        self._tell(f"{self._name}: waits for {what}, for {now_s - self._begin_s:.0f} s by now")
+        view = self._session.view
+        if view.system_id and not view.armed and not view.ready_to_arm:
+            self._ask_why()
+
+    def _ask_why(self) -> None:
+        """An ArduPilot gives its reasons every half minute, or when asked."""
+        view = self._session.view
+        self._session.send(
+            mav.MAVLink_command_long_message(
+                view.system_id,
+                view.autopilot_component,
+                mav.MAV_CMD_RUN_PREARM_CHECKS,
+                0,
+                *([0.0] * 7),
+            )
+        )

@@ -1,0 +1,1 @@
+"""What is looked at, and set, before anything takes off."""
