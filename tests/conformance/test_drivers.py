@@ -41,7 +41,9 @@ from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.conformance.rig import DRIVERS, each_autopilot, each_driver, fly, turned_to
 from tests.unit.uavmap.flights import Flight, Message
+from tests.unit.uavmap.test_signing import KEY, Memory
 from uavmap.fly.fleet import STREAMED_SPEEDUP
+from uavmap.link.signing import Signing, ticks_now
 from uavmap.record.flight_plan import DRIVERS as OFFERED
 
 UP_M = 12.0
@@ -253,6 +255,32 @@ def test_a_fifth_of_all_frames_lost(driver: str) -> None:
     flight = fly(body, driver, "ardupilot")
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
+
+
+@each_driver
+def test_a_link_is_signed_in_both_directions(driver: str) -> None:
+    """With a key nothing unsigned goes out, and what is not signed is not heard."""
+    begun: list[int] = []
+
+    async def body(flight: Flight) -> None:
+        session, feed = flight.session, flight.session.feed
+        theirs, parser = Signing(KEY, Memory(), ticks_now), mav.MAVLink(None)
+
+        def signed(data: bytes) -> bool:
+            frames = [bytes(m.get_msgbuf()) for m in parser.parse_buffer(data) or ()]
+            return feed(b"".join(map(theirs.sign, frames)))
+
+        session.signing = Signing(KEY, Memory(), ticks_now)
+        session.feed = signed  # type: ignore[method-assign]
+        begun.append(len(flight.sent))
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(to(6.0, 0.0), Arrived)
+        session.feed = feed  # type: ignore[method-assign]
+        await flight.sees(LinkLost)
+
+    flight = fly(body, driver, "ardupilot")
+    flags = {m.get_header().incompat_flags for _, m in flight.sent[begun[0] + 1 :]}
+    assert flags == {mav.MAVLINK_IFLAG_SIGNED}
 
 
 @each_driver
