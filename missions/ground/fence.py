@@ -83,7 +83,7 @@ class Fence:
         if bool(self.inner.covers(leg)):
             return True
         forgiven = self.shrunk(-_TOLERANCE_M)
-        return bool(forgiven.covers(leg)) and self.allows(start) and self.allows(end)
+        return bool(shapely.covers(forgiven, leg)) and self.allows(start) and self.allows(end)
 
     def route(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
         """The shortest way to `end` inside the margin: the points to fly to, `end` the last.
