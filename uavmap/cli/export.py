@@ -115,6 +115,8 @@ def run(options: argparse.Namespace) -> int:
     """Export."""
     if options.plan is None and options.waypoints is None:
         raise UavmapError("nothing to write; give --plan FILE.plan or --waypoints FILE.waypoints")
+    if options.plan == options.waypoints:
+        raise UavmapError(f"--plan and --waypoints are both {options.plan}; give each its own file")
     if options.waypoints is not None and options.firmware is Firmware.PX4:
         raise UavmapError(
             "--waypoints: the file begins with a home, which a PX4 would fly to; use --plan"

@@ -271,6 +271,7 @@ def test_a_region_that_drifts_is_where_it_was_last(
     ("arguments", "said"),
     [
         ([], "nothing to write"),
+        (["--plan", "x.plan", "--waypoints", "x.plan"], "give each its own file"),
         (["--waypoints", "x.waypoints", "--firmware", "px4"], "use --plan"),
         (["--plan", "x.plan", "--vehicle", "2"], "has 1"),
         (["--plan", "x.plan", "--height", "20"], "is for a results folder"),
