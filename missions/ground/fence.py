@@ -79,12 +79,11 @@ class Fence:
     def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
         """Whether a straight leg stays inside the margin."""
         leg = LineString([start, end])
-        # the prepared test decides nearly always; the exact one forgives a leg along an edge, but
-        # not a leg so short that all of it is less than what is forgiven
+        # a leg along an edge misses it by roundings: all of its length is outside then, by nothing
         if bool(self.inner.covers(leg)):
             return True
-        outside_m = leg.difference(self.inner).length
-        return bool(outside_m < _TOLERANCE_M) and self.allows(start) and self.allows(end)
+        forgiven = self.shrunk(-_TOLERANCE_M)
+        return bool(shapely.covers(forgiven, leg)) and self.allows(start) and self.allows(end)
 
     def route(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
         """The shortest way to `end` inside the margin: the points to fly to, `end` the last.

@@ -64,6 +64,34 @@ def test_a_killed_client_is_taken_up_in_the_air(speck, tmp_path):
     assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
 
 
+def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_path):
+    """What a computer on board may do by itself after it has been started anew."""
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with started(*fly_arguments("speck", urls, folder)) as process:
+            stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
+        before = len(bodies(folder))
+        home = uavmap("resume", folder, "--recall", "--json")
+        again = events(folder)[before:]
+        assert home.code == 3
+        assert [event["kind"] for event in again[:2]] == ["resumed", "recalled"]
+        assert next(e for e in again if e["kind"] == "connected")["airborne"] is True
+        assert sum(event["kind"] == "landed" for event in again) == 1
+        # on the ground by now: a second time it stays there
+        before = len(bodies(folder))
+        assert uavmap("resume", folder, "--recall", "--json").code == 3
+        again = events(folder)[before:]
+        assert next(e for e in again if e["kind"] == "connected")["airborne"] is False
+        assert not any(event["kind"] == "airborne" for event in again)
+    assert (folder / "map.geojson").exists()
+
+
+def test_a_simulated_flight_is_not_recalled(speck):
+    done = uavmap("resume", speck.folder, "--recall")
+    assert done.code == 2
+    assert "--recall is for aircraft at the end of a link" in done.err
+
+
 def test_control_c_brings_it_home_and_resume_sends_it_out_again(speck, tmp_path):
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:

@@ -20,6 +20,7 @@ from uavmap.cli import (
     camera,
     check,
     doctor,
+    export,
     fly,
     keys,
     replay,
@@ -44,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in (
-        fly, resume, doctor, camera, sitl, replay, animate, check, keys, simulate, strategies,
+        fly, resume, doctor, camera, sitl, replay, animate, check, export, keys, simulate, strategies,
         study,
     ):  # fmt: skip
         module.add_parser(commands)

@@ -21,10 +21,12 @@ examples:
   uavmap resume results/runway-1
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
   uavmap resume results/field-3 --recover
+  uavmap resume results/field-3 --recall
 
 A simulated flight is repeated up to its last event, each event checked against the journal, and
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
-they are.
+they are: who stands on the ground takes off. With --recall nothing takes off: who is in the air
+comes home and lands, and the map of what is known is written.
 """
 
 
@@ -61,6 +63,11 @@ def add_parser(commands: Any) -> None:
         help="simulation: put the aircraft at home with full batteries instead of where they were",
     )
     parser.add_argument(
+        "--recall",
+        action="store_true",
+        help="only bring home who is in the air; nothing takes off, so nobody has to stand by",
+    )
+    parser.add_argument(
         "--recover",
         action="store_true",
         help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
@@ -85,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
         key_file=key_file(options),
         forward=None if options.forward is None else tuple(options.forward),
         from_home=options.from_home,
+        recall=options.recall,
         ask=_ask if at_terminal else None,
     )
     return report(summary, folder, as_json=options.json)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import JournalError, LinkError, OutputError, PreflightError
-from missions.events import Event, Resumed
+from missions.events import Event, Recalled, Resumed
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
@@ -89,6 +89,7 @@ def resume(
     key_file: str | None = None,
     forward: tuple[str, ...] | None = None,
     from_home: bool = False,
+    recall: bool = False,
     ask: Callable[[str], bool] | None = None,
 ) -> dict[str, Any]:
     """Go on with the mission of a folder; returns the summary.
@@ -97,12 +98,20 @@ def resume(
     more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
     stand at home with full batteries instead, as after a failsafe brought them back, and only
     the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
-    with them instead of the one before. `ask` puts a question to the operator, where there is one.
+    with them instead of the one before. With `recall` whoever is in the air comes home and lands,
+    and nothing takes off. `ask` puts a question to the operator, where there is one.
+
+    Raises as `fly` does, and `JournalError` for a `recall` of aircraft that are simulated here.
     """
     with Journal.open(folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
         if urls:
             plan = replace(plan, urls=urls)
+        if recall and plan.simulated:
+            raise JournalError(
+                f"{folder}: --recall is for aircraft at the end of a link; a simulated flight ends "
+                f"with its process, and `uavmap resume {folder}` goes on with it"
+            )
         if driver is not None:
             plan = replace(plan, driver=driver)
         check_urls(plan.urls)
@@ -136,6 +145,7 @@ def resume(
             state = State.initial(setting)
         flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
         flight.ask = ask
+        flight.recall = recall
         return flight.run()
 
 
@@ -169,6 +179,8 @@ class _Flight:
         self.ask: Callable[[str], bool] | None = None
         """Puts a question to the operator, where there is one."""
         self.preflight: Preflight | None = None
+        self.recall = False
+        """Whether whoever is in the air is only brought home."""
         self._truth: Truth | None = None
 
     def run(self) -> dict[str, Any]:
@@ -324,7 +336,10 @@ class _Flight:
         if self._resumed:
             if not self._plan.simulated:
                 await self._settle_time()
-            service.post(Resumed(round(self._now_s(), 3)))
+            begin_s = round(self._now_s(), 3)
+            service.post(Resumed(begin_s))
+            if self.recall:  # taken in before any vehicle reports, so nobody is sent out before
+                service.post(Recalled(begin_s))
         return await service.fly()
 
 

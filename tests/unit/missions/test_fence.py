@@ -242,3 +242,21 @@ def test_an_allowed_leg_stays_in_the_margin_all_the_way(
         for share in np.linspace(0, 1, 9):
             at = leg.interpolate(float(share), normalized=True)
             assert fence.allows(GridPoint(float(at.x), float(at.y)))
+
+
+def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_say() -> None:
+    """From where a lane ends at a hole the way leads around the hole, not around the fence."""
+    square = [GridPoint(-20, -20), GridPoint(100, -20), GridPoint(100, 70), GridPoint(-20, 70)]
+    hole = [
+        GridPoint(30.000001, 9.999998),
+        GridPoint(42.000002, 10.000001),
+        GridPoint(41.999999, 30.000003),
+        GridPoint(29.999997, 29.999999),
+    ]
+    fence = Fence.of(square, [hole], 2.0)
+    start, end = GridPoint(44.0, 16.0), GridPoint(28.0, 16.0)
+    way = fence.route(start, end)
+    assert way is not None
+    assert route_length_m(start, way) < 33.0
+    assert not fence.allows_leg(start, end)
+    assert not fence.allows_leg(start, GridPoint(43.98, 12.0))  # 2 cm inside of the margin

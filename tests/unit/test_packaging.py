@@ -1,0 +1,98 @@
+"""The units for a computer on board: systemd takes them, and so does our command line."""
+
+from __future__ import annotations
+
+import configparser
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.unit.test_pages import ROOT, command_lines
+from uavmap.cli import parser
+from uavmap.cli.common import AIRCRAFT_DOWN, INCOMPLETE
+from uavmap.link.urls import parse_url
+
+FOLDER = ROOT / "packaging" / "systemd"
+UNITS = sorted(FOLDER.glob("*.service"))
+PROGRAM = "/opt/uavmap/bin/uavmap"
+PAGE = ROOT / "docs" / "onboard.md"
+
+
+@pytest.fixture(params=UNITS, ids=lambda unit: unit.stem)
+def unit(request: pytest.FixtureRequest) -> Path:
+    assert isinstance(request.param, Path)
+    return request.param
+
+
+def read(unit: Path) -> configparser.ConfigParser:
+    values = configparser.ConfigParser(interpolation=None, strict=True)
+    values.optionxform = str  # type: ignore[assignment,method-assign]
+    values.read_string(unit.read_text("utf-8"))
+    return values
+
+
+def url() -> str:
+    (line,) = (
+        line for line in (FOLDER / "link.env").read_text("utf-8").splitlines()
+        if line.startswith("UAVMAP_URL=")
+    )  # fmt: skip
+    return line.partition("=")[2]
+
+
+def command(unit: Path) -> list[str]:
+    line = read(unit)["Service"]["ExecStart"].replace("${UAVMAP_URL}", url())
+    program, *arguments = shlex.split(line)
+    assert program == PROGRAM
+    return arguments
+
+
+def test_there_are_three_units() -> None:
+    assert [unit.stem for unit in UNITS] == ["uavmap-fly", "uavmap-recall", "uavmap-resume"]
+
+
+def test_the_command_of_a_unit_is_understood(unit: Path) -> None:
+    options = parser().parse_args(command(unit))
+    assert options.command in ("fly", "resume")
+    assert [parse_url(text).port for text in options.connect] == [921600]
+    assert (options.out if options.command == "fly" else options.folder) == "/var/lib/uavmap/flight"
+
+
+def test_what_may_take_off_is_never_started_by_itself(unit: Path) -> None:
+    values, options = read(unit), parser().parse_args(command(unit))
+    stays_down = options.command == "resume" and options.recall
+    assert ("Install" in values) == stays_down
+    assert values["Service"]["Restart"] == ("on-failure" if stays_down else "no")
+    if not stays_down:
+        assert values["Unit"]["OnFailure"] == "uavmap-recall.service"
+        assert "uavmap-recall.service" in values["Unit"]["Conflicts"].split()
+
+
+def test_an_orderly_end_is_no_failure(unit: Path) -> None:
+    codes = read(unit)["Service"]["SuccessExitStatus"].split()
+    assert list(map(int, codes)) == [INCOMPLETE, AIRCRAFT_DOWN]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd here")
+def test_systemd_takes_the_units(tmp_path: Path) -> None:
+    for unit in UNITS:
+        text = unit.read_text("utf-8").replace(PROGRAM, "/bin/true")
+        (tmp_path / unit.name).write_text(text, "utf-8")
+    done = subprocess.run(
+        ["systemd-analyze", "verify", *(tmp_path / unit.name for unit in UNITS)],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+    )
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
+
+
+def test_the_page_names_each_file_and_its_commands_are_held_by_the_test_of_the_pages() -> None:
+    text = PAGE.read_text("utf-8")
+    assert all(file.name in text for file in FOLDER.iterdir())
+    lines = list(command_lines(PAGE))
+    assert any(line.startswith("uavmap fly") for line in lines)
+    assert any("--recall" in line for line in lines)
