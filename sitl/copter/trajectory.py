@@ -40,7 +40,7 @@ def copter_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> floa
     """ArduCopter's.
 
     >>> round(copter_speed(4.0, 2.5, 5.0), 2)
-    3.17
+    3.21
     """
     rate_1_s = jerk_m_s3 / accel_m_s2
     return sqrt_controller(distance_m, _PLACE_SHARE * rate_1_s, _BRAKING_SHARE * accel_m_s2)

@@ -189,7 +189,6 @@ class Manoeuvres:
             except LinkError:
                 if attempt == ARM_TRIES - 1:
                     raise
-                waiting.pass_on()
                 await asyncio.sleep(ARM_PAUSE_S)
         self._monitor.commanded = kind.ours
 

@@ -1,4 +1,7 @@
-"""Wait for a vehicle without keeping the operator in the dark: for what, and what it says of it."""
+"""Wait for a vehicle without keeping the operator in the dark: for what, and for how long.
+
+Why it is not ready a vehicle says in words, which are told as they come (`uavmap.fly.spoken`).
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,6 @@ FIRST_S: Final = 10.0
 """What takes longer is told."""
 AGAIN_S: Final = 30.0
 LOOK_S: Final = 1.0
-REASONS: Final = ("prearm", "arm:", "preflight", "arming")
-"""How texts begin that say why a vehicle does not arm: ArduPilot's and PX4's."""
 
 
 class Waiting:
@@ -25,31 +26,21 @@ class Waiting:
         self._name = name
         self._session = session
         self._tell = tell
-        self._told: set[str] = set()
         self._begin_s = asyncio.get_running_loop().time()
         self._due_s = self._begin_s + FIRST_S
 
     async def until(
         self, condition: Callable[[], bool], timeout_s: float, what: Callable[[], str]
     ) -> bool:
-        """`Session.until`; tells what is waited for, and each new reason that the vehicle gives."""
+        """`Session.until`; tells what is waited for."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + timeout_s
         while (left_s := end_s - loop.time()) > 0.0:
             if await self._session.until(condition, min(left_s, LOOK_S)):
                 return True
-            self.pass_on()
             if loop.time() >= self._due_s:
                 self._remind(what())
         return condition()
-
-    def pass_on(self) -> None:
-        """Tell each reason that the vehicle has given since, once."""
-        for at_s, text in self._session.view.texts:
-            fresh = at_s >= self._begin_s and text not in self._told
-            if fresh and text.lower().startswith(REASONS):
-                self._told.add(text)
-                self._tell(f"{self._name}: {text}")
 
     def _remind(self, what: str) -> None:
         now_s = asyncio.get_running_loop().time()

@@ -63,7 +63,7 @@ def parse_url(url: str) -> Endpoint:
     """The endpoint that a URL names. Raises `LinkError` with the remedy.
 
     >>> parse_url("udp:127.0.0.1:14550")
-    Endpoint(transport='udpin', host='127.0.0.1', port=14550)
+    Endpoint(transport='udpin', host='127.0.0.1', port=14550, system=None)
     >>> parse_url("/dev/ttyACM0,115200").url
     'serial:///dev/ttyACM0:115200'
     >>> parse_url("udpin://0.0.0.0:14550?system=2").system

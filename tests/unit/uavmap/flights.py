@@ -84,6 +84,11 @@ class Flight:
             **patience,
         )
 
+    @property
+    def said(self) -> list[str]:
+        """What the service itself told, without the vehicle's own words."""
+        return [line for line in self.told if not line.startswith("[vehicle ")]
+
     @staticmethod
     def now_s() -> float:
         return asyncio.get_running_loop().time()

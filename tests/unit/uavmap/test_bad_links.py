@@ -153,7 +153,7 @@ def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -
                 await watched_over([again.driver.guardian], connect(), leave=True)
             world.cancel()
         assert flight.vehicle.truth.landed
-        assert again.told == [
+        assert again.said == [
             "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is told to "
             "return by its autopilot"
         ]

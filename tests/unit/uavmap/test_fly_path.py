@@ -137,7 +137,7 @@ def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(autopilot: str
         assert not flight.seen(kind)
     stream = [t_s for t_s, _ in kinds(flight, SETPOINT)]
     assert max(b - a for a, b in itertools.pairwise(stream)) < 0.11
-    assert not flight.told
+    assert not flight.said
 
 
 def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> None:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import pty
 import random
 import socket
 import tty
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
+from missions.mission_file.schema import CameraSection
 from tests.unit.uavmap.peer import Peer, heartbeat
+from uavmap.cameras.spec import parse_camera
 from uavmap.clock import VirtualClock, run
-from uavmap.fly.links import Link, check_urls, opened_links, refuse_rivals
+from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
 from uavmap.link.forwarding import Forwarding
 from uavmap.link.frames import Splitter, sender_of, target_of
 from uavmap.link.serial_port import MOST_UNSENT, SerialPort
@@ -100,6 +104,14 @@ def plan(*urls: str, forward: tuple[str, ...] = ()) -> FlightPlan:
     return FlightPlan("x", "", None, None, 1, urls, None, 0.0, forward=forward)
 
 
+def links_of(
+    flown: FlightPlan, record: Callable[[bytes], None], say: Callable[[str], None]
+) -> contextlib.AbstractAsyncContextManager[list[Link]]:
+    """The links of a plan, each with a MAVLink camera."""
+    cameras = [parse_camera("mavlink")] * len(flown.urls)
+    return opened_links(flown.urls, LinkOptions.of(flown), cameras, CameraSection(), record, say)
+
+
 def sockets(count: int) -> list[socket.socket]:
     made = []
     for _ in range(count):
@@ -132,7 +144,7 @@ def test_not_a_byte_is_changed_either_way() -> None:
         forward = (f"udpout://{LOOPBACK}:{ground.getsockname()[1]}",)
         logged: list[bytes] = []
         flown = plan(f"udpin://{LOOPBACK}:{port}", forward=forward)
-        async with opened_links(flown, (), logged.append, print, 1.0) as (link,):
+        async with links_of(flown, logged.append, print) as (link,):
             ours = (LOOPBACK, port)
             down = FRAMES[0] + unknown(1) + frame(heartbeat(), 1, signed=True)
             vehicle.sendto(down, ours)
@@ -245,7 +257,7 @@ def test_one_port_serves_several_vehicles(routed: bool) -> None:
 
     async def body() -> None:
         urls = [f"udpin://{LOOPBACK}:{port}?system={system}" for system in (2, 1)]
-        async with opened_links(plan(*urls), (), lambda data: None, said.append, 1.0) as links:
+        async with links_of(plan(*urls), lambda data: None, said.append) as links:
             ours = (LOOPBACK, port)
             for link, system in ((first, 1), (second, 2), (first, 9)):
                 link.sendto(frame(heartbeat(), system), ours)

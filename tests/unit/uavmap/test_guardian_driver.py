@@ -50,7 +50,7 @@ def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: s
         assert flight.driver.guardian.fate() == ""
 
     flight = fly(body, made)
-    assert flight.told == [
+    assert flight.said == [
         "vehicle 1: the mission failed (disk full); it is told to return by its autopilot"
     ]
     assert [e.action for e in flight.seen(Guarded)] == ["rtl"]
@@ -96,7 +96,7 @@ def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it
 
     flight = fly(body, beside_a_house(autopilot))
     assert min(nearest_m) > 0.5
-    assert flight.told == [
+    assert flight.said == [
         "vehicle 1: the disk is full; it is flown home around the fence",
         "vehicle 1: the disk is full; it is told to return by its autopilot",
     ]

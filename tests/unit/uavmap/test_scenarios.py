@@ -55,7 +55,8 @@ def test_the_vehicle_hears_nobody_for_30_seconds(autopilot):
     deaf = once(flying, lambda v: v.fail.link(silent=True, way="up", after_s=3.0, for_s=30.0))
     flight = scenario(autopilot, deaf, parameters=own)
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not by us: hands off" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not by us (" in flight.said
+    assert "): hands off until" in flight.said
     assert flight.columns >= {"home"}
     assert gone_on_with(flight.said)
 

@@ -129,6 +129,7 @@ def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
     told: dict[str, Parameter] = {}
     while (message := log.recv_match(type="PARAM_VALUE")) is not None:
         told[message.param_id] = Parameter(message.param_value, message.param_type)
+    log.close()
     assert {*names_of(ARDUPILOT), *ARDUPILOT_FENCE} <= set(told)
     setting = Setting.of(mission_of("ardupilot"))
     findings = list(parameter_findings(ARDUPILOT, told, setting, 12.6))
