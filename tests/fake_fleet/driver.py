@@ -82,6 +82,8 @@ CLIMB_TOLERANCE_M = 0.4
 STOP_M = 0.7
 PASS_M = 2.0
 CORNER_M = 2.0
+LEAP_M = 8.0
+"""A position that leaps farther is noticed."""
 SLOW_M_S = 0.5
 FRESH = 0.9
 WIND_WINDOW = 8
@@ -157,8 +159,8 @@ class Driver:
     given_up: bool = False
     winds: list[Vector] = field(default_factory=list)
     late: list[tuple[float, Event]] = field(default_factory=list)
-    seen_from: list[tuple[float, GridPoint]] = field(default_factory=list)
-    """When and where, in truth, frames were judged."""
+    seen_from: list[tuple[float, GridPoint, float]] = field(default_factory=list)
+    """When and where, in truth, frames were judged, and how far they show the ground, m."""
     misplaced: bool = False
     """A frame was judged while satellite navigation was off by more than half a cell."""
     corners: list[GridPoint] | None = None
@@ -216,6 +218,12 @@ class Driver:
             self.guard = self.guard.released()
         else:
             self.guard = self.guard.told(self._task(order, t_s))
+
+    def leapt(self, by_m: float) -> None:
+        """Its position has leapt, which telemetry shows: the mission is told."""
+        told = self.connected and self.hears and not self.overridden and self.guard.action is None
+        if by_m > LEAP_M and self.craft.flying and told and self.order is not None:
+            self._fail(f"its position has leapt by {by_m:.0f} m")
 
     def _given_path(self, order: FlyPath) -> None:
         """After a path it goes on with this one from its beginning on; else it begins at rest."""
@@ -426,11 +434,17 @@ class Driver:
             positive = Cell(cell.east + east, cell.north + north) in roi
             votes.append(Vote(cell, positive, float(positive)))
         event = FrameSeen(self.number, now_s, vantage, tuple(votes))
-        self.seen_from.append((now_s, self.craft.position))
+        reach_m = 0.0 if vantage is not None else self._reach_m()
+        self.seen_from.append((now_s, self.craft.position, reach_m))
         if self.camera == "slow":
             self.late.append((self.around.t_s + rng.uniform(0.5, 6.0), event))
         else:
             self.around.post(event)
+
+    def _reach_m(self) -> float:
+        """How far a picture of now shows the ground to all sides."""
+        optics = self.around.setting.mission.camera.optics
+        return 0.5 * optics.footprint(max(self.craft.height_m, 0.1)).short_m
 
     def _shown(self) -> tuple[Cell, ...]:
         """The cells that a picture of now shows whole, by what the vehicle believes."""

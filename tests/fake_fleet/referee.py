@@ -333,12 +333,16 @@ def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
 
 
 def _unseen_lanes(fleet: Fleet) -> Iterator[str]:
-    """Stretches of lanes, in truth, that no judged frame lies near."""
+    """Stretches of lanes, in truth, that no judged frame lies near, or shows from on high."""
     cell_m = fleet.setting.grid.cell_m
-    seen = [place for driver in fleet.drivers.values() for _, place in driver.seen_from]
+    seen = [
+        (place, max(reach_m, 2.0 * cell_m))
+        for driver in fleet.drivers.values()
+        for _, place, reach_m in driver.seen_from
+    ]
     for lane in fleet.setting.lanes:
         length_m = lane[0].distance_to(lane[1])
         for i in range(int(length_m // cell_m) + 1):
             at: GridPoint = point_on(lane, i * cell_m)
-            if not any(place.distance_to(at) <= 2.0 * cell_m for place in seen):
+            if not any(place.distance_to(at) <= reach_m for place, reach_m in seen):
                 yield f"no frame shows {at}, on a lane"

@@ -84,6 +84,7 @@ def _storm(fleet: Fleet, trouble: Trouble) -> None:
 
 def _jump(fleet: Fleet, trouble: Trouble) -> None:
     fleet.vehicles[trouble.vehicle].offset_m = trouble.towards
+    fleet.drivers[trouble.vehicle].leapt(trouble.size)
 
 
 def _jump_back(fleet: Fleet, trouble: Trouble) -> None:
