@@ -207,7 +207,6 @@ def stopped_on_a_path(
 @pytest.mark.parametrize(
     ("name", "autopilot", "speedup", "frames"),
     [
-        ("tiny", "ardupilot", SPEEDUP, 60),
         ("tiny", "px4", SPEEDUP, 60),
         ("speck", "ardupilot", STREAMED, 10),
     ],

@@ -58,7 +58,7 @@ def found_s(mission: Path) -> float:
     return state.found_s
 
 
-@pytest.mark.parametrize("strategy", ["swath", "rdfs"])
+@pytest.mark.parametrize("strategy", ["swath"])
 def test_the_region_is_found_sooner(tmp_path: Path, strategy: str) -> None:
     mission = written(tmp_path / "known", strategy, prior=True)
     expected = uavmap("check", mission, "--json").summary

@@ -178,7 +178,7 @@ def test_every_path_of_a_survey(seed: int) -> None:
     assert flight.state.completed == (len(seen) == len(flight.setting.box_cells))
 
 
-@pytest.mark.parametrize("seed", [3, 8])
+@pytest.mark.parametrize("seed", [3])
 def test_a_journal_that_ends_anywhere_tells_the_same_state(seed: int) -> None:
     """Killed in the middle of a path: all that there is is the journal, plans included."""
     flight = Watched(Setting.of((scenario := random_scenario(seed, strategy="swath")).mission),
