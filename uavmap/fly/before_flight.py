@@ -19,7 +19,7 @@ from uavmap.fly.classifier import detector_of
 from uavmap.fly.links import Link
 from uavmap.link.view import VehicleView
 from uavmap.preflight.examination import Examination
-from uavmap.preflight.finding import Finding, Level, binding, could_fly
+from uavmap.preflight.finding import Finding, Level, binding, could_fly, warn
 from uavmap.preflight.question import Operator
 from uavmap.preflight.setting_up import AutopilotSetup
 
@@ -112,9 +112,15 @@ class BeforeFlight:
         setting, examination = self._setting, self._examinations[number]
         found = await examination.vehicle(setting)
         ratio = setting.mission.altitude_m(number - 1) / setting.mission.altitude_m(0)
-        if not self._view(number).armed:  # in the air it has its camera in use
+        view = self._view(number)
+        if not view.armed:
             detector = detector_of(setting.mission, ratio)
             found += await examination.camera(setting, detector, self._folder)
+        else:  # its camera may be in use
+            where = f"armed, {view.height_m:.0f} m up, in {view.mode_name}"
+            wanted = "on the ground, motors off"
+            remedy = "say yes only if the mission is to take it over as it flies"
+            found += _of(number, [warn("vehicle", where, wanted, remedy)])
         if self._keep_fence:
             found += _of(number, await self._setups[number].keep_fence())
         return found

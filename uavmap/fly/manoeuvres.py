@@ -8,6 +8,7 @@ refusal, or what the vehicle is seen not to do, ends an order.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 from typing import Final
 
@@ -379,8 +380,19 @@ class Manoeuvres:
 
     async def _await_battery(self) -> None:
         reporter = self._reporter
-        if not self._view.is_simulator:
+        capacity_wh = self._mission.battery.capacity_wh
+
+        def fresh() -> bool:
+            return (reporter.remaining_wh() or 0.0) >= FULL * capacity_wh
+
+        def what() -> str:
+            share = (reporter.remaining_wh() or 0.0) / capacity_wh
+            return f"a fresh battery ({share:.0%} by its own word; {FULL:.0%} are wanted)"
+
+        if self._view.is_simulator:
+            await self._session.until(fresh)
+        else:
             await self._crew(reporter.number)
-        full_wh = FULL * self._mission.battery.capacity_wh
-        await self._session.until(lambda: (reporter.remaining_wh() or 0.0) >= full_wh)
+            # a word without a battery is heard, and nothing would tell why nobody takes off
+            await Waiting(reporter.name, self._session, self._tell).until(fresh, math.inf, what)
         reporter.report(BatterySwapped(reporter.number, reporter.t_s(), reporter.remaining()))

@@ -8,13 +8,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
-from missions.events import Airborne, Arrived, OrderFailed
+from missions.events import Airborne, Arrived, BatterySwapped, OrderFailed
 from missions.mission_file.schema import Mission
-from missions.orders import FlyTo, TakeOff
+from missions.orders import AwaitBattery, FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.small_missions import mission, square
 from tests.unit.uavmap.flights import Flight, fly, small_mission
 from uavmap.clock import VirtualClock, run
+from uavmap.link.view import VehicleView
 
 UP_M = 12.0
 
@@ -56,6 +57,21 @@ def test_what_the_checks_before_arming_wait_for_is_told() -> None:
     told = fly(body).told
     assert "[vehicle 1, critical] PreArm: GPS 1: Bad fix" in told
     assert "sim: waits for the checks before arming, for 10 s by now" in told
+
+
+def test_a_word_without_a_new_battery_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(VehicleView, "is_simulator", False)
+
+    async def body(flight: Flight) -> None:
+        flight.session.view.battery_percent = 41
+        flight.to_driver = lambda m: m.get_type() not in ("BATTERY_STATUS", "SYS_STATUS")
+        flight.driver.give(AwaitBattery())
+        await asyncio.sleep(45.0)
+        flight.to_driver = lambda message: True
+        await flight.sees(BatterySwapped)
+
+    waits = [line for line in fly(body).said if "waits for a fresh battery (42% by its" in line]
+    assert len(waits) == 2
 
 
 def long_mission() -> Mission:

@@ -75,6 +75,19 @@ def test_nobody_to_ask_is_no_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     on_field(body, mission_of("ardupilot"))
 
 
+def test_who_is_in_the_air_already_is_told_of(tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        for command, *params in ((176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 25)):
+            filled = (*params, *([0.0] * (7 - len(params))))
+            field.ask(0, mav.MAVLink_command_long_message(1, 1, command, 0, *filled))
+        await asyncio.sleep(30.0)
+        found = await before(field, tmp_path)._examined(1)
+        (line,) = [f.line() for f in found if f.what == "vehicle"]
+        assert line.startswith("warn  1 vehicle: armed, 25 m up, in GUIDED (wanted: on the ground")
+
+    on_field(body, mission_of("ardupilot"))
+
+
 @pytest.mark.parametrize("vehicles", [1, 3])
 def test_a_dry_run_sets_all_and_arms_nothing(vehicles: int, tmp_path: Path) -> None:
     async def body(field: Field) -> None:
