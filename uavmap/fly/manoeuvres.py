@@ -386,8 +386,9 @@ class Manoeuvres:
             return (reporter.remaining_wh() or 0.0) >= FULL * capacity_wh
 
         def what() -> str:
-            share = (reporter.remaining_wh() or 0.0) / capacity_wh
-            return f"a fresh battery ({share:.0%} by its own word; {FULL:.0%} are wanted)"
+            left_wh = reporter.remaining_wh()
+            told = "no charge told" if left_wh is None else f"{left_wh / capacity_wh:.0%} told"
+            return f"a fresh battery ({told}, {FULL:.0%} wanted)"
 
         if self._view.is_simulator:
             await self._session.until(fresh)
