@@ -6,8 +6,8 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-# more than there are cores: tests on sockets wait for a simulator most of their time
-WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
+# one more than there are cores: tests on sockets wait for a simulator most of their time
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 
 .PHONY: run test check setup lock clean
 

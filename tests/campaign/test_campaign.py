@@ -11,7 +11,7 @@ from tests.campaign.outcome import COLUMNS, FORBIDDEN, Outcome, table
 from tests.campaign.reducer import KINDS, fly, plan_of
 from tests.fake_fleet.troubles import PHASES
 
-FLIGHTS = 40
+FLIGHTS = 24
 
 
 def test_nothing_forbidden_happens_in_an_unkind_world() -> None:

@@ -59,7 +59,7 @@ def test_the_outcome_is_the_recorded_one(told: Told) -> None:
 def test_any_prefix_folds_to_the_state_that_was_held_then(told: Told) -> None:
     """What a resume after a kill relies on."""
     state = State.initial(told.setting)
-    every = max(40, len(told.events) // 8)
+    every = max(40, len(told.events) // 3)
     for number, event in enumerate(told.events, start=1):
         state, _ = step(told.setting, state, event)
         if number % every == 0:

@@ -148,7 +148,7 @@ def holds(scenario: Scenario) -> Watched:
     return flight
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_can_be_flown_and_left(seed: int) -> None:
     assert holds(random_scenario(seed, strategy="swath")).paths > 0
@@ -161,7 +161,7 @@ def test_every_path_over_a_region_that_drifts(seed: int) -> None:
     assert flight.state.completed
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_of_small_missions(seed: int) -> None:
     """Holes beside the homes and in the box, given winds, batteries for half a sortie."""
