@@ -257,7 +257,7 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(
     assert maps_alike(folder, speck_passed.folder)
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", ["px4"])
 def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(
     autopilot: str, tiny_passed: Flight, tmp_path: Path
 ) -> None:
