@@ -116,6 +116,14 @@ def add_parser(commands: Any) -> None:
         "texts, and its failsafe for a lost ground station listens, to others",
     )
     add_link_options(parser)
+    _add_preflight_options(parser)
+    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.set_defaults(run=run)
+
+
+def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns the time before the first take-off."""
     parser.add_argument(
         "--yes",
         action="store_true",
@@ -134,9 +142,6 @@ def add_parser(commands: Any) -> None:
         help="leave fence, rally points and return heights of the autopilots as they are; a "
         "mission that leaves such a fence is not flown",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -86,8 +86,6 @@ class Guardian:
         self._jumps = session.view.gate.track.jumps
         self._last_wh = limits.energy.capacity_wh
         self._reason = ""
-        self._looked_s = float("-inf")
-        """When the position that was looked at last was told, on the loop's clock."""
         self._leapt_s = float("-inf")
         """When its position leapt last, on the loop's clock."""
         self._flew = False
@@ -158,12 +156,12 @@ class Guardian:
 
     async def _watch(self) -> None:
         """Look at every new position, but not too often: of an old one it seems to stand still."""
-        looked_s = float("-inf")
+        looked_s = seen_s = float("-inf")
         while True:
             await asyncio.sleep(WATCH_S)
             now_s, told_s = self._reporter.loop_s(), self._view.position_s
-            if told_s > self._looked_s or now_s - looked_s >= 2.0 * WATCH_S:
-                self._looked_s, looked_s = told_s, now_s
+            if told_s > seen_s or now_s - looked_s >= 2.0 * WATCH_S:
+                looked_s, seen_s = now_s, told_s
                 self._look()
 
     def _look(self) -> None:
@@ -332,9 +330,7 @@ class Guardian:
         while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
             if not self.acting:
                 self.take_over("rtl", reason)
-            await self._session.until(
-                lambda: not self.responsible, min(left_s, max(HEARTBEAT_S, 1e-3))
-            )
+            await self._session.until(lambda: not self.responsible, min(left_s, HEARTBEAT_S))
 
     async def _turn_corners(self, reason: str) -> None:
         """Fly it around what the fence forbids until home lies straight ahead.
@@ -351,7 +347,8 @@ class Guardian:
         self._tell(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
         self.stand_aside()
         kind = self._view.kind
-        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+        # on a path it is in the mode of streams, which is ours until it has changed
+        self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
         for corner in corners:
             here = reporter.position()
             leg_s = energy.leg_s(here.distance_to(corner)) + CORNER_S

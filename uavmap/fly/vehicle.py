@@ -32,12 +32,11 @@ from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
 from uavmap.fly.waiting import Waiting
-from uavmap.link.autopilots import AUTOPILOTS
+from uavmap.link.answer import answered
 from uavmap.link.session import Message, Session
 from uavmap.link.view import VehicleView
 
 LINK_LOST_S: Final = 5.0
-ANSWER_S: Final = 10.0
 AFTER_ENDURANCE_S: Final = 60.0
 """A silent vehicle that flew is given up so long after its battery must be empty."""
 ON_GROUND_S: Final = 120.0
@@ -130,18 +129,8 @@ class MavlinkVehicle:
 
     async def connect(self) -> None:
         """Wait for the vehicle and ask for what the mission needs. Raises `LinkError`."""
-        session, view = self._session, self._view
-        if not await session.until(lambda: view.autopilot is not None, ANSWER_S):
-            raise LinkError(
-                f"{self.name}: no vehicle answered within {ANSWER_S:g} s; is it switched on, and "
-                "is this the URL that it speaks to?"
-            )
-        if view.autopilot not in AUTOPILOTS:
-            flown = " and ".join(kind.name for kind in AUTOPILOTS.values())
-            raise LinkError(
-                f"{self.name}: the autopilot is none that this version can fly "
-                f"(MAV_AUTOPILOT {view.autopilot}); it flies {flown} copters"
-            )
+        session = self._session
+        await answered(session, self.name)
         begin_s = asyncio.get_running_loop().time()
         await self._streams.ask(self._hears)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from missions.state import Setting
 from uavmap.cameras.source import FrameSource
-from uavmap.link.autopilots import AUTOPILOTS
+from uavmap.link.answer import answered
 from uavmap.link.parameters import Parameters
 from uavmap.link.session import Session
 from uavmap.preflight.camera_check import PICTURE_S, camera_finding
@@ -23,7 +23,6 @@ from uavmap.preflight.vehicle_state import state_findings
 from uavmap.preflight.wishes import names_of, parameter_findings
 from vision.detectors import Detector
 
-ANSWER_S: Final = 10.0
 PICTURES: Final = "test-picture-{}.png"
 
 
@@ -33,17 +32,7 @@ async def connect(session: Session, name: str) -> None:
     Raises `LinkError` where nobody answers; what telemetry is missing shows in the findings.
     """
     view = session.view
-    if not await session.until(lambda: view.autopilot is not None, ANSWER_S):
-        raise LinkError(
-            f"{name}: no vehicle answered within {ANSWER_S:g} s; is it switched on, and is this "
-            "the URL that it speaks to?"
-        )
-    if view.autopilot not in AUTOPILOTS:
-        flown = " and ".join(kind.name for kind in AUTOPILOTS.values())
-        raise LinkError(
-            f"{name}: the autopilot is none that this version can fly "
-            f"(MAV_AUTOPILOT {view.autopilot}); it flies {flown} copters"
-        )
+    await answered(session, name)
     try:
         for message_id, rate_hz in view.kind.streams.items():
             with contextlib.suppress(CommandRefusedError):  # a stream may come all the same

@@ -21,7 +21,8 @@ from missions.events import (
     Overridden,
 )
 from missions.mission_file.schema import Mission
-from missions.orders import FlyTo, Hold, Land, Sweep, TakeOff
+from missions.motion.trajectory import rounded_path
+from missions.orders import FlyPath, FlyTo, Hold, Land, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from tests.small_missions import square
@@ -74,14 +75,21 @@ def beside_a_house(autopilot: str) -> Mission:
     return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
 
 
+@pytest.mark.parametrize("on_path", [False, True])
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
-    autopilot: str,
+    autopilot: str, on_path: bool
 ) -> None:
+    """From a leg, and from a path, on which a PX4 is in another mode."""
     nearest_m: list[float] = []
 
     async def body(flight: Flight) -> None:
         await behind_the_house(flight)
+        if on_path:
+            ahead = [GridPoint(24.0, 14.0), GridPoint(24.0, 60.0)]
+            plan = rounded_path(ahead, flight.now_s() + 1.0, speed_m_s=4.0)
+            flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+            await flight.until(lambda: flight.session.view.ground_speed_m_s > 3.0)
         hole = Polygon([tuple(corner) for corner in HOUSE])
 
         def watch() -> bool:
