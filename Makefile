@@ -2,6 +2,7 @@
 # make test   set up, run every test
 # make check  set up, ruff, mypy --strict, import-linter
 # make setup  only .venv, whose bin/uavmap is the command
+# make kernels  compile what numba compiles, which else the first flight and each worker of the tests do
 # make lock   resolve the two requirements files anew (needs uv)
 
 PYTHON ?= python3
@@ -9,12 +10,12 @@ BIN := .venv/bin
 # one more than there are cores: tests on sockets wait for a simulator most of their time
 WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 
-.PHONY: run test check setup lock clean
+.PHONY: run test check setup kernels lock clean
 
 run: setup
 	$(BIN)/uavmap fly runway --sim
 
-test: setup
+test: kernels
 	$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile
 
 check: setup
@@ -24,6 +25,12 @@ check: setup
 	$(BIN)/lint-imports
 
 setup: .venv/ready
+
+kernels: setup
+	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy swath,survey --offline \
+		--json >/dev/null & \
+	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy rdfs,horizon \
+		--json >/dev/null && wait $$!
 
 .venv/ready: requirements.txt requirements-clients.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'

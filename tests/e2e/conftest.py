@@ -25,7 +25,7 @@ class Flight:
 
 def _flown(tmp: pytest.TempPathFactory, name: str) -> Flight:
     folder = tmp.mktemp(name) / "out"
-    done = uavmap("fly", mission(name), "--sim", "--json", "--out", folder, hash_seed="1")
+    done = uavmap("fly", mission(name), "--sim", "--json", "--out", folder)
     return Flight(done, folder)
 
 

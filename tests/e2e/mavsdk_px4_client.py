@@ -83,11 +83,11 @@ async def main(url: str) -> None:
             PositionNedYaw(north_m=0.0, east_m=NORTH_M, down_m=-10.0, yaw_deg=90.0)
         )
         await offboard.start()
-        east = lon + NORTH_M / M_PER_DEG / math.cos(math.radians(lat))
+        # not the height above home, which moves for two minutes after the start
         there = await _until(
-            telemetry.position, lambda p: abs(p.longitude_deg - east) < 1.0 / M_PER_DEG
+            telemetry.position_velocity_ned, lambda p: abs(p.position.east_m - NORTH_M) < 1.0
         )
-        seen["offboard_height_m"] = there.relative_altitude_m
+        seen["offboard_height_m"] = -there.position.down_m
         await offboard.stop()
         await mission.start_mission()
         north = lat + NORTH_M / M_PER_DEG

@@ -20,6 +20,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from tests.e2e.preloaded import Process
+
 ROOT = Path(__file__).resolve().parents[2]
 MISSIONS = ROOT / "tests" / "data"
 SHARED = ROOT / "../shared/data"
@@ -35,13 +37,13 @@ def mission(name: str) -> str:
     return str(MISSIONS / f"{name}.toml")
 
 
-def environment(hash_seed: str = "random") -> dict[str, str]:
+def environment() -> dict[str, str]:
     """The environment of a process that runs the package from the source tree."""
-    return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": hash_seed}
+    return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
 def command(*arguments: object) -> list[str]:
-    """The command line of `uavmap`."""
+    """The command line of `uavmap`, for a process that begins at the very beginning."""
     return [sys.executable, "-m", "uavmap", *map(str, arguments)]
 
 
@@ -60,12 +62,18 @@ class Finished:
         return values
 
 
-def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str = "random") -> Finished:
-    """Run `uavmap` to its end. Whatever happens, nobody is shown a traceback."""
+def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str | None = None) -> Finished:
+    """Run `uavmap` to its end. Whatever happens, nobody is shown a traceback.
+
+    With a seed for hashes it is a process that begins at the very beginning.
+    """
+    if hash_seed is None:
+        with started(*arguments, cwd=cwd) as process:
+            return ended(process)
     done = subprocess.run(
         command(*arguments),
         cwd=cwd,
-        env=environment(hash_seed),
+        env={**environment(), "PYTHONHASHSEED": hash_seed},
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
@@ -76,28 +84,21 @@ def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str = "random
 
 
 @contextlib.contextmanager
-def started(*arguments: object) -> Iterator[subprocess.Popen[str]]:
+def started(*arguments: object, cwd: Path | None = None) -> Iterator[Process]:
     """`uavmap` as a process under way; it is gone when the block ends."""
-    process = subprocess.Popen(
-        command(*arguments),
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = Process([str(argument) for argument in arguments], environment(), cwd)
     try:
         yield process
     finally:
-        if process.poll() is None:
-            process.kill()
+        process.kill()
         process.communicate()
 
 
-def ended(process: subprocess.Popen[str]) -> Finished:
+def ended(process: Process) -> Finished:
     """Wait for the end of a process."""
     out, err = process.communicate(timeout=PATIENCE_S)
     assert "Traceback" not in err, err
-    return Finished(process.returncode, out, err)
+    return Finished(process.wait(), out, err)
 
 
 def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
@@ -138,7 +139,7 @@ def roi_cells(folder: Path) -> set[tuple[int, int]]:
 
 
 def stop_after(
-    process: subprocess.Popen[str], folder: Path, count: int, number: signal.Signals
+    process: Process, folder: Path, count: int, number: signal.Signals
 ) -> Finished | None:
     """Send a signal once a journal holds so many events; None after a SIGKILL."""
     wait_until(
@@ -179,7 +180,6 @@ def simulator(
     arguments += ["--autopilot", autopilot]
     with started(*arguments, "--port", port, "--http-port", http_port) as process:
         lines: queue.Queue[str] = queue.Queue()
-        assert process.stdout is not None
         stdout = process.stdout
         reader = threading.Thread(target=lambda: [lines.put(line) for line in stdout])
         reader.start()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import time
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from missions.events import from_json
 from missions.orders import FlyTo, Land, Look, Order, Sweep, TakeOff
 from missions.state import Setting, State
 from missions.step import step
+from tests.e2e.preloaded import Process
 from tests.e2e.rig import (
     PATIENCE_S,
     arguments_of,
@@ -50,7 +50,7 @@ class Journey:
         return vehicle.order, vehicle.height_m
 
 
-def killed_in(phase: type[Order], process: subprocess.Popen[str], journey: Journey) -> bool:
+def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
     """Kill a process in a phase of the flight; whether it is in it by the journal it leaves."""
     due_s = time.monotonic() + PATIENCE_S
 

@@ -42,7 +42,7 @@ STREAMED = 3.0
 SWATH = ("--strategy", "swath")
 
 
-def flown(name: str, folder: Path, *more: object, hash_seed: str = "1") -> Flight:
+def flown(name: str, folder: Path, *more: object, hash_seed: str | None = None) -> Flight:
     arguments = ("fly", mission(name), "--sim", "--json", "--out", folder, *SWATH, *more)
     return Flight(uavmap(*arguments, hash_seed=hash_seed), folder)
 

@@ -44,7 +44,7 @@ from sitl.copter.modes import Mode
 from tests.unit.uavmap.flights import Flight, Message, fly, small_mission, under_way
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
-from uavmap.fly.vehicle import ANSWER_S
+from uavmap.link.answer import ANSWER_S
 
 UP_M = 12.0
 GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.LAND))

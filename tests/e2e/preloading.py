@@ -1,0 +1,84 @@
+"""The process that makes a copy of itself for every run of the command: see `preloaded`."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import os
+import select
+import signal
+import socket
+import sys
+from typing import Any
+
+import missions.swath.planner  # noqa: F401 - what a command imports as it goes, too
+import uavmap.cli
+import uavmap.simulation  # noqa: F401
+from uavmap.__main__ import main
+
+_MOST_BYTES = 1 << 16
+_HANDED = 3
+
+
+def _serve(control: socket.socket) -> dict[str, Any] | None:
+    """Start runs until nobody asks any more. Returns in each of them, with what was asked."""
+    waking, woken = socket.socketpair()
+    for end in (waking, woken):
+        end.setblocking(False)
+    signal.set_wakeup_fd(woken.fileno())
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    ends: dict[int, int] = {}
+    while True:
+        ready, _, _ = select.select([control, waking], [], [])
+        if waking in ready:
+            waking.recv(_MOST_BYTES)
+            _tell_ends(ends)
+        if control in ready:
+            body, handed, _, _ = socket.recv_fds(control, _MOST_BYTES, _HANDED)
+            if not body:
+                return None
+            out, err, told = handed
+            pid = os.fork()
+            if pid == 0:
+                for mine in (control, waking, woken):
+                    mine.close()
+                for fd in (told, *ends.values()):
+                    os.close(fd)
+                os.dup2(out, 1)
+                os.dup2(err, 2)
+                os.close(out)
+                os.close(err)
+                asked: dict[str, Any] = json.loads(body)
+                return asked
+            ends[pid] = told
+            os.close(out)
+            os.close(err)
+            control.send(str(pid).encode())
+
+
+def _tell_ends(ends: dict[int, int]) -> None:
+    for pid in list(ends):
+        done, status = os.waitpid(pid, os.WNOHANG)
+        if done:
+            with socket.socket(fileno=ends.pop(pid)) as told, contextlib.suppress(OSError):
+                told.send(str(status).encode())
+
+
+def _run() -> int:
+    gc.collect()
+    gc.freeze()
+    asked = _serve(socket.socket(fileno=int(sys.argv[1])))
+    if asked is None:
+        return 0
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    os.chdir(asked["cwd"])
+    os.environ.clear()
+    os.environ.update(asked["environment"])
+    sys.argv = ["uavmap", *asked["arguments"]]
+    return main()
+
+
+if __name__ == "__main__":
+    sys.exit(_run())
