@@ -16,7 +16,8 @@ run: setup
 	$(BIN)/uavmap fly runway --sim
 
 test: kernels
-	$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile
+	# in the order of the folders: those that wait for sockets come first, and the short ones fill up
+	$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff check .

@@ -5,6 +5,7 @@ A tile covers `TILE_M` metres; the arrays hold it twice in each direction.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -22,25 +23,31 @@ _GAPS_PER_M2 = 0.25
 _GAP_DEPTH = 0.42  # a bare spot's darkening at its centre, of the ground's brightness
 
 
-def ground_tile(rng: np.random.Generator, mean: float, std: float) -> Gray:
-    """Meadow: `mean` and `std` in gray levels, with small dark bare spots.
+@lru_cache(maxsize=4)  # worlds of one seed, one after the other
+def ground_tile(seed: tuple[int, ...], mean: float, std: float) -> Gray:
+    """Meadow: `mean` and `std` in gray levels, with small dark bare spots. Not to be written to.
 
     The spots fall below what separates ROI from ground, as real grass does: a detector has to
     close them (the paper dilates).
     """
+    rng = np.random.default_rng(seed)
     tile = mean + std * _fractal(rng, slope=0.75)
     tile -= mean * _GAP_DEPTH * _spots(rng)
     return _twice(tile)
 
 
-def roi_tile(rng: np.random.Generator, mean: float, std: float) -> Gray:
-    """Asphalt or oil: `mean` and `std` in gray levels, without spots."""
+@lru_cache(maxsize=4)
+def roi_tile(seed: tuple[int, ...], mean: float, std: float) -> Gray:
+    """Asphalt or oil: `mean` and `std` in gray levels, without spots. Not to be written to."""
+    rng = np.random.default_rng(seed)
     return _twice(mean + std * _fractal(rng, slope=0.6))
 
 
 def _twice(tile: npt.NDArray[np.float64]) -> Gray:
     """As gray levels, repeated twice in both directions: see `sitl.camera.render`."""
-    return np.tile(np.clip(np.round(tile), 0, 255).astype(np.uint8), (2, 2))
+    twice = np.tile(np.clip(np.round(tile), 0, 255).astype(np.uint8), (2, 2))
+    twice.setflags(write=False)
+    return twice
 
 
 def _fractal(rng: np.random.Generator, slope: float) -> npt.NDArray[np.float64]:

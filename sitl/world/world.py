@@ -176,12 +176,10 @@ class World:
     def ground_texture(self) -> Gray:
         """The ground's tile: gray levels, `sitl.world.texture.METRES_PER_PIXEL`, wraps around."""
         spec = self.spec
-        rng = np.random.default_rng([spec.seed, _GROUND])
-        return ground_tile(rng, spec.ground_intensity, spec.texture)
+        return ground_tile((spec.seed, _GROUND), spec.ground_intensity, spec.texture)
 
     @cached_property
     def roi_texture(self) -> Gray:
         """The ROI's tile, which drifts with the ROI."""
         spec = self.spec
-        rng = np.random.default_rng([spec.seed, _ROI])
-        return roi_tile(rng, spec.roi_intensity, spec.texture)
+        return roi_tile((spec.seed, _ROI), spec.roi_intensity, spec.texture)
