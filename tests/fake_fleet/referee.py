@@ -145,7 +145,7 @@ class Referee:
         if out_m < 0.01 or fleet.stood_outside or t_s - notes.spoofed_s < FORGIVEN_S:
             return  # who is led away by positions and velocities that agree cannot know it
         forgiven = max(notes.blind_s, notes.hands_s) >= notes.outside_s - FORGIVEN_S
-        if not notes.breach_told and not forgiven:
+        if not notes.breach_told and not forgiven and not _takes_only_rtl(fleet, craft):
             notes.breach_told = True
             self.note(t_s, "breach", f"vehicle {craft.number} is {out_m:.1f} m outside the fence")
         heard = t_s - notes.deaf_s > FORGIVEN_S
@@ -346,3 +346,10 @@ def _unseen_lanes(fleet: Fleet) -> Iterator[str]:
             at: GridPoint = point_on(lane, i * cell_m)
             if not any(place.distance_to(at) <= reach_m for place, reach_m in seen):
                 yield f"no frame shows {at}, on a lane"
+
+
+def _takes_only_rtl(fleet: Fleet, craft: Aircraft) -> bool:
+    """Whether it obeys neither a target nor LAND: it is RTL, over a hole of the fence, or to stay
+    in the air for ever."""
+    refuses = {"FlyTo", "Land"} <= {*fleet.drivers[craft.number].refuses}
+    return refuses and craft.mode == "rtl"
