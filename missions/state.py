@@ -20,6 +20,7 @@ from missions.ground.grid import Grid
 from missions.ground.lanes import LANE_CELLS, Lane, along_east, lanes, share_out
 from missions.ground.prior import LikelyLane, likely_lanes
 from missions.ground.search_order import Pace, expected_s, plain_blocks, soonest
+from missions.ground.terrain import Terrain
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
 from missions.mission_file.energy_model import energy_model
@@ -195,6 +196,8 @@ class Setting:
     """How many rows of cells a lane decides."""
     likely: tuple[LikelyLane, ...] = ()
     """The lanes with what the prior says of them; empty without a prior."""
+    ground: Terrain | None = None
+    """What layers are above; None: flat ground at the height of the start."""
     _shares: list[tuple[tuple[Lane, ...], ...]] = field(default_factory=list)
     _box_cells: list[Cell] = field(default_factory=list)
 
@@ -225,6 +228,7 @@ class Setting:
             ahead,
             rows,
             likely_lanes(flown, box, prior, mission.grid.cell_m, rows) if prior else (),
+            mission.ground,
         )
 
     @property

@@ -15,6 +15,7 @@ from sitl.camera.pinhole import CameraSpec
 from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.files import load_ground
+from sitl.world.relief import Relief
 from sitl.world.world import Patch, World, WorldSpec
 
 _BETWEEN_M = 3.0  # from one vehicle's place of start to the next
@@ -101,6 +102,7 @@ class Setup:
     ready_after_s: float = 5.0
     quirks: Quirks = field(default_factory=Quirks)
     parameters: Mapping[str, float] = field(default_factory=dict)
+    relief: Relief | None = None
 
     def __post_init__(self) -> None:
         if self.autopilot not in FLAVOURS:
@@ -120,6 +122,8 @@ class Setup:
             )
         if not 0.0 <= self.gust_m_s <= 10.0:
             raise UavmapError(f"gusts: {self.gust_m_s} m/s is not 0 to 10")
+        if self.relief is not None and self.world:
+            raise UavmapError("world: files of a world are shown on level ground only")
 
     def build(self, image_url_prefix: str = "sim://") -> list[SimVehicle]:
         """The vehicles, in one world."""
@@ -169,6 +173,7 @@ class Setup:
             illumination=self.illumination,
             seed=self.seed,
             orthophoto=ground.orthophoto,
+            relief=self.relief,
         )
 
     def _rows(self, home: Home) -> list[LatLon]:

@@ -55,8 +55,9 @@ class SimVehicle:
         self.fail = Faults()
         """What goes wrong with this vehicle, and when."""
         self._body = Body(
-            east, north, math.radians(spec.home_yaw_deg), math.radians(spec.max_tilt_deg)
-        )
+            east, north, math.radians(spec.home_yaw_deg), math.radians(spec.max_tilt_deg),
+            world.ground_m(east, north),
+        )  # fmt: skip
         self._battery = Battery(spec.battery_wh)
         self._error = PositionError(rng, spec.gps_sigma_m, spec.gps_tau_s)
         if spec.autopilot not in FLAVOURS:
@@ -171,6 +172,11 @@ class SimVehicle:
         return self._flavour.banner
 
     @property
+    def up_m(self) -> float:
+        """How high it is above the ground at the world's origin."""
+        return self._body.up
+
+    @property
     def truth(self) -> VehicleTruth:
         """The true state."""
         body = self._body
@@ -178,7 +184,7 @@ class SimVehicle:
         return VehicleTruth(
             t_s=self._ap.t_s,
             position=self.world.plane.to_wgs84(body.east, body.north),
-            height_m=body.up,
+            height_m=body.up - body.ground,
             velocity_m_s=(body.v_east, body.v_north, body.v_up),
             roll_rad=roll,
             pitch_rad=pitch,
@@ -230,6 +236,8 @@ class SimVehicle:
         ap, fail = self._ap, self.fail
         fail.step(ap.t_s + dt_s, self._error, self._battery, self._body)
         ap.radio_lost = fail.rc_lost
+        body = self._body
+        body.ground = self.world.ground_m(body.east, body.north)
         ap.step(self._wind(), dt_s)
         self._spend(dt_s)
         t_s = ap.t_s
@@ -315,12 +323,13 @@ class SimVehicle:
         shot = Shot(
             body.east,
             body.north,
-            body.up,
+            body.up - body.ground,
             camera.attitude(roll, pitch, body.yaw),
             self._ap.t_s,
             self.spec.system_id * 1_000_003 + index,
             (body.v_east * open_s, body.v_north * open_s, body.v_up * open_s),
             camera.attitude(*body.turned(open_s)),
+            body.ground,
         )
         return Exposure(
             shot,

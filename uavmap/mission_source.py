@@ -10,6 +10,7 @@ from typing import Final
 from missions.errors import MissionFileError
 from missions.mission_file.checks import STRATEGIES, parse_mission
 from missions.mission_file.schema import Mission
+from uavmap.dem import with_terrain
 from uavmap.prior_file import with_prior
 from uavmap.text_files import read_text
 from vision.detectors import detector_names
@@ -40,7 +41,8 @@ def shipped_missions() -> list[str]:
 def load_source(name: str) -> MissionSource:
     """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
 
-    A GeoJSON file that `search.prior` names, beside the mission file, is written into the text.
+    A GeoJSON file that `search.prior` names, beside the mission file, and the ground of the GeoTIFF
+    that `terrain.dem` names are written into the text.
     """
     path = Path(name)
     if not path.suffix and name in shipped_missions() and not path.exists():
@@ -55,4 +57,5 @@ def load_source(name: str) -> MissionSource:
         ) from None
     except UnicodeDecodeError:
         raise MissionFileError(f"{name}: not a text file in UTF-8") from None
-    return MissionSource(name, with_prior(text, name, path.parent))
+    text = with_prior(text, name, path.parent)
+    return MissionSource(name, with_terrain(text, name, path.parent))

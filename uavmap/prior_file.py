@@ -10,19 +10,17 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import MissionFileError
 from missions.mission_file.schema import MAX_PRIOR_PLACES, parse_toml
+from uavmap.inlined import inlined
 from uavmap.text_files import read_text
 
 LARGEST_BYTES: Final = 4_000_000
 _KEY: Final = "search.prior"
-_QUOTED = re.compile(r"""\bprior["']?\s*=\s*("(?:[^"\\\n]|\\.)*"|'[^'\n]*')""")
 _SHOWN: Final = 40
 _NUMBERS = ("weight", "spread_m")
 
@@ -48,7 +46,7 @@ def with_prior(text: str, source: str, folder: Path) -> str:
     except ValueError:  # not UTF-8, or a path with a null character
         raise MissionFileError(f"{where}: not a text file in UTF-8") from None
     places = list(_places(content, where))
-    return _inlined(text, where, places)
+    return inlined(text, where, "search", "prior", places)
 
 
 def _places(content: str, where: str) -> Iterator[dict[str, Any]]:
@@ -128,30 +126,3 @@ def _number(value: object, where: str) -> float:
             if math.isfinite(number := float(value)):
                 return number
     raise MissionFileError(f"{where} = {str(value)[:_SHOWN]!r}: give a number")
-
-
-def _inlined(text: str, where: str, places: list[dict[str, Any]]) -> str:
-    """The text with the places for the path; everything else in it stays as it was written.
-
-    Whichever string is taken for the path, the result is held against what it has to mean.
-    """
-    wanted = tomllib.loads(text)
-    wanted["search"]["prior"] = places
-    table = _toml(places)
-    for found in _QUOTED.finditer(text):
-        changed = text[: found.start(1)] + table + text[found.end(1) :]
-        try:
-            if tomllib.loads(changed) == wanted:
-                return changed
-        except tomllib.TOMLDecodeError:
-            continue
-    raise MissionFileError(f'{where}: write it in one line, as prior = "..." in [search]')
-
-
-def _toml(value: object) -> str:
-    """Lists, tables and numbers in one line of TOML."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, dict):
-        return f"{{{', '.join(f'{key} = {_toml(inner)}' for key, inner in value.items())}}}"
-    return repr(value)

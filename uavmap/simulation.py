@@ -13,9 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from shapely.geometry import Point
 
 from missions.errors import LinkError
+from missions.ground.grid import Grid
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
 from missions.mission_file.sim_section import SimFault
@@ -27,6 +29,7 @@ from sitl.quirks import Quirks
 from sitl.scenario import Home, Setup
 from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle
+from sitl.world.relief import HeightField, Relief
 from sitl.world.world import Patch
 from uavmap.link.session import Session
 
@@ -85,8 +88,46 @@ def setup_of(
         gps_sigma_m=sim.gps_sigma_m,
         gps_tau_s=sim.gps_tau_s,
         quirks=Quirks(**sim.quirks.model_dump()),
-        parameters=sim.parameters,
+        parameters={**_return_height(mission, autopilot or sim.autopilot), **sim.parameters},
+        relief=relief_of(mission, grid),
     )
+
+
+def relief_of(mission: Mission, grid: Grid) -> Relief | None:
+    """The ground of a mission's world above its start; None where it is level."""
+    made, known = mission.sim.terrain, mission.surveyed
+    if made is not None:
+        return Relief(
+            made.slope_percent / 100.0, made.rises_toward_deg, made.hills_m, made.hills_length_m,
+            made.seed,
+        )  # fmt: skip
+    if known is None:
+        return None
+    # the lattice lies along the grid, the world along true north
+    cos, sin = math.cos(grid.convergence_rad), math.sin(grid.convergence_rad)
+    rows, columns = known.heights_m.shape
+    west = np.array([known.west_m, known.west_m + known.step_m * (columns - 1)])
+    south = np.array([known.south_m, known.south_m + known.step_m * (rows - 1)])
+    east, north = (corner.ravel() for corner in np.meshgrid(west, south))
+    true_east, true_north = east * cos + north * sin, north * cos - east * sin
+    west_m, south_m = float(true_east.min()), float(true_north.min())
+    across, along = np.meshgrid(
+        np.arange(west_m, true_east.max() + known.step_m, known.step_m),
+        np.arange(south_m, true_north.max() + known.step_m, known.step_m),
+    )
+    heights = known.at(across * cos - along * sin, across * sin + along * cos)
+    heights -= known.height_m(GridPoint(0.0, 0.0))
+    return Relief(field=HeightField(west_m, south_m, known.step_m, heights))
+
+
+def _return_height(mission: Mission, autopilot: str) -> dict[str, float]:
+    """What `uavmap.preflight` sets on real aircraft: over hills they return above all of them."""
+    if mission.ground is None:
+        return {}
+    height_m = mission.highest_ground_m + mission.altitude_m(len(mission.vehicles) - 1)
+    if autopilot == "px4":
+        return {"RTL_RETURN_ALT": height_m}
+    return {"RTL_ALT": round(100.0 * height_m)}
 
 
 def make_vehicles(
@@ -163,7 +204,7 @@ class Truth:
                 self._flying.discard(number)
                 continue
             self._flying.add(number)
-            in_air.append((point, truth.height_m))
+            in_air.append((point, vehicle.up_m))
             if setting.fence.outer.covers(Point(point)):
                 self._outside.discard(number)
             elif number not in self._outside:

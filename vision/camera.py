@@ -43,6 +43,11 @@ class Camera(Optics):
                 [0.0, 0.0, pose.height_m],
             ]
         )
+        matrix: NDArray[np.float64] = self.pixels_of_ned(pose) @ ned_of_ground
+        return matrix
+
+    def pixels_of_ned(self, pose: Pose) -> NDArray[np.float64]:
+        """The 3 x 3 matrix from metres north, east and down of the camera to pixels."""
         focal = self.focal_px
         pixels_of_camera = np.array(
             [
@@ -51,8 +56,18 @@ class Camera(Optics):
                 [1.0, 0.0, 0.0],
             ]
         )
-        matrix: NDArray[np.float64] = pixels_of_camera @ rotation(pose.attitude).T @ ned_of_ground
+        matrix: NDArray[np.float64] = pixels_of_camera @ rotation(pose.attitude).T
         return matrix
+
+
+def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
+    """The 3 x 4 matrix from the grid's moving frame, and a height, to pixels.
+
+    It takes `(east_m, north_m, 1, rise_m)`, where a point lies `rise_m` above the plane that is
+    `pose.height_m` below the camera; see `Camera.homography`.
+    """
+    down = camera.pixels_of_ned(pose)[:, 2]
+    return np.column_stack([camera.homography(pose, grid, t_s), -down])
 
 
 def edges(

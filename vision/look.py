@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from missions.ground.footprint import TOUCH_M
 from missions.ground.grid import Grid
+from missions.ground.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
 from vision.detectors.interface import Detector
+from vision.over_terrain import OverTerrain
 
 SEEN_SHARE = 0.9
 """A cell of which less than this is inside the picture gets no verdict."""
@@ -66,6 +68,7 @@ def look(
     view: Literal["cross", "all"],
     vantage: Cell | None = None,
     margin_m: float = 0.0,
+    terrain: Terrain | None = None,
 ) -> tuple[Verdict, ...]:
     """The verdicts of a frame.
 
@@ -87,6 +90,7 @@ def look(
             right: the pixels that are counted for the cell still are those of ground as far off
             as the error, so a cell at the border of the ROI may gain or lose a strip of that
             width, a share of up to error / cell edge of its pixels for each of two directions.
+        terrain: The ground, where it is not flat. Heights of poses are above the ground below.
 
     Returns:
         One verdict a cell. A cell of which less than `SEEN_SHARE` is inside the picture is absent.
@@ -102,6 +106,8 @@ def look(
         )
     if frame.pose.height_m <= 0.0:
         return ()  # from the ground nothing of the ground is seen
+    if terrain is not None:
+        return _look_over(terrain, frame, grid, detector, share, view, vantage, margin_m)
     matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
     below = grid.cell_at(frame.pose.position, frame.t_s)
     if view == "cross":
@@ -111,6 +117,30 @@ def look(
     if not wanted:
         return ()
     shares = _shares(detector.mask(frame.image), matrix, grid, wanted)
+    return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
+
+
+def _look_over(
+    terrain: Terrain,
+    frame: Frame,
+    grid: Grid,
+    detector: Detector,
+    share: float,
+    view: Literal["cross", "all"],
+    vantage: Cell | None,
+    margin_m: float,
+) -> tuple[Verdict, ...]:
+    """The verdicts of a frame over ground that is not flat."""
+    seen = OverTerrain(frame.camera, frame.pose, grid, frame.t_s, terrain)
+    below = grid.cell_at(frame.pose.position, frame.t_s)
+    if view == "cross":
+        wanted = tuple(c for c in (vantage or below).cross() if seen.in_front(c))
+    else:
+        reach = math.ceil(OBLIQUE_LIMIT * frame.pose.height_m / grid.cell_m)
+        wanted = seen.shown_whole(below, reach, margin_m)
+    if not wanted:
+        return ()
+    shares = seen.shares(detector.mask(frame.image), wanted, SEEN_SHARE)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
 
 

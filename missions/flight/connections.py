@@ -89,6 +89,8 @@ def levelled(
     in_air = isinstance(event, Connected) and event.airborne
     if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
         return vehicle
+    if setting.ground is not None:
+        return vehicle  # its layer is above the ground, wherever its home is
     level_m = event.home_amsl_m - reference_amsl_m
     team = setting.mission.team
     # two that are both taken to be level must still keep their distance

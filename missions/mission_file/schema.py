@@ -31,6 +31,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from missions.errors import MissionFileError
 from missions.ground.footprint import Optics
+from missions.ground.terrain import Relief, Terrain
 from missions.mission_file.fields import (
     Count,
     Degrees,
@@ -43,6 +44,7 @@ from missions.mission_file.fields import (
 )
 from missions.mission_file.messages import explain
 from missions.mission_file.sim_section import Sim
+from missions.mission_file.terrain_section import TerrainSection, relief_in, terrain_in
 from missions.units import LatLon
 
 HostName = Annotated[
@@ -179,6 +181,8 @@ class Flight(Section):
     altitude_m: Altitude = 12.0
     """Of the lowest layer, above the start. "auto": so that the highest layer is as high as
     `camera.pixels_per_cell` and `fence.ceiling_m` allow (`Mission.altitude_m`)."""
+    height_above: Literal["home", "ground"] = "home"
+    """What `altitude_m` is above: the start, or the ground below (`terrain`)."""
     speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
     settle_m_s: Positive = 0.5
     """A frame is taken once the vehicle is slower than this."""
@@ -323,7 +327,37 @@ class Mission(Section):
     vehicles: Annotated[
         tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)
     ] = (VehicleSection(),)
+    terrain: TerrainSection | None = None
     sim: Sim = Sim()
+
+    @property
+    def surveyed(self) -> Terrain | None:
+        """The ground as far as it is known, whether it is followed or not."""
+        if self.terrain is None or self.terrain.dem is None:
+            return None
+        return terrain_in(self.terrain.dem)
+
+    @property
+    def ground(self) -> Terrain | None:
+        """The ground above which layers are; None: above the start, the ground being flat."""
+        return self.surveyed if self.flight.height_above == "ground" else None
+
+    @property
+    def relief(self) -> Relief | None:
+        """Of the known ground inside the fence."""
+        if self.terrain is None or self.terrain.dem is None:
+            return None
+        return relief_in(self.terrain.dem, self.start.position, self.fence.polygon)
+
+    @property
+    def highest_ground_m(self) -> float:
+        """The highest ground in the fence above the start, at least 0; 0 where it is not followed.
+
+        Ceilings and return heights are above home, so they need so much more than a layer.
+        """
+        if self.ground is None or self.relief is None:
+            return 0.0
+        return max(self.relief.highest_m, 0.0)
 
     @property
     def home(self) -> LatLon:
@@ -331,7 +365,7 @@ class Mission(Section):
         return LatLon(*self.start.position)
 
     def altitude_m(self, vehicle: int) -> float:
-        """The layer of a vehicle (from 0, the lowest) above home.
+        """The layer of a vehicle (from 0, the lowest) above home, or above the ground.
 
         With `flight.altitude_m = "auto"` the highest layer is at the greatest height, in tenths of
         a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
@@ -340,7 +374,8 @@ class Mission(Section):
         lowest_m, layer_m = self.flight.altitude_m, self.team.layer_m
         if lowest_m == AUTO:
             fine_m = self.camera.optics.height_m(self.grid.cell_m, self.camera.pixels_per_cell)
-            top_m = math.floor(min(fine_m, self.fence.ceiling_m) * 10.0 + 1e-9) / 10.0
+            room_m = self.fence.ceiling_m - self.highest_ground_m
+            top_m = math.floor(min(fine_m, room_m) * 10.0 + 1e-9) / 10.0
             return round(top_m - (len(self.vehicles) - 1 - vehicle) * layer_m, 6)
         return lowest_m + vehicle * layer_m
 

@@ -90,6 +90,20 @@ _FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 
 
+class SimTerrain(Section):
+    """Ground that is not level: a slope, and smooth hills on it."""
+
+    slope_percent: Annotated[Number, Field(ge=0, le=60)] = 0.0
+    rises_toward_deg: Number = 0.0
+    """The true bearing that the slope rises towards."""
+    hills_m: Annotated[Number, Field(ge=0, le=300)] = 0.0
+    """From the deepest valley to the highest top at most."""
+    hills_length_m: Annotated[Number, Field(ge=20, le=10000)] = 150.0
+    """From one hill to the next, at least."""
+    seed: Annotated[Count, Field(ge=0)] = 0
+    """Which hills."""
+
+
 class SimQuirks(Section):
     """What real aircraft do that a client would rather not know of; see `sitl.quirks`."""
 
@@ -116,6 +130,8 @@ class Sim(Section):
     gps_tau_s: Positive = 60.0
     swap_s: NotNegative = 60.0
     """How long the ground crew needs for a battery swap."""
+    terrain: SimTerrain | None = None
+    """Without it the ground is that of `terrain.dem`, or level where there is none."""
     quirks: SimQuirks = SimQuirks()
     parameters: Mapping[str, Number] = Field(default_factory=dict)
     """Of the simulated autopilot, by name: what its owner has set."""

@@ -1,6 +1,7 @@
-"""The device: a point mass on a tilting thrust, in air that moves, above level ground.
+"""The device: a point mass on a tilting thrust, in air that moves, above the ground.
 
-Axes are true east, true north and up, metres from the world's origin. The body knows nothing of
+Axes are true east, true north and up, metres from the world's origin. The ground below is level;
+who moves the body over a slope says how high it is (`Body.ground`). The body knows nothing of
 messages, modes or where it should be: it is given a wanted thrust and turn rate, and time.
 """
 
@@ -59,6 +60,7 @@ class Body:
         "drag_east",
         "drag_north",
         "east",
+        "ground",
         "max_tilt_m_s2",
         "motor_share",
         "motors_on",
@@ -77,8 +79,16 @@ class Body:
         "yaw_rate",
     )
 
-    def __init__(self, east_m: float, north_m: float, yaw_rad: float, max_tilt_rad: float) -> None:
-        self.east, self.north, self.up = east_m, north_m, 0.0
+    def __init__(
+        self,
+        east_m: float,
+        north_m: float,
+        yaw_rad: float,
+        max_tilt_rad: float,
+        ground_m: float = 0.0,
+    ) -> None:
+        self.east, self.north, self.up = east_m, north_m, ground_m
+        self.ground = ground_m
         self.v_east = self.v_north = self.v_up = 0.0
         self.thrust_east = self.thrust_north = 0.0
         self.thrust_east_rate = self.thrust_north_rate = 0.0  # m/s^3, in the last step
@@ -138,7 +148,7 @@ class Body:
         self.east += v_east * dt_s
         self.north += v_north * dt_s
         self.up = up = self.up + v_up * dt_s
-        if up <= 0.0:
+        if up <= self.ground:
             self._touch()
         else:
             self.on_ground = False
@@ -199,7 +209,7 @@ class Body:
         if self.v_up < -_SURVIVABLE_IMPACT_M_S:
             self.crashed = True
             self.motors_on = False
-        self.up = 0.0
+        self.up = self.ground
         self.v_east = self.v_north = self.v_up = 0.0
         self.thrust_east = self.thrust_north = 0.0
         self.thrust_east_rate = self.thrust_north_rate = 0.0

@@ -71,7 +71,8 @@ class Shot:
 
     That is the middle of the time for which the shutter is open. `moved_m` (east, north, up) is how
     far the camera moves in all of that time, `turned` the attitude that the same time would turn it
-    to; None where it does not turn.
+    to; None where it does not turn. `height_m` is over the ground below, which is `ground_m` above
+    the plane.
     """
 
     east_m: float
@@ -82,6 +83,12 @@ class Shot:
     noise_seed: int
     moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turned: Quaternion | None = None
+    ground_m: float = 0.0
+
+
+def lens_height_m(shot: Shot) -> float:
+    """How high the lens is over the ground below."""
+    return max(shot.height_m, 0.0) + _LENS_OVER_GROUND_M
 
 
 def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
@@ -91,7 +98,7 @@ def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
     The point's pixel is the first two components divided by the third, which is its depth.
     """
     rotation = _matrix(shot.attitude)  # columns: forward, right, down of the camera in NED
-    height = max(shot.height_m, 0.0) + _LENS_OVER_GROUND_M
+    height = lens_height_m(shot)
     # a ground point (east, north) is (north, east, height) from the lens, in NED
     to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, height]])
     focal = camera.focal_px

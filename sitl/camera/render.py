@@ -15,8 +15,10 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
+from sitl.camera.over_relief import pixels_of, seen_ground
 from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, image_motion_px
 from sitl.world.orthophoto import Matrix, Orthophoto, Picture
+from sitl.world.relief import Relief
 from sitl.world.texture import METRES_PER_PIXEL, TILE_M, TILE_PX, Gray
 from sitl.world.world import World
 
@@ -79,6 +81,8 @@ def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> 
     """Ground and ROI without light or noise: gray, or in colour over an orthophoto."""
     size = (camera.width_px, camera.height_px)
     to_ground = np.asarray(np.linalg.inv(homography), dtype=np.float64)
+    if world.spec.relief is not None:
+        return _paint_relief(world, world.spec.relief, camera, shot, homography, to_ground)
     ground = _warp(world.ground_texture, to_ground, shot.east_m, shot.north_m, size)
     if world.spec.orthophoto is not None:
         ground = _photographed(world, world.spec.orthophoto, camera, shot, to_ground, ground)
@@ -92,6 +96,50 @@ def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> 
     cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
     roi = _warp(world.roi_texture, to_ground, east, north, size)
     return _blend(roi if ground.ndim == 2 else _coloured(world, roi), ground, mask)
+
+
+def _paint_relief(
+    world: World,
+    relief: Relief,
+    camera: CameraSpec,
+    shot: Shot,
+    homography: Matrix,
+    to_ground: Matrix,
+) -> Picture:
+    """The same over ground that is not level."""
+    east, north = seen_ground(camera, shot, to_ground, relief)
+    ground = _wrapped(world.ground_texture, east + shot.east_m, north + shot.north_m)
+    drift_east, drift_north = world.drift_at(shot.t_s)
+    from_east, from_north = shot.east_m - drift_east, shot.north_m - drift_north
+    box = shapely.box(
+        float(east.min()) + from_east - 1.0,
+        float(north.min()) + from_north - 1.0,
+        float(east.max()) + from_east + 1.0,
+        float(north.max()) + from_north + 1.0,
+    )
+    if not world.roi_at_rest.intersects(box):
+        return ground
+    clipped = shapely.segmentize(shapely.clip_by_rect(world.roi_at_rest, *box.bounds), 1.0)
+    outlines = []
+    for ring in _rings(shapely.get_parts(clipped)):
+        places = ring[:, 0] - from_east, ring[:, 1] - from_north
+        pixels = pixels_of(homography, shot, relief, *places)
+        outlines.append(np.round(pixels * (1 << _SHIFT)).astype(np.int32))
+    if not outlines:
+        return ground
+    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
+    roi = _wrapped(world.roi_texture, east + from_east, north + from_north)
+    return _blend(roi, ground, mask)
+
+
+def _wrapped(tile: Gray, east_m: Matrix, north_m: Matrix) -> Gray:
+    """A wrapping tile, fixed to the plane, at the places of all pixels."""
+    scale = 1.0 / METRES_PER_PIXEL
+    columns = (TILE_PX / 2.0 + (east_m % TILE_M) * scale).astype(np.float32)
+    rows = (TILE_PX * 1.5 - (north_m % TILE_M) * scale).astype(np.float32)
+    # the pattern twice by twice: a pixel lies in it wherever it wraps
+    return np.asarray(cv2.remap(tile, columns, rows, cv2.INTER_LINEAR), dtype=np.uint8)
 
 
 def _blend(upper: Picture, lower: Picture, mask: Gray) -> Picture:

@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.world.orthophoto import Orthophoto
+from sitl.world.relief import Relief
 from sitl.world.texture import Gray, ground_tile, roi_tile
 
 # numbers that keep the streams of random numbers of one seed apart
@@ -37,8 +38,9 @@ class Patch:
 class WorldSpec:
     """What the ground looks like and how the air moves.
 
-    The ground is a level plane at `origin_amsl_m`. The patches translate rigidly with
-    `drift_speed_m_s` towards the true bearing `drift_toward_deg`. Gray levels are 0 to 255:
+    The ground is a level plane at `origin_amsl_m`, or has a `relief` above it. The patches
+    translate rigidly with `drift_speed_m_s` towards the true bearing `drift_toward_deg`. Gray
+    levels are 0 to 255:
     `texture` is the standard deviation of the ground's and the ROI's own pattern, `sensor_noise`
     that of a frame's noise, `illumination` the largest relative change of the light, which is
     slow. `gust_m_s` is the standard deviation of each component of the wind around its mean.
@@ -60,6 +62,7 @@ class WorldSpec:
     illumination: float = 0.08
     seed: int = 0
     orthophoto: Orthophoto | None = None
+    relief: Relief | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +141,11 @@ class World:
         union = shapely.union_all(polygons)
         shapely.prepare(union)
         return union
+
+    def ground_m(self, east_m: float, north_m: float) -> float:
+        """How high the ground is above the plane."""
+        relief = self.spec.relief
+        return 0.0 if relief is None else relief.height_m(east_m, north_m)
 
     def drift_at(self, t_s: float) -> tuple[float, float]:
         """How far the ROI has moved since time 0, metres (true east, true north)."""

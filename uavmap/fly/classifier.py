@@ -69,6 +69,7 @@ class Classifier:
             view=view,
             vantage=vantage,
             margin_m=self.mission.camera.pose_error_m,
+            terrain=self.mission.ground,
         )
         return tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
 

@@ -32,6 +32,7 @@ from missions.guardian import (
 from missions.guardian.down import low
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
+from uavmap.fly.over_ground import aim_over_ground
 from uavmap.fly.reporter import Reporter
 from uavmap.link.session import Session
 
@@ -289,7 +290,8 @@ class Guardian:
         view, session = self._view, self._session
         if view.mode != view.kind.follows:
             await session.flight.follow()
-        await session.flight.fly_to(self._reporter.grid.position(point), height_m)
+        aim, aim_m = aim_over_ground(view, self._reporter.position(), point, height_m)
+        await session.flight.fly_to(self._reporter.grid.position(aim), aim_m)
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
@@ -383,7 +385,8 @@ class Guardian:
             except LinkError:
                 await asyncio.sleep(PAUSE_S)
                 continue
-            await self._session.until(lambda: there() or over(), RETRY_S)
+            pause_s = RETRY_S if self._view.ground is None else WATCH_S
+            await self._session.until(lambda: there() or over(), pause_s)
             if there():
                 return not over()
         return False

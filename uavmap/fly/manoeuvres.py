@@ -32,6 +32,7 @@ from missions.units import Cell, GridPoint
 from uavmap.fly.frames import Frames
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.monitor import Monitor
+from uavmap.fly.over_ground import aim_over_ground, at_height
 from uavmap.fly.path_stream import PathStream
 from uavmap.fly.reporter import Reporter
 from uavmap.fly.speed_watch import SpeedWatch
@@ -221,9 +222,13 @@ class Manoeuvres:
 
         def there() -> bool:
             off_m = self._reporter.position().distance_to(target())
-            return off_m <= radius_m and (not stop or self._view.ground_speed_m_s <= slow_m_s)
+            rests = not stop or (
+                self._view.ground_speed_m_s <= slow_m_s and at_height(self._view, height_m)
+            )
+            return off_m <= radius_m and rests
 
-        pause_s = DRIFT_RESEND_S if drift_m_s > 0.0 else RESEND_S
+        moves = drift_m_s > 0.0 or self._view.ground is not None
+        pause_s = DRIFT_RESEND_S if moves else RESEND_S
         ordered_m_s, begin_s = self._mission.flight.speed_m_s, self._reporter.now_s()
         watch = SpeedWatch(self._reporter.name, self._view, ordered_m_s, begin_s)
         while True:
@@ -241,7 +246,8 @@ class Manoeuvres:
         The speed comes after it: the first target after a change of mode puts an ArduCopter's own
         speed back.
         """
-        await self._session.flight.fly_to(self._grid.position(point), height_m)
+        aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
+        await self._session.flight.fly_to(self._grid.position(aim), aim_m)
         if not self._aimed and self._order is not None:
             self._aimed = True
             self.under_way(self._order, point)

@@ -179,35 +179,55 @@ class PathStream:
 
     def _place_message(self, point: Setpoint, order: FlyPath) -> Message:
         """A target without a velocity: of a PX4 in Hold only MAV_CMD_DO_REPOSITION is one."""
-        message = self._message(point, order)
-        if not self._view.kind.streams_apart:
+        view, height_m = self._view, order.height_m + self._highest_to(point)
+        message = self._message(point, order, height_m)
+        if not view.kind.streams_apart:
             message.type_mask |= _NO_VELOCITY
             return message
-        view = self._view
-        frame, wire_m = view.kind.altitude_on_wire(order.height_m, self._home_amsl_m)
+        frame, wire_m = view.kind.altitude_on_wire(height_m, self._home_amsl_m)
         yaw_rad = math.nan if order.yaw_deg is None else message.yaw
         return mav.MAVLink_command_int_message(
             view.system_id, view.autopilot_component, frame, mav.MAV_CMD_DO_REPOSITION, 0, 0,
             -1.0, 0.0, 0.0, yaw_rad, message.lat_int, message.lon_int, wire_m,
         )  # fmt: skip
 
+    def _highest_to(self, point: Setpoint) -> float:
+        """The highest ground, above home, on the way to a place that is told ahead of its time."""
+        view, here = self._view, self.course.at(self._reporter.now_s())
+        if view.ground is None or view.home is None:
+            return 0.0
+        ground, end = view.ground, GridPoint(point.east_m, point.north_m)
+        rise_m = float(ground.terrain.along(here.place, end).max()) - ground.terrain.height_m(end)
+        return ground.lift_m(end, view.home) + rise_m
+
     def _send_once(self) -> None:
         kind, now_s = self._view.kind, self._reporter.now_s()
         point = setpoint(self.course, now_s, kind.place_lead_s, kind.velocity_lead_s)
-        self._session.send(self._message(point, self._flown_now()))
+        order, height_m = self._flown_now(), self._flown_now().height_m
+        if self._view.ground is not None:
+            at = GridPoint(point.east_m, point.north_m)
+            height_m += self._view.ground.lift_m(at, self._view.home)
+        self._session.send(self._message(point, order, height_m))
 
     def _flown_now(self) -> FlyPath:
         now_s = self._reporter.now_s()
         begun = [order for order in self._orders if order.trajectory.begin_s <= now_s]
         return begun[-1] if begun else self._orders[0]
 
-    def _message(self, point: Setpoint, order: FlyPath) -> Message:
-        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint. Raises `LinkError` if it is no number."""
+    def _message(self, point: Setpoint, order: FlyPath, height_m: float) -> Message:
+        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint at a height above home.
+
+        Raises `LinkError` if it is no number.
+        """
         if not all(map(math.isfinite, point)):
             raise LinkError(f"no place to send a vehicle to: {point}")
         view, grid = self._view, self._grid
         position = grid.position(GridPoint(point.east_m, point.north_m))
-        frame, wire_m = view.kind.altitude_on_wire(order.height_m, self._home_amsl_m)
+        rises_m_s = 0.0
+        if view.ground is not None:
+            at = GridPoint(point.east_m, point.north_m)
+            rises_m_s = view.ground.climb_m_s(at, point.v_east_m_s, point.v_north_m_s)
+        frame, wire_m = view.kind.altitude_on_wire(height_m, self._home_amsl_m)
         # the grid's axes are turned against true north
         cos, sin = math.cos(grid.convergence_rad), math.sin(grid.convergence_rad)
         mask = _NO_ACCELERATION | _NO_YAW_RATE | (_NO_YAW if order.yaw_deg is None else 0)
@@ -222,7 +242,8 @@ class PathStream:
             wire_m,
             point.v_north_m_s * cos - point.v_east_m_s * sin,
             point.v_east_m_s * cos + point.v_north_m_s * sin,
-            *(0.0, 0.0, 0.0, 0.0),
+            -rises_m_s if rises_m_s else 0.0,
+            *(0.0, 0.0, 0.0),
             math.remainder(math.radians(order.yaw_deg or 0.0), math.tau),
             0.0,
         )

@@ -33,6 +33,7 @@ from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
 from uavmap.fly.waiting import Waiting
 from uavmap.link.answer import answered
+from uavmap.link.ground import GroundBelow
 from uavmap.link.session import Message, Session
 from uavmap.link.view import VehicleView
 
@@ -72,6 +73,8 @@ class MavlinkVehicle:
         self.name = name
         self._session = session
         self._view = session.view
+        if setting.ground is not None:
+            session.view.ground = GroundBelow(setting.ground, setting.grid)
         self._camera = camera
         self._setting = setting
         self._link_lost_s = link_lost_s

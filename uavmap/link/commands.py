@@ -45,7 +45,9 @@ class Commands(Protocol):
         ...
 
     async def fly_to(self, place: LatLon, height_m: float) -> None:
-        """Fly to a place at a height (m) above home; refused in any mode but that of `follow`."""
+        """Fly to a place at a height (m) above home, or above the ground there if the view has
+        one; refused in any mode but that of `follow`.
+        """
         ...
 
     async def speed(self, speed_m_s: float) -> None:
@@ -94,7 +96,8 @@ class MavlinkCommands:
     async def fly_to(self, place: LatLon, height_m: float) -> None:
         """MAV_CMD_DO_REPOSITION, without the flag that changes the mode."""
         kind = self._view.kind
-        frame, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
+        above_home_m = height_m + self._view.ground_m(place)
+        frame, wire_m = kind.altitude_on_wire(above_home_m, self._view.home_amsl_m)
         await self._session.command_at(
             mav.MAV_CMD_DO_REPOSITION,
             frame,

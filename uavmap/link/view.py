@@ -18,6 +18,7 @@ from missions.units import LatLon
 from uavmap.link.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
 from uavmap.link.continuity import CameraClock
 from uavmap.link.gate import Gate
+from uavmap.link.ground import GroundBelow
 from uavmap.link.rules import RULES, Sender
 from uavmap.link.texts import Text, Texts
 from uavmap.link.whereabouts import Fix, Place, Whereabouts
@@ -70,8 +71,11 @@ class VehicleView:
     position: LatLon | None = None
     position_s: float = float("-inf")
     height_m: float = 0.0
+    """Above home; where there is a `ground`, above the ground below."""
+    ground: GroundBelow | None = None
+    """What a mission flies above, if that is not flat."""
     home_amsl_m: float = 0.0
-    """What `height_m` is above, over the sea: home as it was at take-off where commands are above
+    """What heights are above, over the sea: home as it was at take-off where commands are above
     the sea (a PX4 corrects its home for minutes, and heights above it leap by metres), else home
     as it is told, which is what the autopilot reckons commands from."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -183,10 +187,17 @@ class VehicleView:
         return self.armed and self.landed_state in _OFF_GROUND
 
     def height_of(self, message: Message) -> float:
-        """The height that a message of this vehicle tells, metres above `home_amsl_m`."""
+        """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above
+        the `ground` at the place of the message.
+        """
+        ground_m = self.ground_m(LatLon(message.lat / 1e7, message.lon / 1e7))
         if self.kind.amsl and message.alt:
-            return float(message.alt / 1000.0 - self.home_amsl_m)
-        return float(message.relative_alt / 1000.0)
+            return float(message.alt / 1000.0 - self.home_amsl_m) - ground_m
+        return float(message.relative_alt / 1000.0) - ground_m
+
+    def ground_m(self, place: LatLon) -> float:
+        """How much higher the ground is there than at home; 0 where it is taken to be flat."""
+        return 0.0 if self.ground is None else self.ground.above_home_m(place, self.home)
 
     @property
     def is_simulator(self) -> bool:

@@ -1,0 +1,275 @@
+"""The ground from a GeoTIFF: what `terrain.dem` names is written in its place as a lattice.
+
+A digital elevation model may have any coordinate system and any level of the sea: what a flight
+needs is how much higher the ground is than at the start. So heights are taken at the points of a
+lattice along the mission's grid, relative to the height at the start, and kept with the mission.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyproj
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import Polygon
+
+from missions.errors import MissionFileError
+from missions.ground.grid import Grid
+from missions.ground.terrain import encoded
+from missions.mission_file.places import positions_near
+from missions.mission_file.schema import Mission, parse_fields, parse_toml
+from missions.mission_file.terrain_section import MOST_POINTS
+from missions.units import GridPoint, LatLon
+from uavmap.inlined import inlined
+
+LEAST_STEP_M: Final = 2.0
+"""Between two points of the lattice: what is finer is no ground that a vehicle follows."""
+MOST_STEP_M: Final = 100.0
+"""Of an elevation model: what is coarser does not know the ground between."""
+AROUND_M: Final = 40.0
+"""Pictures show, and gusts carry to, ground so far outside of the fence."""
+STEEPEST: Final = 4.0
+LEAST_JUMP_M: Final = 8.0
+"""Ground that rises by more, and steeper, from one height to the next is a mistake in the file."""
+_HIGHEST_M: Final = 9000.0
+_LOWEST_M: Final = -500.0
+_KEY: Final = "terrain.dem"
+_WGS84: Final = pyproj.CRS.from_epsg(4326)
+_NOTHING: Final = {
+    "west_m": 0.0, "south_m": 0.0, "step_m": 1.0, "columns": 2, "rows": 2,
+    "heights": encoded(np.zeros((2, 2))),
+}  # fmt: skip
+"""Stands for the lattice until it is known."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Lattice:
+    """Where heights are wanted, along the mission's grid."""
+
+    grid: Grid
+    fence: Polygon
+    west_m: float
+    south_m: float
+    step_m: float
+    columns: int
+    rows: int
+
+    @classmethod
+    def around(cls, mission: Mission, fine_m: float) -> _Lattice:
+        """Over the fence of a mission and around it, as fine as the model, and not too large."""
+        grid = Grid.at(mission.home, mission.grid.cell_m)
+        fence = Polygon([grid.fixed(LatLon(*vertex)) for vertex in mission.fence.polygon])
+        west, south, east, north = fence.buffer(AROUND_M).bounds
+        width_m, depth_m = east - west, north - south
+        step_m = max(fine_m, LEAST_STEP_M, math.sqrt(1.1 * width_m * depth_m / MOST_POINTS))
+        step_m = math.ceil(step_m * 10.0 - 1e-6) / 10.0
+        columns, rows = math.ceil(width_m / step_m) + 1, math.ceil(depth_m / step_m) + 1
+        return cls(grid, fence, round(west, 2), round(south, 2), step_m, columns, rows)
+
+    @property
+    def points(self) -> tuple[Floats, Floats]:
+        """East and north of every point, (rows, columns)."""
+        east = self.west_m + self.step_m * np.arange(self.columns)
+        north = self.south_m + self.step_m * np.arange(self.rows)
+        across, along = np.meshgrid(east, north)
+        return across, along
+
+    def utm(self) -> tuple[Floats, Floats]:
+        """The same in the grid's UTM zone, and the start behind them."""
+        grid, (east, north) = self.grid, self.points
+        return (
+            np.append(grid.origin.east_m + east.ravel() * grid.scale, grid.origin.east_m),
+            np.append(grid.origin.north_m + north.ravel() * grid.scale, grid.origin.north_m),
+        )
+
+    def place(self, index: tuple[int, int]) -> str:
+        """Where a point is, in degrees."""
+        at = GridPoint(self.west_m + index[1] * self.step_m, self.south_m + index[0] * self.step_m)
+        place = self.grid.position(at)
+        return f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
+
+
+def with_terrain(text: str, source: str, folder: Path) -> str:
+    """The text of a mission file with the heights of the file that `terrain.dem` names.
+
+    A text without a path there is returned as it is. Paths are relative to `folder`. Raises
+    `MissionFileError`, naming the mission file (`source`), the key, the value and the remedy.
+    """
+    table = parse_toml(text, source).get("terrain")
+    name = table.get("dem") if isinstance(table, Mapping) else None
+    if not isinstance(name, str):
+        return text
+    where = f"{source}: {_KEY} = {name!r}"
+    # the other values first: where the fence is says what of the ground is needed
+    rest = inlined(text, where, "terrain", "dem", _NOTHING)
+    mission = parse_fields(rest, source)
+    if any(positions_near(mission)):
+        return rest  # which a check refuses for that
+    return inlined(text, where, "terrain", "dem", _table(folder / name, mission, where))
+
+
+def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
+    """The ground in and around the fence of a mission, as the table that a mission file holds."""
+    with _opened(path, where) as model:
+        lattice = _Lattice.around(mission, _spacing_m(model, mission.home))
+        if lattice.step_m > MOST_STEP_M:
+            raise MissionFileError(
+                f"{where}: its heights, or those that can be kept of a fence so large, lie "
+                f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g}; take a finer model, or "
+                "a smaller fence"
+            )
+        heights = _heights(model, lattice, where)
+    start_m, ground = heights[-1], heights[:-1].reshape(lattice.rows, lattice.columns)
+    _refuse_gaps(ground, lattice, where)
+    if not math.isfinite(start_m):
+        raise MissionFileError(f"{where}: no height at start.position; take a model that covers it")
+    ground = _filled(ground) - start_m
+    _refuse_jumps(ground, lattice, where)
+    return {
+        "west_m": lattice.west_m, "south_m": lattice.south_m, "step_m": lattice.step_m,
+        "columns": lattice.columns, "rows": lattice.rows, "heights": encoded(ground),
+    }  # fmt: skip
+
+
+# --- the file -----------------------------------------------------------------------------------
+@contextlib.contextmanager
+def _opened(path: Path, where: str) -> Iterator[Any]:
+    """The model, open. Raises `MissionFileError` where it is none."""
+    try:
+        import rasterio  # noqa: PLC0415 - an extra
+        from rasterio.errors import NotGeoreferencedWarning, RasterioError  # noqa: PLC0415
+    except ImportError:
+        raise MissionFileError(f"{where}: to read a GeoTIFF, install uavmap[geo]") from None
+    if not path.is_file():
+        raise MissionFileError(f"{where}: there is no such file beside the mission file")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with rasterio.open(path, driver="GTiff") as model:
+                if model.crs is None:
+                    raise MissionFileError(
+                        f"{where}: it does not say its coordinate system; write it into the file "
+                        "(gdal_edit.py -a_srs EPSG:...)"
+                    )
+                yield model
+    except RasterioError as error:
+        raise MissionFileError(f"{where}: cannot be read as a GeoTIFF ({error})") from None
+
+
+def _spacing_m(model: Any, start: LatLon) -> float:
+    """About how far apart two heights of the model are on the ground, near the start."""
+    crs = pyproj.CRS.from_user_input(model.crs.to_wkt())
+    to_model = pyproj.Transformer.from_crs(_WGS84, crs, always_xy=True)
+    back = pyproj.Transformer.from_crs(crs, _WGS84, always_xy=True)
+    x, y = to_model.transform(start.lon_deg, start.lat_deg)
+    column, row = ~model.transform @ (x, y)
+    geod, spacings = pyproj.Geod(ellps="WGS84"), []
+    for step in ((1.0, 0.0), (0.0, 1.0)):
+        lon, lat = back.transform(*(model.transform @ (column + step[0], row + step[1])))
+        spacings.append(abs(geod.inv(start.lon_deg, start.lat_deg, lon, lat)[2]))
+    spacing_m = max(spacings)
+    return spacing_m if math.isfinite(spacing_m) else math.inf
+
+
+def _heights(model: Any, lattice: _Lattice, where: str) -> Floats:
+    """The model's heights at the points of a lattice and at the start; NaN where it has none.
+
+    Bilinear between the middles of its pixels.
+    """
+    crs = pyproj.CRS.from_user_input(model.crs.to_wkt())
+    zone = pyproj.CRS.from_epsg(lattice.grid.zone.epsg)
+    x, y = pyproj.Transformer.from_crs(zone, crs, always_xy=True).transform(*lattice.utm())
+    columns, rows = ~model.transform @ (np.asarray(x), np.asarray(y))
+    columns, rows = columns - 0.5, rows - 0.5
+    found = np.full(columns.shape, np.nan)
+    known = np.isfinite(columns) & np.isfinite(rows)
+    known &= (columns >= -0.5) & (columns <= model.width - 0.5)
+    known &= (rows >= -0.5) & (rows <= model.height - 0.5)
+    if not known.any():
+        return found
+    j0, j1 = int(max(columns[known].min(), 0.0)), math.ceil(columns[known].max()) + 1
+    i0, i1 = int(max(rows[known].min(), 0.0)), math.ceil(rows[known].max()) + 1
+    window = ((i0, min(i1 + 1, model.height)), (j0, min(j1 + 1, model.width)))
+    band = model.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
+    band = band * model.scales[0] + model.offsets[0]
+    if band.shape[0] < 2 or band.shape[1] < 2:
+        raise MissionFileError(f"{where}: only a line of its heights lies in the fence")
+    right = np.clip(columns[known] - j0, 0.0, band.shape[1] - 1.0)
+    down = np.clip(rows[known] - i0, 0.0, band.shape[0] - 1.0)
+    j = np.minimum(right.astype(np.intp), band.shape[1] - 2)
+    i = np.minimum(down.astype(np.intp), band.shape[0] - 2)
+    right, down = right - j, down - i
+    upper = band[i, j] * (1.0 - right) + band[i, j + 1] * right
+    lower = band[i + 1, j] * (1.0 - right) + band[i + 1, j + 1] * right
+    found[known] = upper * (1.0 - down) + lower * down
+    return found
+
+
+# --- what cannot be ground ----------------------------------------------------------------------
+def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
+    """Raise where a height is missing in the fence, or is not one of this Earth."""
+    east, north = lattice.points
+    near = lattice.fence.buffer(lattice.step_m)
+    shapely.prepare(near)
+    inside = shapely.contains_xy(near, east, north)
+    missing = inside & ~np.isfinite(ground)
+    if missing.any():
+        share = missing.sum() / inside.sum()
+        first = np.argwhere(missing)[0]
+        raise MissionFileError(
+            f"{where}: it has no height in {share:.0%} of fence.polygon, for example at "
+            f"{lattice.place((int(first[0]), int(first[1])))}; take a model that covers the fence "
+            "without gaps, or draw the fence smaller"
+        )
+    wrong = np.isfinite(ground) & ((ground > _HIGHEST_M) | (ground < _LOWEST_M))
+    if wrong.any():
+        first = np.argwhere(wrong)[0]
+        at = int(first[0]), int(first[1])
+        raise MissionFileError(
+            f"{where}: a height of {ground[at]:.0f} m at {lattice.place(at)}: no ground of this "
+            "Earth; are these heights in metres, and is the file's value for no data set?"
+        )
+
+
+def _refuse_jumps(ground: Floats, lattice: _Lattice, where: str) -> None:
+    """Raise where the ground rises as no ground does: a height that was set to 0, or a spike."""
+    most_m = max(LEAST_JUMP_M, STEEPEST * lattice.step_m)
+    for axis in (0, 1):
+        jumps = np.abs(np.diff(ground, axis=axis))
+        if jumps.max() > most_m:
+            i, j = np.unravel_index(int(jumps.argmax()), jumps.shape)
+            at = int(i), int(j)
+            after = (at[0] + 1, at[1]) if axis == 0 else (at[0], at[1] + 1)
+            raise MissionFileError(
+                f"{where}: {ground[at]:.1f} m and {ground[after]:.1f} m above the start lie only "
+                f"{lattice.step_m:g} m apart at {lattice.place(at)}: no ground rises so; mend the "
+                "file (a spike, or a gap that was filled with 0?)"
+            )
+
+
+def _filled(ground: Floats) -> Floats:
+    """Heights that are missing outside of the fence, taken from the nearest that is known."""
+    missing = ~np.isfinite(ground)
+    if not missing.any():
+        return ground
+    filled = ground.copy()
+    for lines in (filled, filled.T):  # along rows, then along columns
+        for line in lines:
+            known = np.flatnonzero(np.isfinite(line))
+            if len(known):
+                every = np.arange(len(line))
+                right = np.clip(np.searchsorted(known, every), 0, len(known) - 1)
+                left = np.clip(right - 1, 0, None)
+                nearer = every - known[left] <= known[right] - every
+                line[:] = line[np.where(nearer, known[left], known[right])]
+    return filled

@@ -1,0 +1,36 @@
+"""Legs over ground that is not flat: targets that lie so near that the ground between is cleared.
+
+An autopilot flies straight to its target, and may climb or descend first. So it is told a target
+no farther ahead than the ground keeps nearly level, at the height of the highest ground until
+there, and while it flies the next one, further on. Should it hear nothing more it stops there.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from missions.units import GridPoint
+from uavmap.link.view import VehicleView
+
+HEIGHT_M: Final = 1.0
+"""A vehicle that is to stop over ground has arrived within so much of its height: it may still
+descend when it is over the place."""
+
+
+def aim_over_ground(
+    view: VehicleView, here: GridPoint, target: GridPoint, height_m: float
+) -> tuple[GridPoint, float]:
+    """What to be told on a leg to `target` at `height_m` above ground: a point, a height there.
+
+    Over flat ground that is the target.
+    """
+    if view.ground is None:
+        return target, height_m
+    terrain = view.ground.terrain
+    aim, highest_m = terrain.next_target(here, target)
+    return aim, height_m + highest_m - terrain.height_m(aim)
+
+
+def at_height(view: VehicleView, height_m: float) -> bool:
+    """Whether a vehicle is as high as it should be; over flat ground its layer is its height."""
+    return view.ground is None or abs(view.height_m - height_m) <= HEIGHT_M

@@ -1,0 +1,47 @@
+"""What another file holds, written into the text of a mission in the place of that file's name.
+
+A mission has to hold all that it is flown by, for a journal keeps the text of the mission and
+nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from typing import Any, Final
+
+from missions.errors import MissionFileError
+
+_STRING: Final = r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
+
+
+def inlined(text: str, where: str, section: str, key: str, value: Any) -> str:
+    """The text with `value` for the string at `section.key`; the rest stays as it was written.
+
+    Whichever string is taken for that one, the result is held against what it has to mean. Raises
+    `MissionFileError`, which begins with `where`, for one that is not found.
+
+    >>> inlined('[terrain]\\ndem = "a.tif"  # 2024', "x.toml", "terrain", "dem", {"step_m": 2.0})
+    '[terrain]\\ndem = {step_m = 2.0}  # 2024'
+    """
+    wanted = tomllib.loads(text)
+    wanted[section][key] = value
+    table = _toml(value)
+    for found in re.finditer(rf"""\b{key}["']?\s*=\s*{_STRING}""", text):
+        changed = text[: found.start(1)] + table + text[found.end(1) :]
+        try:
+            if tomllib.loads(changed) == wanted:
+                return changed
+        except tomllib.TOMLDecodeError:
+            continue
+    raise MissionFileError(f'{where}: write it in one line, as {key} = "..." in [{section}]')
+
+
+def _toml(value: object) -> str:
+    """Lists, tables, texts and numbers in one line of TOML."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_toml(inner)}' for key, inner in value.items())}}}"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
