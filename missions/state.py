@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -275,6 +275,16 @@ class Setting:
             speed_m_s = path_speed_m_s(self.mission, self.mission.altitude_m(0))
             return Pace(speed_m_s, corner_pause_s(speed_m_s, LANE_CUTS_M[0]))
         return Pace(self.energy.speed_m_s, self.energy.leg_s(0.0))
+
+    @property
+    def relief_m(self) -> float:
+        """From the lowest to the highest ground in the fence; 0 where it is flat."""
+        relief = self.mission.relief
+        return 0.0 if self.ground is None or relief is None else relief.span_m
+
+    def rise_m(self, points: Sequence[GridPoint]) -> float:
+        """How far a way over the ground climbs in all; 0 where it is flat."""
+        return 0.0 if self.ground is None else self.ground.ascent_m(points)
 
     @property
     def surveys(self) -> bool:

@@ -219,7 +219,8 @@ def _heights(model: Any, lattice: _Lattice, where: str) -> Floats:
 def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
     """Raise where a height is missing in the fence, or is not one of this Earth."""
     east, north = lattice.points
-    near = lattice.fence.buffer(lattice.step_m)
+    # an autopilot that returns crosses what lies between two arms of the fence
+    near = lattice.fence.convex_hull.buffer(lattice.step_m)
     shapely.prepare(near)
     inside = shapely.contains_xy(near, east, north)
     missing = inside & ~np.isfinite(ground)

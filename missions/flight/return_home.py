@@ -86,8 +86,14 @@ def has_energy_for(
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
     out_m = route_length_m(vehicle.position, there)
     highest_m = max(vehicle.cruise_height_m, vehicle.height_m)
-    home_m = route_length_m(target, way_home(setting, target, vehicle.pad))
+    back = way_home(setting, target, vehicle.pad)
+    home_m = route_length_m(target, back)
     need_wh = energy.hover_wh(hover_s, vehicle.drawn_w)
+    if setting.ground is not None:
+        rise_m = setting.rise_m(
+            (vehicle.position, *there, *((target,) if not there else ()), *back)
+        )
+        need_wh += energy.rise_wh(rise_m, vehicle.drawn_w)
     need_wh += energy.home_wh(home_m, highest_m, vehicle.drawn_w)
     if out_m > 0.0:
         need_wh += energy.leg_wh(out_m, vehicle.drawn_w)
@@ -143,7 +149,7 @@ def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> boo
         for other in state.vehicles.values()
         if other.vehicle != vehicle.vehicle
     )
-    climb_m = max(RTL_HEIGHT_M - vehicle.height_m, 0.0)
+    climb_m = max(RTL_HEIGHT_M + setting.relief_m - vehicle.height_m, 0.0)
     climb_s = climb_m / CLIMB_SPEED_M_S + climb_m / LANDING_SPEED_M_S
     return blocked and not has_energy_for(
         setting, vehicle, vehicle.position, hover_s=2.0 * REACTION_S + climb_s

@@ -23,6 +23,8 @@ class Limits:
     energy: EnergyModel
     slack_s: float = 0.0
     """What everything may take longer, where a simulator runs faster than a busy machine hears."""
+    relief_m: float = 0.0
+    """From the lowest to the highest ground: so much more an autopilot may climb to return."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator
 from missions.errors import MissionFileError
 from missions.explorers import EXPLORERS
 from missions.ground.grid import Grid
-from missions.mission_file import flyable, places
+from missions.mission_file import flyable, places, terrain_checks
 from missions.mission_file.schema import Mission, parse_fields
 from missions.mission_file.whereabouts import prior_faults
 from missions.swath.strategies import NONSTOP
@@ -74,6 +74,7 @@ def check(
             *prior_faults(mission, grid),
         ]
         if not where:
+            faults += terrain_checks.faults(mission, grid)
             where = list(flyable.search(mission, grid))
     if faults or where:
         raise MissionFileError("\n".join(f"{source}: {fault}" for fault in [*where, *faults]))

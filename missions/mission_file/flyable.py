@@ -13,14 +13,20 @@ from dataclasses import dataclass
 import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
-from shapely.ops import unary_union
+from shapely.ops import nearest_points, unary_union
 
 from missions.energy import LEAST_HEADWAY_M_S
 from missions.ground.fence import Fence, route_length_m
 from missions.ground.grid import Grid
 from missions.ground.lanes import LANE_CELLS, Lane, lanes
+from missions.mission_file import terrain_checks
 from missions.mission_file.energy_model import energy_model
-from missions.mission_file.height_and_speed import altitude_reason, layer_faults, picture_warnings
+from missions.mission_file.height_and_speed import (
+    altitude_reason,
+    footprint_over,
+    layer_faults,
+    picture_warnings,
+)
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.places import drawn
 from missions.mission_file.schema import AUTO, Mission, positions
@@ -82,7 +88,7 @@ def _camera(mission: Mission) -> Iterator[str]:
     """
     camera, cell_m = mission.camera, mission.grid.cell_m
     height_m = mission.altitude_m(0)
-    across_m, along_m = camera.optics.footprint(height_m)
+    across_m, along_m = footprint_over(mission, height_m)
     half_rad, lean = math.atan(min(across_m, along_m) / 2 / height_m), lean_rad(mission)
     reach_m = height_m * math.tan(max(half_rad - lean, 0.0)) - POSITION_ERROR_M
     need_m = (0.5 + SEEN_SHARE) * cell_m
@@ -101,10 +107,13 @@ def _camera(mission: Mission) -> Iterator[str]:
             remedies.append(f"use a camera of hfov_deg {_up(hfov_deg)}")
     if (smaller_m := math.floor(reach_m / (0.5 + SEEN_SHARE) * 10 + 1e-9) / 10) > 0:
         remedies.append(f"shrink grid.cell_m to {smaller_m:g}")
+    slope = ""
+    if mission.ground is not None and mission.relief is not None:
+        slope = f" uphill on {mission.relief.steepest:.0%}"
     leaning = f"leaning {math.degrees(lean):.1f} degrees into the wind and " if lean > 0 else ""
     yield (
         f"camera.hfov_deg = {camera.hfov_deg:g}: from {height_m:g} m a frame shows "
-        f"{across_m:.1f} m x {along_m:.1f} m; {leaning}{POSITION_ERROR_M:g} m off its place it "
+        f"{across_m:.1f} m x {along_m:.1f} m{slope}; {leaning}{POSITION_ERROR_M:g} m off its place it "
         f"reaches {max(reach_m, 0.0):.1f} m to its nearest edge, but to judge 3 x 3 cells of "
         f"{cell_m:g} m it needs {need_m:.1f} m; {', or '.join(remedies)}"
     )
@@ -210,6 +219,10 @@ def _battery(mission: Mission, grid: Grid) -> Iterator[str]:
         near_m = float(box.distance(Point(grid.fixed(place))))
         layer_m = mission.altitude_m(i)
         needed_wh = energy.sortie_wh(near_m, near_m, layer_m, look_s(mission)) - energy.reserve_wh
+        if mission.ground is not None:
+            home = Point(grid.fixed(place))
+            nearest = GridPoint(*nearest_points(box, home)[0].coords[0])
+            needed_wh += energy.rise_wh(_rise_m(mission, grid.fixed(place), (nearest,)))
         if needed_wh > worst_wh:
             worst_wh = needed_wh
             worst = (
@@ -254,10 +267,20 @@ def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
         home = grid.fixed(place)
         for corner in positions(mission.search.box):
             point = grid.fixed(corner)
-            away_m = route_length_m(home, fence.route(home, point) or (point,))
+            route = fence.route(home, point) or (point,)
+            away_m = route_length_m(home, route)
             cost_wh = energy.sortie_wh(away_m, away_m, mission.altitude_m(i), look_s(mission))
+            cost_wh += energy.rise_wh(_rise_m(mission, home, route))
             found.append(FarthestCorner(i, away_m, cost_wh))
     return max(found, key=lambda corner: corner.sortie_wh)
+
+
+def _rise_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, ...]) -> float:
+    """How far a way over the ground climbs, there and back."""
+    if mission.ground is None:
+        return 0.0
+    way = (home, *route)
+    return mission.ground.ascent_m(way) + mission.ground.ascent_m(way[::-1])
 
 
 def warnings(mission: Mission, grid: Grid) -> list[str]:
@@ -278,6 +301,7 @@ def warnings(mission: Mission, grid: Grid) -> list[str]:
             f"{corner.sortie_wh:.1f} Wh with the reserve: it will not be reached"
         )
     found.extend(picture_warnings(mission))
+    found.extend(terrain_checks.warnings(mission))
     if mission.sim.sensor_noise == 0.0 and not mission.camera.noiseless:
         found.append(
             "sim.sensor_noise = 0: pictures that are uniform or repeat are taken for those of a "

@@ -44,12 +44,32 @@ def layer_faults(mission: Mission) -> Iterator[str]:
                 f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer "
                 "vehicles, or raise what sets it"
             )
-    elif top_m > ceiling_m:
+    elif top_m > ceiling_m - mission.highest_ground_m:
         layers = f", {last} layers of {team.layer_m:g} m above it," if last else ""
         yield (
-            f"flight.altitude_m = {lowest_m:g}: the highest layer{layers} is at {top_m:g} m, "
-            f"above fence.ceiling_m = {ceiling_m:g}; fly lower, or raise the ceiling if you may"
+            f"flight.altitude_m = {lowest_m:g}: the highest layer{layers} is at {top_m:g} m"
+            f"{_over_hills(mission)}, above fence.ceiling_m = {ceiling_m:g}; fly lower, or raise "
+            "the ceiling if you may"
         )
+
+
+def _over_hills(mission: Mission) -> str:
+    """What is added to a layer above the ground where that is highest."""
+    if mission.highest_ground_m <= 0.0:
+        return ""
+    return f" above ground that rises {mission.highest_ground_m:.1f} m above the start"
+
+
+def footprint_over(mission: Mission, height_m: float) -> Footprint:
+    """What a level picture shows for certain from `height_m` above the ground, along either side.
+
+    On a slope it shows less uphill: it is shortened for the steepest slope in the fence.
+    """
+    across_m, along_m = mission.camera.optics.footprint(height_m)
+    if mission.ground is None or mission.relief is None:
+        return Footprint(across_m, along_m)
+    rise = mission.relief.steepest / (2.0 * height_m)
+    return Footprint(across_m / (1.0 + rise * across_m), along_m / (1.0 + rise * along_m))
 
 
 # --- speed -----------------------------------------------------------------------------------
@@ -90,7 +110,7 @@ def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
     """
     camera, drift_m_s = mission.camera, mission.drift.speed_m_s
     blur_m = camera.max_blur_px * camera.optics.gsd_m(height_m)
-    side_m = camera.optics.footprint(height_m).short_m - 2.0 * camera.pose_error_m
+    side_m = footprint_over(mission, height_m).short_m - 2.0 * camera.pose_error_m
     seen_s = mission.votes.frames * camera.interval_s
     return SpeedLimits(
         mission.flight.speed_m_s,

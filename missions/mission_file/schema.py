@@ -353,11 +353,13 @@ class Mission(Section):
     def highest_ground_m(self) -> float:
         """The highest ground in the fence above the start, at least 0; 0 where it is not followed.
 
-        Ceilings and return heights are above home, so they need so much more than a layer.
+        Ceilings and return heights are above home, so they need so much more than a layer. An
+        autopilot returns straight, also over what lies between two arms of the fence.
         """
-        if self.ground is None or self.relief is None:
+        if self.ground is None or self.terrain is None or self.terrain.dem is None:
             return 0.0
-        return max(self.relief.highest_m, 0.0)
+        hull = relief_in(self.terrain.dem, self.start.position, self.fence.polygon, hull=True)
+        return max(hull.highest_m, 0.0)
 
     @property
     def home(self) -> LatLon:

@@ -71,8 +71,9 @@ def terrain_in(lattice: Lattice) -> Terrain:
 
 
 @lru_cache(maxsize=8)
-def relief_in(lattice: Lattice, start: Vertex, fence: Ring) -> Relief:
-    """The relief of the ground inside a fence."""
+def relief_in(lattice: Lattice, start: Vertex, fence: Ring, *, hull: bool = False) -> Relief:
+    """The relief of the ground inside a fence; `hull`: also of what straight ways in it cross."""
     grid = Grid.at(LatLon(*start), 1.0)
     ring = [grid.fixed(LatLon(*vertex)) for vertex in fence]
-    return relief_of(terrain_in(lattice), Polygon(ring))
+    area = Polygon(ring)
+    return relief_of(terrain_in(lattice), area.convex_hull if hull else area)

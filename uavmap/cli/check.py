@@ -12,6 +12,7 @@ from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
 from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
+from missions.mission_file.terrain_checks import off_if_flat_m
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import LANE_CUTS_M, rounded_path
 from missions.state import Setting
@@ -43,6 +44,7 @@ def run(options: argparse.Namespace) -> int:
             soon_s, late_s = setting.first_sighting_s
             figures["first_sighting_s"] = round(soon_s, 1)
             figures["first_sighting_without_prior_s"] = round(late_s, 1)
+        figures["ground"] = ground_figures(setting)
         figures["warnings"] = warnings
         json.dump(figures, sys.stdout, indent=2)
         sys.stdout.write("\n")
@@ -65,6 +67,8 @@ def run(options: argparse.Namespace) -> int:
             f"  expected first sighting after about {soon_s:.0f} s "
             f"(without the prior {late_s:.0f} s)"
         )
+    for line in ground_lines(setting):
+        print(f"  {line}")
     width = max(map(len, figures))
     for key, value in figures.items():
         print(f"  {key:{width}}  {value}")
@@ -117,22 +121,62 @@ def estimate(setting: Setting) -> dict[str, Any]:
     }
 
 
+def ground_figures(setting: Setting) -> dict[str, Any] | None:
+    """What the ground comes to, in metres above the start; None where nothing is known of it."""
+    mission, relief = setting.mission, setting.mission.relief
+    if relief is None:
+        return None
+    figures: dict[str, Any] = {
+        "lowest_m": round(relief.lowest_m, 1),
+        "highest_m": round(relief.highest_m, 1),
+        "steepest_percent": round(100.0 * relief.steepest, 1),
+        "off_if_flat_m": round(off_if_flat_m(mission, relief), 2),
+        "followed": setting.ground is not None,
+    }
+    if setting.ground is not None:
+        heights = [mission.altitude_m(i) for i in range(len(mission.vehicles))]
+        figures["highest_flown_m"] = round(mission.highest_ground_m + max(heights), 1)
+        figures["return_heights_m"] = [round(mission.highest_ground_m + h, 1) for h in heights]
+    return figures
+
+
+def ground_lines(setting: Setting) -> list[str]:
+    """The same in words."""
+    found = ground_figures(setting)
+    if found is None:
+        return []
+    lines = [
+        f"ground in the fence: {found['lowest_m']:+g} to {found['highest_m']:+g} m from the start, "
+        f"slopes up to {found['steepest_percent']:g} %; taken as flat, cells would be off by up to "
+        f"{found['off_if_flat_m']:g} m"
+    ]
+    if found["followed"]:
+        returns = ", ".join(f"{height:g}" for height in found["return_heights_m"])
+        lines.append(
+            f"flown above the ground: up to {found['highest_flown_m']:g} m above the start "
+            f"(fence.ceiling_m = {setting.mission.fence.ceiling_m:g}); return heights {returns} m"
+        )
+    return lines
+
+
 def plan_lines(setting: Setting) -> list[str]:
     """What would be flown, for people who decide whether to take off."""
     mission, figures = setting.mission, estimate(setting)
     cells = figures["search_area_m2"] / mission.grid.cell_m**2
     heights = ", ".join(f"{layer['altitude_m']:g} m" for layer in figures["layers"])
+    above = "the start" if setting.ground is None else "the ground below"
     energy, battery = setting.energy, mission.battery
     return [
         f"{mission.name}: a box of about {cells:.0f} cells of {mission.grid.cell_m:g} m, by "
         f"{len(mission.vehicles)} vehicles, strategy {mission.strategy}",
-        f"  heights above the start: {heights}; at {mission.flight.speed_m_s:g} m/s",
+        f"  heights above {above}: {heights}; at {mission.flight.speed_m_s:g} m/s",
         f"  the search alone: about {figures['search_time_s'] / 60.0:.0f} minutes, "
         f"{figures['search_sorties']} sorties a vehicle; exploring comes on top",
         f"  energy: {battery.capacity_wh:g} Wh a battery, {energy.reserve_wh:.1f} Wh of it "
         f"reserve, {battery.hover_power_w:g} W in hover",
         f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
         f"{mission.fence.margin_m:g} m inside",
+        *(f"  {line}" for line in ground_lines(setting)),
     ]
 
 

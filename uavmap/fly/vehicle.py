@@ -93,7 +93,7 @@ class MavlinkVehicle:
         )
         self._monitor = Monitor(self._reporter, session.view)
         self._monitor.why = Spoken(self._reporter, session.view, tell).why
-        limits = Limits(setting.fence, setting.energy, slack_s)
+        limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed

@@ -18,6 +18,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.guardian.thresholds import OUTSIDE_S
+from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.link.autopilots import PX4, Autopilot
@@ -87,35 +88,47 @@ def fence_plan(
     rally = Item(
         mav.MAV_CMD_NAV_RALLY_POINT, home, frame=mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m=0.0
     )
-    return FencePlan(
-        tuple(fence), (rally,), _parameters(setting, number, kind, found), by_m, left_out
-    )
+    parameters = _parameters(setting, number, home, kind, found)
+    return FencePlan(tuple(fence), (rally,), parameters, by_m, left_out)
+
+
+def highest_above_m(setting: Setting, home: LatLon) -> float:
+    """The highest ground in the fence above a vehicle's home, at least 0; 0 where it is flat."""
+    if setting.ground is None:
+        return 0.0
+    home_m = setting.ground.height_m(setting.grid.fixed(home))
+    return max(setting.mission.highest_ground_m - home_m, 0.0)
 
 
 def _parameters(
-    setting: Setting, number: int, kind: Autopilot, found: Mapping[str, float]
+    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
 ) -> dict[str, float]:
-    returns_m = return_height_m(setting, number, kind, found)
+    returns_m = return_height_m(setting, number, home, kind, found)
     heights_m = [setting.mission.altitude_m(i) for i in range(len(setting.mission.vehicles))]
-    top_m = float(math.ceil(max(*heights_m, returns_m or 0.0) + ABOVE_M))
-    several = len(heights_m) > 1
+    highest_m, follows = highest_above_m(setting, home), setting.ground is not None
+    layer_m = heights_m[number - 1] + highest_m
+    top_m = float(math.ceil(max(max(heights_m) + highest_m, returns_m or 0.0) + ABOVE_M))
+    sets = len(heights_m) > 1 or follows
     if kind is PX4:
         wanted = {"GF_ACTION": _PX4_RETURN, "GF_MAX_VER_DIST": top_m, "GF_MAX_HOR_DIST": 0.0}
-        own = {"RTL_RETURN_ALT": heights_m[number - 1]}
+        own = {"RTL_RETURN_ALT": layer_m}
     else:
         types = TYPE_ALT_MAX | TYPE_POLYGON
         wanted = {"FENCE_TYPE": types, "FENCE_ACTION": _RETURN, "FENCE_ALT_MAX": top_m,
                   "FENCE_ENABLE": 1}  # fmt: skip
-        own = {"RTL_ALT": round(100.0 * heights_m[number - 1])}
-    return wanted | (own if several else {})
+        own = {"RTL_ALT": round(100.0 * layer_m)}
+    return wanted | (own if sets else {})
 
 
 def return_height_m(
-    setting: Setting, number: int, kind: Autopilot, found: Mapping[str, float]
+    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
 ) -> float | None:
-    """How high a vehicle will return by itself: in a team in its own layer; None: not known."""
-    if len(setting.mission.vehicles) > 1:
-        return setting.mission.altitude_m(number - 1)
+    """How high a vehicle will return by itself, above home; None: not known.
+
+    In a team in its own layer; over ground that is not flat, so high above the highest.
+    """
+    if len(setting.mission.vehicles) > 1 or setting.ground is not None:
+        return setting.mission.altitude_m(number - 1) + highest_above_m(setting, home)
     if kind is PX4:
         return found.get("RTL_RETURN_ALT")
     return found["RTL_ALT"] / 100.0 if "RTL_ALT" in found else None
@@ -145,9 +158,9 @@ def leaves_kept_fence(
     All that may be flown over has to lie inside: `fence.polygon` less its margin, which holds the
     lanes, and the homes.
     """
+    faults = _return_faults(setting, home, kind, found)
     if not _is_on(kind, found):
-        return []
-    faults = []
+        return faults
     room = _room(setting, kind, home, items, found)
     if room is not None:
         box = Polygon([setting.grid.fixed(LatLon(*v)) for v in setting.mission.search.box])
@@ -161,7 +174,7 @@ def leaves_kept_fence(
                 )
         if not room.covers(shapely.Point(setting.grid.fixed(home))):
             faults.append(f"the home of vehicle {number} lies outside")
-    return faults + _height_faults(setting, number, kind, found)
+    return faults + _height_faults(setting, number, home, kind, found)
 
 
 def _is_on(kind: Autopilot, found: Mapping[str, float]) -> bool:
@@ -223,10 +236,11 @@ def shapes_of(setting: Setting, items: Sequence[Item]) -> list[tuple[bool, BaseG
 
 
 def _height_faults(
-    setting: Setting, number: int, kind: Autopilot, found: Mapping[str, float]
+    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
 ) -> list[str]:
     """The layer of the vehicle against the ceiling and the floor of its autopilot."""
     layer_m, types = setting.mission.altitude_m(number - 1), int(found.get("FENCE_TYPE", 0.0))
+    layer_m += highest_above_m(setting, home)
     name = "GF_MAX_VER_DIST" if kind is PX4 else "FENCE_ALT_MAX"
     on = kind is PX4 or bool(types & TYPE_ALT_MAX)
     ceiling_m = found.get(name, 0.0) if on else 0.0
@@ -234,6 +248,21 @@ def _height_faults(
     if 0.0 < ceiling_m < layer_m + 1.0:
         faults.append(f"its layer, {layer_m:g} m, is not a metre below {name} = {ceiling_m:g}")
     floor_m = found.get("FENCE_ALT_MIN", -math.inf) if types & TYPE_ALT_MIN else -math.inf
-    if floor_m > layer_m - 1.0:
+    lowest_m = layer_m - setting.relief_m
+    if floor_m > lowest_m - 1.0:
         faults.append(f"its layer, {layer_m:g} m, is not a metre above FENCE_ALT_MIN = {floor_m:g}")
     return faults
+
+
+def _return_faults(
+    setting: Setting, home: LatLon, kind: Autopilot, found: Mapping[str, float]
+) -> list[str]:
+    """A return height that was kept, and that does not clear the ground."""
+    if setting.ground is None:
+        return []
+    name, unit_m = ("RTL_RETURN_ALT", 1.0) if kind is PX4 else ("RTL_ALT", 0.01)
+    needed_m = highest_above_m(setting, home) + LEAST_HEIGHT_M
+    returns_m = found.get(name, 0.0) * unit_m
+    if returns_m >= needed_m:
+        return []
+    return [f"{name} = {found.get(name, 0.0):g} does not clear the ground: {needed_m:.0f} m needed"]

@@ -45,7 +45,8 @@ def needs_of(setting: Setting | None) -> Needs:
     if setting is None:
         return Needs(RESERVE_SHARE, 2.0, several=False)
     mission = setting.mission
-    several = len(mission.vehicles) > 1
+    # what is set for the flight is not wished for
+    several = len(mission.vehicles) > 1 or setting.ground is not None
     return Needs(mission.battery.reserve, setting.energy.accel_m_s2, several)
 
 
