@@ -73,14 +73,17 @@ class EnergyModel:
         """Energy to take off and climb."""
         return self.hover_wh(height_m / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S, drawn_w)
 
-    def rise_wh(self, rise_m: float, drawn_w: float = 0.0) -> float:
-        """Energy to climb so far in all on a way over ground that is not flat.
+    def relief_wh(self, ups_and_downs_m: float, drawn_w: float = 0.0) -> float:
+        """What the ups and downs of a way over ground that is not flat cost besides its length.
+
+        As if the vehicle climbed and descended apart from its flight over ground: on steep ground
+        it flies slower, too.
 
         >>> model = EnergyModel(300, capacity_wh=60, reserve=0.1, speed_m_s=5, wind_m_s=3)
-        >>> round(model.rise_wh(30.0), 2), model.rise_wh(0.0)
+        >>> round(model.relief_wh(30.0), 2), model.relief_wh(0.0)
         (1.92, 0.0)
         """
-        return self.hover_wh(rise_m / CLIMB_SPEED_M_S, drawn_w)
+        return self.hover_wh(ups_and_downs_m / CLIMB_SPEED_M_S, drawn_w)
 
     def sortie_wh(self, out_m: float, home_m: float, height_m: float, hover_s: float) -> float:
         """Energy of a whole flight: climb, fly out, hover, fly home, land, reserve left."""

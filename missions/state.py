@@ -282,9 +282,9 @@ class Setting:
         relief = self.mission.relief
         return 0.0 if self.ground is None or relief is None else relief.span_m
 
-    def rise_m(self, points: Sequence[GridPoint]) -> float:
-        """How far a way over the ground climbs in all; 0 where it is flat."""
-        return 0.0 if self.ground is None else self.ground.ascent_m(points)
+    def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
+        """How far a way over the ground climbs and descends in all; 0 where it is flat."""
+        return 0.0 if self.ground is None else self.ground.ups_and_downs_m(points)
 
     @property
     def surveys(self) -> bool:

@@ -172,13 +172,21 @@ def _spacing_m(model: Any, start: LatLon) -> float:
     to_model = pyproj.Transformer.from_crs(_WGS84, crs, always_xy=True)
     back = pyproj.Transformer.from_crs(crs, _WGS84, always_xy=True)
     x, y = to_model.transform(start.lon_deg, start.lat_deg)
-    column, row = ~model.transform @ (x, y)
+    to_pixel, to_place = _pixels_and_places(model)
+    column, row = to_pixel @ (x, y, 1.0)
     geod, spacings = pyproj.Geod(ellps="WGS84"), []
     for step in ((1.0, 0.0), (0.0, 1.0)):
-        lon, lat = back.transform(*(model.transform @ (column + step[0], row + step[1])))
+        lon, lat = back.transform(*(to_place @ (column + step[0], row + step[1], 1.0)))
         spacings.append(abs(geod.inv(start.lon_deg, start.lat_deg, lon, lat)[2]))
     spacing_m = max(spacings)
     return spacing_m if math.isfinite(spacing_m) else math.inf
+
+
+def _pixels_and_places(model: Any) -> tuple[Floats, Floats]:
+    """The (2, 3) matrices from places in the model's system to pixels, and back."""
+    a, b, c, d, e, f = tuple(model.transform)[:6]
+    places = np.array([[a, b, c], [d, e, f], [0.0, 0.0, 1.0]])
+    return np.linalg.inv(places)[:2], places[:2]
 
 
 def _heights(model: Any, lattice: _Lattice, where: str) -> Floats:
@@ -189,7 +197,8 @@ def _heights(model: Any, lattice: _Lattice, where: str) -> Floats:
     crs = pyproj.CRS.from_user_input(model.crs.to_wkt())
     zone = pyproj.CRS.from_epsg(lattice.grid.zone.epsg)
     x, y = pyproj.Transformer.from_crs(zone, crs, always_xy=True).transform(*lattice.utm())
-    columns, rows = ~model.transform @ (np.asarray(x), np.asarray(y))
+    to_pixel, _ = _pixels_and_places(model)
+    columns, rows = to_pixel @ np.stack([x, y, np.ones_like(x)])
     columns, rows = columns - 0.5, rows - 0.5
     found = np.full(columns.shape, np.nan)
     known = np.isfinite(columns) & np.isfinite(rows)
@@ -228,7 +237,7 @@ def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
         share = missing.sum() / inside.sum()
         first = np.argwhere(missing)[0]
         raise MissionFileError(
-            f"{where}: it has no height in {share:.0%} of fence.polygon, for example at "
+            f"{where}: it has no height in {share:.1%} of fence.polygon, for example at "
             f"{lattice.place((int(first[0]), int(first[1])))}; take a model that covers the fence "
             "without gaps, or draw the fence smaller"
         )

@@ -90,10 +90,8 @@ def has_energy_for(
     home_m = route_length_m(target, back)
     need_wh = energy.hover_wh(hover_s, vehicle.drawn_w)
     if setting.ground is not None:
-        rise_m = setting.rise_m(
-            (vehicle.position, *there, *((target,) if not there else ()), *back)
-        )
-        need_wh += energy.rise_wh(rise_m, vehicle.drawn_w)
+        way = (vehicle.position, *there, *back) if there else (target, *back)
+        need_wh += energy.relief_wh(setting.ups_and_downs_m(way), vehicle.drawn_w)
     need_wh += energy.home_wh(home_m, highest_m, vehicle.drawn_w)
     if out_m > 0.0:
         need_wh += energy.leg_wh(out_m, vehicle.drawn_w)

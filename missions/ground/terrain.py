@@ -83,17 +83,15 @@ class Terrain:
             np.linspace(start.north_m, end.north_m, count),
         )
 
-    def ascent_m(self, points: Sequence[GridPoint]) -> float:
-        """How far a way climbs in all.
+    def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
+        """How far a way climbs and descends in all.
 
         >>> ridge = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 4.0, 1.0], [0.0, 4.0, 1.0]]))
-        >>> ridge.ascent_m([GridPoint(0.0, 0.0), GridPoint(20.0, 0.0), GridPoint(0.0, 0.0)])
+        >>> ridge.ups_and_downs_m([GridPoint(0.0, 0.0), GridPoint(20.0, 0.0)])
         7.0
         """
         legs = itertools.pairwise(points)
-        return float(
-            sum(np.maximum(np.diff(self.along(a, b)), 0.0).sum() for a, b in legs if a != b)
-        )
+        return float(sum(np.abs(np.diff(self.along(a, b))).sum() for a, b in legs if a != b))
 
     def next_target(self, here: GridPoint, end: GridPoint) -> tuple[GridPoint, float]:
         """Where to aim on a straight leg over ground: the point, and the height of a target there.

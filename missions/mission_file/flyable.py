@@ -113,8 +113,8 @@ def _camera(mission: Mission) -> Iterator[str]:
     leaning = f"leaning {math.degrees(lean):.1f} degrees into the wind and " if lean > 0 else ""
     yield (
         f"camera.hfov_deg = {camera.hfov_deg:g}: from {height_m:g} m a frame shows "
-        f"{across_m:.1f} m x {along_m:.1f} m{slope}; {leaning}{POSITION_ERROR_M:g} m off its place it "
-        f"reaches {max(reach_m, 0.0):.1f} m to its nearest edge, but to judge 3 x 3 cells of "
+        f"{across_m:.1f} m x {along_m:.1f} m{slope}; {leaning}{POSITION_ERROR_M:g} m off its place "
+        f"it reaches {max(reach_m, 0.0):.1f} m to its nearest edge, but to judge 3 x 3 cells of "
         f"{cell_m:g} m it needs {need_m:.1f} m; {', or '.join(remedies)}"
     )
 
@@ -222,7 +222,7 @@ def _battery(mission: Mission, grid: Grid) -> Iterator[str]:
         if mission.ground is not None:
             home = Point(grid.fixed(place))
             nearest = GridPoint(*nearest_points(box, home)[0].coords[0])
-            needed_wh += energy.rise_wh(_rise_m(mission, grid.fixed(place), (nearest,)))
+            needed_wh += energy.relief_wh(_ups_and_downs_m(mission, grid.fixed(place), (nearest,)))
         if needed_wh > worst_wh:
             worst_wh = needed_wh
             worst = (
@@ -270,17 +270,14 @@ def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
             route = fence.route(home, point) or (point,)
             away_m = route_length_m(home, route)
             cost_wh = energy.sortie_wh(away_m, away_m, mission.altitude_m(i), look_s(mission))
-            cost_wh += energy.rise_wh(_rise_m(mission, home, route))
+            cost_wh += energy.relief_wh(_ups_and_downs_m(mission, home, route))
             found.append(FarthestCorner(i, away_m, cost_wh))
     return max(found, key=lambda corner: corner.sortie_wh)
 
 
-def _rise_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, ...]) -> float:
-    """How far a way over the ground climbs, there and back."""
-    if mission.ground is None:
-        return 0.0
-    way = (home, *route)
-    return mission.ground.ascent_m(way) + mission.ground.ascent_m(way[::-1])
+def _ups_and_downs_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, ...]) -> float:
+    """How far a way over the ground climbs and descends, there and back."""
+    return 0.0 if mission.ground is None else 2.0 * mission.ground.ups_and_downs_m((home, *route))
 
 
 def warnings(mission: Mission, grid: Grid) -> list[str]:

@@ -167,6 +167,8 @@ class Driver:
     """Where to turn on the way home after the mission has failed; None before."""
     fail_in_s: float = math.inf
     """The present order fails after so long."""
+    least_off_m: float = math.inf
+    """Of its height above the ground, in truth, less its layer: the least in all its legs."""
 
     @property
     def number(self) -> int:
@@ -185,8 +187,19 @@ class Driver:
 
     @property
     def height_m(self) -> float:
-        """What its telemetry says."""
-        return round(self.craft.height_m, 2)
+        """What its telemetry says, above the ground where a mission flies above that."""
+        return round(self.craft.height_m - self.lift_m(self.craft.believed), 2)
+
+    def lift_m(self, point: GridPoint) -> float:
+        """How much higher the ground is there than at its home; 0 where it is flat."""
+        ground = self.around.setting.ground
+        return 0.0 if ground is None else ground.height_m(point) - ground.height_m(self.craft.home)
+
+    def _note_height(self, order: Order) -> None:
+        """How far it was below its layer, in truth, over the ground."""
+        if isinstance(order, FlyTo | Sweep | Look | FlyPath):
+            above_m = self.craft.height_m - self.lift_m(self.craft.position)
+            self.least_off_m = min(self.least_off_m, above_m - order.height_m)
 
     @property
     def hears(self) -> bool:
@@ -324,6 +337,7 @@ class Driver:
 
     def _progress(self, order: Order) -> None:
         craft, now_s = self.craft, self.around.now_s
+        self._note_height(order)
         if isinstance(order, TakeOff):
             if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
                 self.order = None
@@ -351,8 +365,12 @@ class Driver:
         return off_m <= min(PASS_M, 0.5 * self.around.setting.grid.cell_m)
 
     def _aim(self, point: GridPoint, height_m: float) -> None:
-        if self.obeys:
+        ground = self.around.setting.ground
+        if self.obeys and ground is None:
             self.craft.aim(point, height_m)
+        elif self.obeys and ground is not None:
+            aim, highest_m = ground.next_target(self.craft.believed, point)
+            self.craft.aim(aim, height_m + highest_m - ground.height_m(self.craft.home))
 
     def _fly(self, order: FlyTo) -> None:
         final = len(self.way) <= 1 if order.cell is None else not self.way
@@ -364,7 +382,7 @@ class Driver:
             return
         if not final:
             self.way.pop(0)
-        elif abs(self.craft.height_m - order.height_m) <= 1.0:
+        elif abs(self.height_m - order.height_m) <= 1.0:
             self.order = None
             self.around.post(Arrived(self.number, self.around.now_s, self.position))
 
@@ -386,9 +404,9 @@ class Driver:
         assert course is not None
         ahead = course.at(t_s + LEAD_S)
         if self.obeys:
-            craft.stream(
-                course.at(t_s).place, (ahead.v_east_m_s, ahead.v_north_m_s), order.height_m
-            )
+            place = course.at(t_s).place
+            height_m = order.height_m + self.lift_m(place)
+            craft.stream(place, (ahead.v_east_m_s, ahead.v_north_m_s), height_m)
         if t_s >= self.photographed_s:
             self.photographed_s = max(self.photographed_s + order.every_s, t_s)
             self._frame(None)
@@ -444,7 +462,7 @@ class Driver:
     def _reach_m(self) -> float:
         """How far a picture of now shows the ground to all sides."""
         optics = self.around.setting.mission.camera.optics
-        return 0.5 * optics.footprint(max(self.craft.height_m, 0.1)).short_m
+        return 0.5 * optics.footprint(max(self.height_m, 0.1)).short_m
 
     def _shown(self) -> tuple[Cell, ...]:
         """The cells that a picture of now shows whole, by what the vehicle believes."""
@@ -452,7 +470,7 @@ class Driver:
         camera, grid = setting.mission.camera, setting.grid
         yaw_rad = math.radians(setting.yaw_deg + camera.yaw_deg) - grid.convergence_rad
         below = grid.to_moving(craft.believed, self.around.t_s)
-        footprint = camera.optics.footprint(max(craft.height_m, 0.1))
+        footprint = camera.optics.footprint(max(self.height_m, 0.1))
         return footprint.whole_cells(below, yaw_rad, grid.cell_m, camera.pose_error_m)
 
     def deliver_late(self) -> None:
@@ -637,7 +655,7 @@ class Driver:
         aim_m = quick_aim_m(self.height_m) if action == "land" and self.hurry else None
         if aim_m is not None:
             craft.switch("follow")
-            craft.aim(craft.believed, aim_m)
+            craft.aim(craft.believed, aim_m + self.lift_m(craft.believed))
         elif named[action] not in self.refuses:
             craft.switch(action)
 

@@ -91,11 +91,18 @@ class Fleet:
             craft = Aircraft(
                 number, place, place, mission.battery.capacity_wh, mission.flight.speed_m_s,
                 mission.battery.hover_power_w * self.draw,
-                level_m=self.levels_m[number - 1] if self.levels_m else 0.0,
+                level_m=self._level_m(number, place),
                 rng=random.Random(self.seed * 31 + number),
             )  # fmt: skip
             self.vehicles[number] = craft
             self.drivers[number] = Driver(craft, self.around)
+
+    def _level_m(self, number: int, place: GridPoint) -> float:
+        """How high a home lies."""
+        ground = self.setting.ground
+        if ground is not None:
+            return ground.height_m(place)
+        return self.levels_m[number - 1] if self.levels_m else 0.0
 
     @property
     def faults(self) -> list[str]:
@@ -256,6 +263,9 @@ class Fleet:
 
     def _ground_m(self, craft: Aircraft) -> float:
         """The ground below a vehicle, above its home: level, but for the places of homes."""
+        ground = self.setting.ground
+        if ground is not None:
+            return ground.height_m(craft.position) - ground.height_m(craft.home)
         if not self.levels_m:
             return 0.0
         below_m = next(

@@ -127,6 +127,11 @@ def run(options: argparse.Namespace) -> int:
         mission, flights = _of_results(options, source, say)
     else:
         mission, flights = _of_mission(options, say)
+    if mission.flight.height_above == "ground":
+        raise UavmapError(
+            f'{options.source}: flight.height_above = "ground": a plan has heights above home, which '
+            "over ground that is not flat lead into it; fly it with `uavmap fly`"
+        )
     texts: dict[Path, str] = {}
     for flight in flights:
         number = flight.vehicle + 1 if len(flights) > 1 else None

@@ -9,6 +9,8 @@ heights above the sea does not matter.
 
 from __future__ import annotations
 
+import math
+
 from missions.errors import GeodesyError
 from missions.ground.grid import Grid
 from missions.ground.terrain import Terrain
@@ -30,10 +32,10 @@ class GroundBelow:
     def above_home_m(self, place: LatLon, home: LatLon | None) -> float:
         """How much higher the ground at a place is than at home; 0 for what is no place."""
         try:
-            ground_m = self.terrain.height_m(self.grid.fixed(place))
+            point = self.grid.fixed(place)
         except GeodesyError:
             return 0.0
-        return 0.0 if home is None else ground_m - self._at_home_m(home)
+        return self.lift_m(point, home) if all(map(math.isfinite, point)) else 0.0
 
     def lift_m(self, point: GridPoint, home: LatLon | None) -> float:
         """The same for a point of the fixed frame."""

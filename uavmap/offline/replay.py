@@ -24,6 +24,7 @@ from missions.step import step
 from missions.units import Cell, GridPoint
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.progress import Progress
+from uavmap.offline.above_ground import above_ground
 from uavmap.offline.photos import Photo, list_photos
 from uavmap.pictures import read_image
 from uavmap.record.journal import Journal
@@ -99,7 +100,7 @@ def _frame(photo: Photo, setting: Setting) -> Frame:
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     hfov_rad = photo.hfov_rad or math.radians(section.hfov_deg)
     camera = Camera(hfov_rad, image.shape[1], image.shape[0])
-    return Frame(image, photo.pose, photo.taken_s, camera)
+    return Frame(image, above_ground(photo.pose, setting), photo.taken_s, camera)
 
 
 def _upright(
