@@ -76,6 +76,7 @@ class SimVehicle:
         for message_id, interval_s in flavour.default_s.items():
             self._streams.set(message_id, interval_s, 0.0)
         prefix = f"{spec.image_url_prefix}{spec.system_id}/"
+        self._telemetry.ground_m = world.ground_m
         self._telemetry.clock_rate = 1.0 + spec.quirks.clock_ppm * 1e-6
         self._payload = Payload(
             spec.camera, world, self._telemetry, prefix, self._expose, spec.quirks

@@ -16,20 +16,25 @@ from missions.errors import MissionFileError
 _STRING: Final = r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
 
 
-def inlined(text: str, where: str, section: str, key: str, value: Any) -> str:
+def inlined(
+    text: str, where: str, section: str, key: str, value: Any, named: str | None = None
+) -> str:
     """The text with `value` for the string at `section.key`; the rest stays as it was written.
 
-    Whichever string is taken for that one, the result is held against what it has to mean. Raises
-    `MissionFileError`, which begins with `where`, for one that is not found.
+    `named`: under this key instead. Whichever string is taken for that one, the result is held
+    against what it has to mean. Raises `MissionFileError`, which begins with `where`, for one that
+    is not found.
 
     >>> inlined('[terrain]\\ndem = "a.tif"  # 2024', "x.toml", "terrain", "dem", {"step_m": 2.0})
     '[terrain]\\ndem = {step_m = 2.0}  # 2024'
     """
     wanted = tomllib.loads(text)
-    wanted[section][key] = value
+    del wanted[section][key]
+    wanted[section][named or key] = value
     table = _toml(value)
     for found in re.finditer(rf"""\b{key}["']?\s*=\s*{_STRING}""", text):
-        changed = text[: found.start(1)] + table + text[found.end(1) :]
+        before = text[: found.start(1)] if named is None else f"{text[: found.start()]}{named} = "
+        changed = before + table + text[found.end(1) :]
         try:
             if tomllib.loads(changed) == wanted:
                 return changed

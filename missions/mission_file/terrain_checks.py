@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from missions.errors import MissionFileError
 from missions.ground.grid import Grid
 from missions.ground.terrain import FOLLOW_M, Relief
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
@@ -38,6 +39,15 @@ def faults(mission: Mission, grid: Grid) -> Iterator[str]:
             "fence around it, or take a terrain model (bare ground) if this is one of surfaces"
         )
     yield from _layers_apart(mission, relief)
+
+
+def refuse_unknown_ground(mission: Mission, source: str) -> None:
+    """Raise `MissionFileError` for a mission above ground that nobody has asked for yet."""
+    if mission.flight.height_above == "ground" and mission.ground is None:
+        raise MissionFileError(
+            f'{source}: terrain.source = "autopilot": only `uavmap fly` asks an ArduPilot for the '
+            'ground; here give terrain.dem = "FILE.tif"'
+        )
 
 
 def _into_the_ground(mission: Mission, relief: Relief) -> Iterator[str]:

@@ -27,6 +27,7 @@ NO_VELOCITY = 0x38
 NO_YAW = 0x400
 _FTP_NAK, _FTP_FAIL = 129, 1
 _READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
+_TERRAIN_READ_S = 1.0
 _UNASKED = 65535  # index of a parameter that nobody has asked for
 
 
@@ -48,6 +49,8 @@ class Interpreter:
         self._streams = streams
         self._telemetry = telemetry
         self._reads = 0
+        self._terrain_s: float | None = None
+        """When its terrain database has been read; nobody has asked for it yet."""
         self._transfer = self._make_transfer()
         self.autopilot_wire = Packer(system_id, AUTOPILOT)
         self.camera_wire = Packer(system_id, CAMERA)
@@ -61,6 +64,7 @@ class Interpreter:
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
             "PING": self._ping,
+            "TERRAIN_CHECK": self._terrain_check,
             "TIMESYNC": self._timesync,
             "FILE_TRANSFER_PROTOCOL": self._ftp,
             "HEARTBEAT": self._heartbeat,
@@ -107,6 +111,14 @@ class Interpreter:
 
     def _ours(self, message: Message) -> bool:
         return message.target_system in (0, self.system_id)
+
+    def _terrain_check(self, m: Message) -> bytes:
+        """What its terrain database knows of a place; it takes a moment to be read."""
+        now_s = self._ap.t_s
+        if self._terrain_s is None:
+            self._terrain_s = now_s + _TERRAIN_READ_S
+        loaded = now_s >= self._terrain_s
+        return self.autopilot_wire.pack(self._telemetry.terrain_report(m.lat, m.lon, loaded=loaded))
 
     # --- commands -------------------------------------------------------------------------------
 

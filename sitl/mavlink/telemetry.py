@@ -11,9 +11,10 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.ground.geodesy import LocalPlane
+from missions.units import LatLon
 from sitl.codec import fast_packing as layouts
 from sitl.codec.fast_packing import int16, int32, uint16
-from sitl.codec.wire import Packed
+from sitl.codec.wire import Message, Packed
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.modes import Mode, Phase
 
@@ -80,6 +81,8 @@ class Telemetry:
         self._wind = wind
         self.clock_rate = 1.0
         """Of the vehicle's clock, beside time."""
+        self.ground_m: Callable[[float, float], float] = lambda east_m, north_m: 0.0
+        """The height of the ground in the world's plane, as a terrain database has it."""
         self._boot_home = autopilot.home
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
@@ -132,6 +135,16 @@ class Telemetry:
             found = int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7)
             self._places[east_m, north_m] = found
         return found[0], found[1], int32((self._amsl_m + up_m) * 1000.0)
+
+    def terrain_report(self, lat_e7: int, lon_e7: int, *, loaded: bool) -> Message:
+        """TERRAIN_REPORT of a place; what is still to be loaded from the card has no spacing."""
+        if not loaded:
+            return mav.MAVLink_terrain_report_message(lat_e7, lon_e7, 0, 0.0, 0.0, 56, 0)
+        east, north = self._plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
+        ground_m = self.ground_m(east, north)
+        return mav.MAVLink_terrain_report_message(
+            lat_e7, lon_e7, 100, self._amsl_m + ground_m, self._ap.estimate.up - ground_m, 0, 504
+        )
 
     def heartbeat(self) -> Packed:
         """HEARTBEAT."""

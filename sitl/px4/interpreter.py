@@ -35,6 +35,7 @@ class Px4Interpreter(Interpreter):
         self._px4 = autopilot
         self._handlers["SET_POSITION_TARGET_LOCAL_NED"] = self._local_target
         del self._handlers["REQUEST_DATA_STREAM"]
+        del self._handlers["TERRAIN_CHECK"]
 
     def _make_transfer(self) -> Transfer:
         ap = self._ap

@@ -129,8 +129,8 @@ def run(options: argparse.Namespace) -> int:
         mission, flights = _of_mission(options, say)
     if mission.flight.height_above == "ground":
         raise UavmapError(
-            f'{options.source}: flight.height_above = "ground": a plan has heights above home, which '
-            "over ground that is not flat lead into it; fly it with `uavmap fly`"
+            f'{options.source}: flight.height_above = "ground": the heights of a plan are above '
+            "home, which leads into ground that is not flat; fly it with `uavmap fly`"
         )
     texts: dict[Path, str] = {}
     for flight in flights:

@@ -24,6 +24,7 @@ from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.flight import fly
+from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
 from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, SIM_EPOCH_UTC_S, FlightPlan
@@ -181,8 +182,9 @@ def run(options: argparse.Namespace) -> int:
     )
     plan.check_driver()
     cameras_of(plan.cameras, plan.mission())  # says what is wrong before a folder is made
-    folder = results_folder(options.out, mission.name)
     progress = Terminal()
+    plan = with_ground(plan, progress.say)
+    folder = results_folder(options.out, mission.name)
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
     preflight = Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
     code, summary = 0, None

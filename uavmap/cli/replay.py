@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
 from uavmap.cli.common import report, results_folder
 from uavmap.fly.progress import Terminal
@@ -45,6 +46,7 @@ def run(options: argparse.Namespace) -> int:
     """Replay."""
     source = load_source(options.mission)
     mission = source.parse()
+    refuse_unknown_ground(mission, source.source)
     images = Path(options.images)
     list_photos(images)  # say what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import JournalError, LinkError, OutputError, PreflightError
 from missions.events import Event, Recalled, Resumed
+from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
@@ -60,6 +61,7 @@ def fly(
     when the operator leaves before the end.
     """
     setting = plan.setting(progress.say)
+    refuse_unknown_ground(setting.mission, plan.mission_source)
     check_urls(plan.urls)
     for url in plan.forward:
         parse_url(url)

@@ -167,6 +167,9 @@ RULES: Final[Mapping[str, Rule]] = {
     "AUTOPILOT_VERSION": Rule(Sender.AUTOPILOT),
     "PARAM_VALUE": Rule(Sender.AUTOPILOT, check=_parameter),
     "TIMESYNC": Rule(Sender.ANY),  # who asked knows its own time again
+    "TERRAIN_REPORT": Rule(
+        Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("terrain_height", -500, 9000))
+    ),
     "MISSION_COUNT": Rule(Sender.AUTOPILOT, (Limit("count", 0, _MOST_ITEMS),)),
     "MISSION_REQUEST": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
     "MISSION_REQUEST_INT": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),

@@ -1,0 +1,64 @@
+"""The ground that an autopilot knows becomes the ground of a mission, before it flies."""
+
+from __future__ import annotations
+
+import pytest
+
+from missions.errors import LinkError, MissionFileError
+from missions.ground.grid import Grid
+from missions.units import GridPoint
+from sitl.mavlink.telemetry import Telemetry
+from tests.small_missions import START, mission_text, square
+from uavmap.fly.flight import fly
+from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.progress import Terminal
+from uavmap.record.flight_plan import FlightPlan
+
+GRID = Grid.at(START, 4.0)
+
+
+def plan(autopilot: str = "ardupilot") -> FlightPlan:
+    text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 100, 110), altitude_m=14.0)
+    text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
+    text += (
+        '\n[terrain]\nsource = "autopilot"\n'
+        f'[sim]\nautopilot = "{autopilot}"\n[sim.terrain]\nslope_percent = 10.0\n'
+        "rises_toward_deg = 90.0\n"
+    )
+    return FlightPlan("field.toml", text, None, None, 1, (), None, 0.0)
+
+
+def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it() -> None:
+    told: list[str] = []
+    surveyed = with_ground(plan(), told.append)
+    assert 'source = "autopilot"' not in surveyed.mission_text
+    ground = surveyed.mission().ground
+    assert ground is not None
+    assert ground.step_m == pytest.approx(10.0)
+    rise_m = ground.height_m(GridPoint(40.0, 0.0)) - ground.height_m(GridPoint(0.0, 0.0))
+    assert rise_m == pytest.approx(4.0, abs=0.05)
+    assert any("asks the autopilot for the ground at" in line for line in told)
+    assert with_ground(surveyed, told.append) is surveyed
+
+
+def test_without_its_answer_nothing_is_flown(tmp_path) -> None:
+    with pytest.raises(LinkError, match=r"a PX4 tells nobody of its terrain; give terrain.dem"):
+        _alone(lambda: with_ground(plan("px4"), lambda line: None))
+    with pytest.raises(MissionFileError, match=r"terrain.source"):
+        fly(plan(), tmp_path, Terminal())
+
+
+def test_ground_that_never_comes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    tell = Telemetry.terrain_report
+    monkeypatch.setattr(Telemetry, "terrain_report", lambda self, lat, lon, *, loaded: tell(
+        self, lat, lon, loaded=False))  # fmt: skip
+    with pytest.raises(LinkError, match=r"knows no ground at \d+ of \d+ places, and waits for 56"):
+        _alone(lambda: with_ground(plan(), lambda line: None))
+
+
+def _alone(call) -> None:
+    """What a task of a group raises, by itself."""
+    try:
+        call()
+    except* LinkError as group:
+        raise group.exceptions[0] from None
