@@ -12,6 +12,7 @@ region that drifts towards the vehicle takes its own speed from them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,6 +21,8 @@ from missions.mission_file.schema import AUTO, Mission
 
 LEAST_HEIGHT_M = 3.0
 """The least height of a layer above the pad of its vehicle."""
+CLIMB_M_S = 1.2
+"""Uphill and downhill: an ArduCopter and a PX4 descend at 1.5 m/s by their own parameters."""
 
 
 # --- height ----------------------------------------------------------------------------------
@@ -85,11 +88,14 @@ class SpeedLimits:
     """Above this a cell that is flown over may be wholly in fewer than `votes.frames` frames."""
     headway_m_s: float
     """What `flight.max_airspeed_m_s` leaves against `wind.speed_m_s`: faster no path is held."""
+    climb_m_s: float = math.inf
+    """Above this the steepest ground would be followed faster than vehicles climb and descend."""
 
     @property
     def least_m_s(self) -> float:
         """The lowest of them."""
-        return min(self.flight_m_s, self.blur_m_s, self.frames_m_s, self.headway_m_s)
+        pictures_m_s = min(self.blur_m_s, self.frames_m_s)
+        return min(self.flight_m_s, pictures_m_s, self.headway_m_s, self.climb_m_s)
 
     @property
     def reason(self) -> str:
@@ -98,6 +104,8 @@ class SpeedLimits:
             return "flight.speed_m_s"
         if self.least_m_s == self.headway_m_s:
             return "flight.max_airspeed_m_s, less wind.speed_m_s"
+        if self.least_m_s == self.climb_m_s:
+            return "the steepest ground"
         return "camera.max_blur_px" if self.least_m_s == self.blur_m_s else "votes.frames"
 
 
@@ -117,7 +125,13 @@ def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
         max(blur_m / camera.exposure_s - drift_m_s, 0.0),
         max((side_m - mission.grid.cell_m) / seen_s - drift_m_s, 0.0),
         headway_m_s(mission, mission.wind.speed_m_s),
+        _climb_limit_m_s(mission),
     )
+
+
+def _climb_limit_m_s(mission: Mission) -> float:
+    relief = None if mission.ground is None else mission.relief
+    return math.inf if relief is None or relief.steepest <= 0.0 else CLIMB_M_S / relief.steepest
 
 
 def headway_m_s(mission: Mission, wind_m_s: float) -> float:

@@ -20,8 +20,6 @@ TRACK_ERROR_M: Final = 0.3
 G_M_S2: Final = 9.81
 DRAG_1_S: Final = 0.25
 """Thrust by speed through the air of a quadcopter near 6 m/s, m/s^2 for each m/s."""
-CLIMB_M_S: Final = 1.2
-"""Uphill and downhill: an ArduCopter and a PX4 descend at 1.5 m/s by their own parameters."""
 LEAST_M_S: Final = 0.3
 """What cannot be mapped at this speed is not mapped without stopping."""
 
@@ -32,8 +30,6 @@ def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> 
     `wind_m_s` is the wind that was measured; that of the mission file counts where it is stronger.
     """
     most_m_s = min(MOST_M_S, headway_m_s(mission, wind_m_s))
-    if mission.ground is not None and mission.relief is not None and mission.relief.steepest > 0.0:
-        most_m_s = min(most_m_s, CLIMB_M_S / mission.relief.steepest)
     return max(LEAST_M_S, min(most_m_s, speed_limit_m_s(mission, height_m)))
 
 

@@ -130,7 +130,7 @@ def ground_figures(setting: Setting) -> dict[str, Any] | None:
         "lowest_m": round(relief.lowest_m, 1),
         "highest_m": round(relief.highest_m, 1),
         "steepest_percent": round(100.0 * relief.steepest, 1),
-        "off_if_flat_m": round(off_if_flat_m(mission, relief), 2),
+        "off_if_flat_m": round(off_if_flat_m(mission, relief), 1),
         "followed": setting.ground is not None,
     }
     if setting.ground is not None:
@@ -144,7 +144,8 @@ def ground_lines(setting: Setting) -> list[str]:
     """The same in words."""
     found = ground_figures(setting)
     if found is None:
-        return []
+        asked = setting.mission.terrain is not None
+        return ["ground: asked of the autopilot before take-off"] if asked else []
     lines = [
         f"ground in the fence: {found['lowest_m']:+g} to {found['highest_m']:+g} m from the start, "
         f"slopes up to {found['steepest_percent']:g} %; taken as flat, cells would be off by up to "

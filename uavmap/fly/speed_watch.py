@@ -40,6 +40,8 @@ class SpeedWatch:
         if now_s - self._begin_s < AFTER_S or left_m < soon_m or self._sent >= MOST:
             return ""
         flown_m_s = self._view.ground_speed_m_s
+        if self._view.ground is not None and flown_m_s < self._speed_m_s:
+            return ""  # over ground it flies to targets that lie near
         if abs(flown_m_s - self._speed_m_s) <= max(FAR_M_S, FAR_SHARE * self._speed_m_s):
             return ""
         self._begin_s = now_s
