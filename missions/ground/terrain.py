@@ -31,6 +31,8 @@ FOLLOW_M = 1.0
 farther away than the ground keeps within so much."""
 LEAST_AHEAD_M = 1.0
 """... but never nearer than this, however steep the ground is."""
+CLEAR_M = 5.0
+"""Who clears the ground by less climbs before it flies on."""
 _AHEAD_M = 60.0
 """A target on ground that is not flat is no farther away than this."""
 
@@ -116,6 +118,24 @@ class Terrain:
         if last == steps and reach_m == whole_m:
             return end, float(highest[-1])
         return GridPoint(float(east[last]), float(north[last])), float(highest[last])
+
+    def told(
+        self, here: GridPoint, above_m: float, target: GridPoint, height_m: float
+    ) -> tuple[GridPoint, float]:
+        """What a vehicle `above_m` above the ground is told on a leg to `target` at `height_m`.
+
+        A point, and a height above the ground there. Who is so low that it might not clear the
+        ground until there, as after a landing that was broken off, climbs before it flies on.
+
+        >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 10.0], [0.0, 10.0]]))
+        >>> slope.told(GridPoint(0.0, 0.0), 3.0, GridPoint(0.0, 9.0), 12.0)
+        (GridPoint(east_m=0.0, north_m=0.0), 12.0)
+        """
+        aim, highest_m = self.next_target(here, target)
+        here_m = self.height_m(here)
+        if above_m + here_m - highest_m < min(CLEAR_M, height_m - FOLLOW_M):
+            return here, height_m + highest_m - here_m
+        return aim, height_m + highest_m - self.height_m(aim)
 
     def within(self, area: BaseGeometry) -> Terrain:
         """The part of the lattice that holds an area; of what lies beyond it, its rim."""

@@ -369,8 +369,9 @@ class Driver:
         if self.obeys and ground is None:
             self.craft.aim(point, height_m)
         elif self.obeys and ground is not None:
-            aim, highest_m = ground.next_target(self.craft.believed, point)
-            self.craft.aim(aim, height_m + highest_m - ground.height_m(self.craft.home))
+            here, above_m = self.craft.believed, self.height_m
+            aim, aim_m = ground.told(here, above_m, point, height_m)
+            self.craft.aim(aim, aim_m + self.lift_m(aim))
 
     def _fly(self, order: FlyTo) -> None:
         final = len(self.way) <= 1 if order.cell is None else not self.way

@@ -94,6 +94,9 @@ class Fleet:
                 level_m=self._level_m(number, place),
                 rng=random.Random(self.seed * 31 + number),
             )  # fmt: skip
+            if self.setting.ground is not None:  # as is set before a flight
+                highest_m = mission.highest_ground_m - self.setting.ground.height_m(place)
+                craft.return_height_m = highest_m + mission.altitude_m(number - 1)
             self.vehicles[number] = craft
             self.drivers[number] = Driver(craft, self.around)
 

@@ -26,9 +26,7 @@ def aim_over_ground(
     """
     if view.ground is None:
         return target, height_m
-    terrain = view.ground.terrain
-    aim, highest_m = terrain.next_target(here, target)
-    return aim, height_m + highest_m - terrain.height_m(aim)
+    return view.ground.terrain.told(here, view.height_m, target, height_m)
 
 
 def at_height(view: VehicleView, height_m: float) -> bool:

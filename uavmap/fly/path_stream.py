@@ -194,11 +194,11 @@ class PathStream:
     def _highest_to(self, point: Setpoint) -> float:
         """The highest ground, above home, on the way to a place that is told ahead of its time."""
         view, here = self._view, self.course.at(self._reporter.now_s())
-        if view.ground is None or view.home is None:
+        if view.ground is None:
             return 0.0
         ground, end = view.ground, GridPoint(point.east_m, point.north_m)
         rise_m = float(ground.terrain.along(here.place, end).max()) - ground.terrain.height_m(end)
-        return ground.lift_m(end, view.home) + rise_m
+        return ground.lift_m(end, view.ground_home) + rise_m
 
     def _send_once(self) -> None:
         kind, now_s = self._view.kind, self._reporter.now_s()
@@ -206,7 +206,7 @@ class PathStream:
         order, height_m = self._flown_now(), self._flown_now().height_m
         if self._view.ground is not None:
             at = GridPoint(point.east_m, point.north_m)
-            height_m += self._view.ground.lift_m(at, self._view.home)
+            height_m += self._view.ground.lift_m(at, self._view.ground_home)
         self._session.send(self._message(point, order, height_m))
 
     def _flown_now(self) -> FlyPath:

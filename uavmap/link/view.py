@@ -81,6 +81,8 @@ class VehicleView:
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     whereabouts: Whereabouts = field(default_factory=Whereabouts)
     home: LatLon | None = None
+    ground_home: LatLon | None = None
+    """The home that `home_amsl_m` is of: the same, but for one that is moved in the air."""
     landed_state: int = 0
     prearm_ok: bool = False
     ekf_flags: int = 0
@@ -197,7 +199,7 @@ class VehicleView:
 
     def ground_m(self, place: LatLon) -> float:
         """How much higher the ground is there than at home; 0 where it is taken to be flat."""
-        return 0.0 if self.ground is None else self.ground.above_home_m(place, self.home)
+        return 0.0 if self.ground is None else self.ground.above_home_m(place, self.ground_home)
 
     @property
     def is_simulator(self) -> bool:
@@ -290,6 +292,8 @@ def _captured(view: VehicleView, message: Message, now_s: float, component: int)
 
 def _home(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.home = LatLon(message.latitude / 1e7, message.longitude / 1e7)
+    if view.ground_home is None or not (view.kind.amsl and view.off_ground):
+        view.ground_home = view.home
 
 
 def _sys_status(view: VehicleView, message: Message, now_s: float, component: int) -> None:
