@@ -97,7 +97,8 @@ def highest_above_m(setting: Setting, home: LatLon) -> float:
     if setting.ground is None:
         return 0.0
     home_m = setting.ground.height_m(setting.grid.fixed(home))
-    return max(setting.mission.highest_ground_m - home_m, 0.0)
+    above_m = max(setting.mission.highest_ground_m - home_m, 0.0)
+    return math.ceil(above_m * 10.0 - 1e-6) / 10.0
 
 
 def _parameters(
