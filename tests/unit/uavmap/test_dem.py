@@ -11,10 +11,12 @@ from pyproj import Transformer
 
 from missions.errors import MissionFileError
 from missions.ground.grid import Grid
-from missions.units import GridPoint
+from missions.state import Setting
+from missions.units import GridPoint, Pose, Quaternion
 from tests.small_missions import START, mission_text, square
 from uavmap.cli import main
 from uavmap.mission_source import load_source
+from uavmap.offline.above_ground import above_ground
 
 rasterio = pytest.importorskip("rasterio")
 
@@ -131,3 +133,22 @@ def test_files_that_are_no_geotiff_are_refused_in_a_line(tmp_path, capsys, monke
     assert "install uavmap[geo]" in refused(tmp_path)
     assert main(["check", str(tmp_path / "field.toml")]) == 2
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_photographs_are_read_from_their_height_above_the_ground_below(tmp_path):
+    geotiff(tmp_path / "dem.tif")
+    setting = Setting.of(load_source(str(mission_file(tmp_path))).parse())
+    place = GridPoint(30.0, 40.0)
+    taken = Pose(GRID.position(place), 50.0, Quaternion.from_euler(0.0, -math.pi / 2, 0.0))
+    told = above_ground(taken, setting)
+    assert told.height_m == pytest.approx(50.0 - ground_m(30.0, 40.0), abs=0.1)
+    level = Setting.of(load_source(str(mission_file(tmp_path, above="home"))).parse())
+    assert above_ground(taken, level) is taken
+
+
+def test_plans_for_ground_stations_are_refused(tmp_path, capsys):
+    geotiff(tmp_path / "dem.tif")
+    plan = tmp_path / "x.plan"
+    assert main(["export", str(mission_file(tmp_path)), "--plan", str(plan)]) == 2
+    assert "heights of a plan are above home" in capsys.readouterr().err
+    assert not plan.exists()

@@ -47,7 +47,8 @@ def test_over_level_ground_it_is_the_homography():
             frame, GRID, detector, share=0.3, view=view, margin_m=0.3, terrain=terrain(0.0)
         )
         shares = {v.cell: v.share for v in found}
-        assert [v.cell for v in known] == list(shares) if view == "cross" else True
+        if view == "cross":
+            assert [v.cell for v in known] == list(shares)
         common = [v for v in known if v.cell in shares]
         assert len(common) >= 0.9 * len(known)
         assert [shares[v.cell] for v in common] == pytest.approx(
