@@ -82,6 +82,7 @@ CLIMB_TOLERANCE_M = 0.4
 STOP_M = 0.7
 PASS_M = 2.0
 CORNER_M = 2.0
+BRISK_M_S = 1.0
 LEAP_M = 8.0
 """A position that leaps farther is noticed."""
 SLOW_M_S = 0.5
@@ -92,7 +93,7 @@ LEAST_WINDS = 7
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
-COMMANDS = (TakeOff, Look, Land, ReturnToLaunch)
+COMMANDS = (TakeOff, Look, Land)
 """Orders that end with a command which must be acknowledged; a leg is asked for again and again."""
 
 
@@ -164,6 +165,7 @@ class Driver:
     misplaced: bool = False
     """A frame was judged while satellite navigation was off by more than half a cell."""
     corners: list[GridPoint] | None = None
+    stops: bool = False
     """Where to turn on the way home after the mission has failed; None before."""
     fail_in_s: float = math.inf
     """The present order fails after so long."""
@@ -223,10 +225,10 @@ class Driver:
             return
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
         self.swaps, self.waited_s = 0, 0.0
-        self.way = self._points(order)
+        self.way, self.corners = self._points(order), None
         t_s = self.around.now_s
         if isinstance(order, ReturnToLaunch):
-            self.guard = self.guard.acting("rtl", t_s)
+            self.bring_home()  # the guardian's, from now on
         elif isinstance(order, AwaitBattery):
             self.guard = self.guard.released()
         else:
@@ -294,8 +296,6 @@ class Driver:
             craft.take_off(order.height_m)
         elif isinstance(order, Land):
             craft.switch("land")
-        elif isinstance(order, ReturnToLaunch):
-            craft.switch("rtl")
         elif isinstance(order, Hold) and craft.armed:
             if craft.streamed is not None:
                 craft.brake()
@@ -305,6 +305,8 @@ class Driver:
     def carry_out(self, dt_s: float) -> None:
         """Go on with the present order."""
         order = self.order
+        if self.corners is not None and not self.overridden:
+            self.bring_home()
         if order is None or isinstance(order, StandDown) or self.overridden:
             return
         self.clock_s += dt_s
@@ -568,23 +570,33 @@ class Driver:
         return self.craft.flying and not self.overridden and not self.given_up
 
     def bring_home(self) -> None:
-        """The mission has failed: by the corners of the fence, then its autopilot returns."""
+        """By the corners of the fence, as far as it takes targets; then its autopilot returns."""
         craft, t_s, way = self.craft, self.around.now_s, self.corners
         if self.guard.action is not None:
             return
         if way is None:
             self.order = self.course = None
-            way = list(corners_home(self.around.limits.fence, self.position, rounded(craft.home)))
-            self.corners = way
+            way = self.corners = self._corners()
+            self.stops = bool(way) and craft.ground_speed_m_s > BRISK_M_S
+            if self.stops:  # who flies fast flies on for a while, perhaps over a corner
+                way[:] = [self.position]
             self._turn(way)
-        if way and craft.mode == "follow":
+        if way and craft.mode == "follow" and "FlyTo" not in self.refuses:
             self._aim(way[0], self.guard.task.height_m)
-            if self.position.distance_to(way[0]) <= CORNER_M:
+            if self.stops and craft.ground_speed_m_s <= BRISK_M_S:
+                self.stops, way[:] = False, self._corners()
+                self._turn(way)
+            elif not self.stops and self.position.distance_to(way[0]) <= CORNER_M:
                 way.pop(0)
                 self._turn(way)
         else:
+            self.corners = None
             self.guard = self.guard.acting("rtl", t_s)
             self._insist()
+
+    def _corners(self) -> list[GridPoint]:
+        home = rounded(self.craft.home)
+        return list(corners_home(self.around.limits.fence, self.position, home))
 
     def _turn(self, way: list[GridPoint]) -> None:
         """The next corner on the way home."""

@@ -320,7 +320,7 @@ def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
         case Phase.GUARDED:
             sinks = craft.target_height_m < craft.height_m
             hovers = craft.mode == "follow" and not sinks and driver.obeys and not driver.refuses
-            hovers = hovers and not theirs
+            hovers = hovers and not theirs and driver.corners is None  # it flies to one of them
             return "guarded, but it hovers" if hovers else ""
         case Phase.YIELDED:
             return "" if theirs or craft.mode != "follow" else "yielded, but nobody has it"

@@ -50,6 +50,8 @@ PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 CORNER_M: Final = 2.0
 """A corner of the way around a fence is turned so near to it."""
+BRISK_M_S: Final = 1.0
+"""Who is slower than this turns on the spot."""
 CORNER_S: Final = 5.0
 """To get going towards one, and to come to rest there."""
 PAUSE_S: Final = 0.1
@@ -323,6 +325,19 @@ class Guardian:
         in_air = self._monitor.was_airborne and not self._guard.down
         return in_air and not self._monitor.overridden
 
+    def return_home(self, reason: str) -> None:
+        """Have its autopilot return, from where home lies straight ahead."""
+        if self._tasks is None or not self._corners():
+            self.take_over("rtl", reason)
+            return
+
+        async def around() -> None:
+            await self._turn_corners(reason)
+            if self.responsible and not self.acting:
+                self.take_over("rtl", reason)
+
+        self._tasks.create_task(around())
+
     async def bring_home(self, reason: str) -> None:
         """Return a vehicle that is in the air, and wait until it is down or a pilot has it.
 
@@ -339,24 +354,32 @@ class Guardian:
 
         Watched by the same rules as ever: what goes wrong ends in its autopilot's return.
         """
-        reporter, height_m = self._reporter, self._view.height_m
-        if self.acting or not self._flies_for_us():
-            return
-        fence, energy = self._limits.fence, self._limits.energy
-        corners = corners_home(fence, reporter.position(), reporter.home())
-        if not corners:
+        reporter, height_m, energy = self._reporter, self._view.height_m, self._limits.energy
+        if not self._corners():
             return
         self._tell(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
         self.stand_aside()
         kind = self._view.kind
         # on a path it is in the mode of streams, which is ours until it has changed
         self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
-        for corner in corners:
+        here = reporter.position()
+        if self._view.ground_speed_m_s > BRISK_M_S:
+            # who flies fast flies on for a while, perhaps over a corner
+            self.told(self._towards(here, here, height_m, CORNER_S))
+            if not await self._reach(here, height_m, slow=True):
+                return
+        for corner in self._corners():
             here = reporter.position()
             leg_s = energy.leg_s(here.distance_to(corner)) + CORNER_S
             self.told(self._towards(here, corner, height_m, leg_s))
             if not await self._reach(corner, height_m):
                 return
+
+    def _corners(self) -> tuple[GridPoint, ...]:
+        """Where to turn until home lies straight ahead, if it flies to where it is told."""
+        if self.acting or not self._flies_for_us():
+            return ()
+        return corners_home(self._limits.fence, self._reporter.position(), self._reporter.home())
 
     def _towards(
         self, here: GridPoint, corner: GridPoint, height_m: float, estimate_s: float
@@ -367,10 +390,12 @@ class Guardian:
             estimate_s=estimate_s, name="way home",
         )  # fmt: skip
 
-    async def _reach(self, corner: GridPoint, height_m: float) -> bool:
-        """Fly to a corner; False if that ends, or is refused, before it is there."""
+    async def _reach(self, corner: GridPoint, height_m: float, *, slow: bool = False) -> bool:
+        """Fly to a corner, or, `slow`, only come to rest; False if that ends, or is refused."""
 
         def there() -> bool:
+            if slow:
+                return self._view.ground_speed_m_s <= BRISK_M_S
             return self._reporter.position().distance_to(corner) <= CORNER_M
 
         def over() -> bool:

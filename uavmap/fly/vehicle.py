@@ -185,7 +185,7 @@ class MavlinkVehicle:
             return
         self._order = order
         if isinstance(order, ReturnToLaunch):
-            self.guardian.take_over("rtl", "its way home cannot be flown as planned")
+            self.guardian.return_home("its way home cannot be flown as planned")
             return
         self._task = self._tasks.create_task(self._carry_out(order))
 

@@ -22,7 +22,7 @@ from missions.events import (
 )
 from missions.mission_file.schema import Mission
 from missions.motion.trajectory import rounded_path
-from missions.orders import FlyPath, FlyTo, Hold, Land, Sweep, TakeOff
+from missions.orders import FlyPath, FlyTo, Hold, Land, ReturnToLaunch, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from tests.small_missions import square
@@ -109,6 +109,30 @@ def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it
         "vehicle 1: the disk is full; it is told to return by its autopilot",
     ]
     assert not flight.seen(Overridden)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_an_order_to_return_by_itself_is_carried_out_around_a_hole(autopilot: str) -> None:
+    nearest_m: list[float] = []
+    hole = Polygon([tuple(corner) for corner in HOUSE])
+
+    async def body(flight: Flight) -> None:
+        await behind_the_house(flight)
+        flight.driver.give(ReturnToLaunch())
+
+        def watch() -> bool:
+            at = flight.setting.grid.fixed(flight.vehicle.truth.position)
+            nearest_m.append(float(hole.distance(Point(at))))
+            return flight.vehicle.truth.landed
+
+        await flight.until(watch, within_s=200.0)
+
+    flight = fly(body, beside_a_house(autopilot))
+    assert min(nearest_m) > 0.5
+    assert [line.rpartition("; ")[2] for line in flight.said] == [
+        "it is flown home around the fence",
+        "it is told to return by its autopilot",
+    ]
 
 
 def test_a_pilot_who_takes_it_on_the_way_around_keeps_it() -> None:
