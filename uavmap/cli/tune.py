@@ -13,6 +13,7 @@ from rich.table import Table
 from uavmap.cli.common import make_folder, number_type, overwrite_nothing, seed_number
 from uavmap.fly.progress import PipeConsole, Terminal
 from uavmap.offline.tune.run import FILES, Wishes, tune
+from uavmap.offline.tune.selection import KINDS, SETS
 
 _EXAMPLES = """\
 examples:
@@ -61,6 +62,12 @@ def add_parser(commands: Any) -> None:
         help="the edge of a map's cell in a picture of that width (default 25)",
     )
     parser.add_argument(
+        "--model", choices=KINDS, help="logistic, trees or the mean of both (default: what is best)"
+    )
+    parser.add_argument(
+        "--features", choices=tuple(SETS), help="what to judge by (default: what is best)"
+    )
+    parser.add_argument(
         "--seed", metavar="S", type=seed_number, default=0, help="of the samples (default 0)"
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
@@ -72,7 +79,13 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out)
     overwrite_nothing(out, FILES)
     make_folder(out)
-    wishes = Wishes(options.seed, options.width, options.cell_px)
+    wishes = Wishes(
+        options.seed,
+        options.width,
+        options.cell_px,
+        (options.model,) if options.model else KINDS,
+        (options.features,) if options.features else tuple(SETS),
+    )
     report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().say)
     if options.json:
         json.dump(report, sys.stdout, indent=2)

@@ -29,7 +29,7 @@ from uavmap.offline.tune.training import Scale, need_learner
 from uavmap.results.atomic import write_bytes, write_text
 from uavmap.results.summary import encode
 from uavmap.toml_text import toml_text
-from vision.detectors.features import features
+from vision.detectors.features import described_shape, features
 from vision.detectors.learned import LearnedDetector
 from vision.detectors.learned_model import Model, model_bytes
 
@@ -218,7 +218,7 @@ def _draw(
     folder.mkdir(exist_ok=True)
     for example, share in zip(examples, choice.shares, strict=True):
         rows, columns = example.picture.shape[:2]
-        small = share.reshape(rows // 4, columns // 4)
+        small = share.reshape(described_shape(rows, columns))
         whole = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_LINEAR)
         drawn = example.picture.copy()
         _outline(drawn, example.region & example.known, _GREEN)

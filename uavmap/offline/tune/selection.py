@@ -6,6 +6,7 @@ variant. What is chosen, calibrated and reported comes from these judgements alo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -29,7 +30,8 @@ SETS: Final[Mapping[str, tuple[str, ...]]] = {
 """Sets of features; the first is the default."""
 KINDS: Final = ("both", "logistic", "trees")
 """`both`: the mean of the other two; it is the default."""
-_BETTER: Final = 0.02  # of IoU: less is within what few pictures can tell
+_BETTER: Final = 0.02  # of IoU: what a candidate must be better by than the default
+_ERRORS: Final = 2.0  # and by so many standard errors over the pictures, for few can mislead
 _PLATEAU: Final = 0.01  # thresholds that are as good as the best by this; the middle is taken
 _FOLDS: Final = 5
 _LIMITS: Final = (0.2, 0.8)
@@ -118,13 +120,13 @@ def choose(
     best: Choice | None = None
     tried: dict[str, float] = {}
     for features in sets:
-        logits = _judged(pictures, features, scale, seed)
+        logits = _judged(pictures, features, scale, seed, kinds)
         for kind in kinds:
             found = _calibrated(pictures, logits[kind], kind, features, cell)
             iou = _iou(pictures, found.shares, found.threshold)
             tried[f"{kind}, {features}"] = round(iou, 4)
             say(f"{kind} on {features}: IoU {iou:.3f}")
-            if best is None or iou > tried[f"{best.kind}, {best.features}"] + _BETTER:
+            if best is None or _clearly_better(pictures, found, best):
                 best = found
     assert best is not None
     return Choice(
@@ -134,15 +136,17 @@ def choose(
 
 
 def _judged(
-    pictures: Sequence[Picture], features: str, scale: Scale, seed: int
+    pictures: Sequence[Picture], features: str, scale: Scale, seed: int, kinds: Sequence[str]
 ) -> dict[str, list[list[Array]]]:
     """By kind, the logits of each version of each picture, by a model that has not seen it."""
     names = SETS[features]
     rows = [FEATURES.index(name) for name in names]
     found: dict[str, list[list[Array]]] = {kind: [[] for _ in pictures] for kind in KINDS}
     for learned_from, judged in folds(len(pictures)):
-        parts = fitted([pictures[i] for i in learned_from], names, scale, "both", seed)
-        by_kind = {"both": parts, "logistic": parts[:1], "trees": parts[1:]}
+        kind = kinds[0] if len(kinds) == 1 else "both"
+        parts = fitted([pictures[i] for i in learned_from], names, scale, kind, seed)
+        halves = {"both": parts, "logistic": parts[:1], "trees": parts[1:]}
+        by_kind = {kind: parts} if len(kinds) == 1 else halves
         for kind, some in by_kind.items():
             scorer = Scorer(Model(features=names, parts=some))
             for i in judged:
@@ -221,6 +225,18 @@ def _middle(score: Callable[[float], float]) -> float:
 def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
     pairs = zip(pictures, shares, strict=True)
     return total([_counts(picture.plain, share, least) for picture, share in pairs]).iou
+
+
+def _clearly_better(pictures: Sequence[Picture], one: Choice, other: Choice) -> bool:
+    """Whether the gain over the pictures is larger than what their differences explain."""
+    gains = np.array(
+        [
+            _counts(p.plain, a, one.threshold).iou - _counts(p.plain, b, other.threshold).iou
+            for p, a, b in zip(pictures, one.shares, other.shares, strict=True)
+        ]
+    )
+    error = float(gains.std(ddof=1)) / math.sqrt(len(gains))
+    return float(gains.mean()) > max(_BETTER, _ERRORS * error)
 
 
 def _counts(one: Described, share: Array, least: float) -> Counts:
