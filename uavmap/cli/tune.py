@@ -10,13 +10,16 @@ from typing import Any
 
 from rich.table import Table
 
+from missions.errors import OutputError
 from uavmap.cli.common import make_folder, number_type, overwrite_nothing, seed_number
 from uavmap.fly.progress import PipeConsole, Terminal
+from uavmap.offline.tune.paint import paint
 from uavmap.offline.tune.run import FILES, Wishes, tune
 from uavmap.offline.tune.selection import KINDS, SETS
 
 _EXAMPLES = """\
 examples:
+  uavmap tune photos/ --paint --examples painted/ --out my-field      paint, then learn
   uavmap tune photos/ --examples painted/ --out my-field
   uavmap tune photos/ --examples region.geojson --out my-field
   uavmap replay photos/ --mission field.toml --detector my-field
@@ -46,7 +49,12 @@ def add_parser(commands: Any) -> None:
         required=True,
         help="a folder of masks NAME.png, or of polygons *.geojson, or one such file",
     )
-    parser.add_argument("--out", metavar="DIR", required=True, help="folder for the detector")
+    parser.add_argument("--out", metavar="DIR", help="folder for the detector")
+    parser.add_argument(
+        "--paint",
+        action="store_true",
+        help="first paint masks into the folder of --examples, on a page of this computer",
+    )
     parser.add_argument(
         "--width",
         metavar="PX",
@@ -76,6 +84,12 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune."""
+    if options.paint:
+        paint(Path(options.images), Path(options.examples), options.width, Terminal().say)
+        if options.out is None:
+            return 0
+    if options.out is None:
+        raise OutputError("--out is missing; name a folder for the detector")
     out = Path(options.out)
     overwrite_nothing(out, FILES)
     make_folder(out)
