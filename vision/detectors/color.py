@@ -68,14 +68,17 @@ class ColorDetector:
     def _nearest(
         self, lab: NDArray[np.float32], colors: Sequence[Sequence[int]]
     ) -> NDArray[np.float32]:
-        """The distance of each pixel to the nearest of the colours."""
+        """The distance of each pixel to the nearest of the colours.
+
+        |pixel - sample|^2 is |pixel|^2 + |sample|^2 - 2 pixel . sample: a product of matrices.
+        """
         weights = np.array([self.lightness, 1.0, 1.0], np.float32)
-        samples = _lab(np.array([[color[::-1] for color in colors]], np.uint8))[0]
-        best = np.full(lab.shape[:2], np.inf, np.float32)
-        for sample in samples:
-            squares = ((lab - sample) * weights) ** 2
-            np.minimum(best, squares.sum(axis=2), out=best)
-        return np.sqrt(best)
+        samples = _lab(np.array([[color[::-1] for color in colors]], np.uint8))[0] * weights
+        pixels = lab.reshape(-1, 3) * weights
+        away = (samples * samples).sum(axis=1)[:, None] - 2.0 * (samples @ pixels.T)
+        squares = away.min(axis=0) + np.einsum("ij,ij->i", pixels, pixels)
+        near = np.sqrt(np.maximum(squares, 0.0)).reshape(lab.shape[:2])
+        return np.asarray(near, np.float32)
 
 
 def _lab(image: NDArray[Any]) -> NDArray[np.float32]:

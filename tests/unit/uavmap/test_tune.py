@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +13,20 @@ from PIL import Image
 
 from missions.errors import ImageError, MissionFileError
 from missions.units import LatLon
+from tests.benchmarks import brighton
+from tests.benchmarks.detectors import judged
 from tests.small_missions import START, ring, square
 from tests.unit.uavmap.test_replay import GEOD, GRID, HEIGHT, ROI, UP_M, WIDTH, paint, painted
 from uavmap.cli import main
 from uavmap.mission_source import load_source
 from uavmap.offline.tune.examples import Example, load_examples
-from uavmap.offline.tune.run import DETECTOR, MODEL, OVERLAYS, REPORT
+from uavmap.offline.tune.metrics import total
+from uavmap.offline.tune.run import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
 from uavmap.offline.tune.samples import variants
 from uavmap.offline.tune.selection import folds
 from uavmap.offline.tune.training import fit_trees
 from uavmap.results.model import NOT_ROI
+from vision.detectors.learned import LearnedDetector
 from vision.detectors.learned_model import Model, Scorer, model_bytes, read_model
 
 WIDE = 320
@@ -227,3 +232,24 @@ def test_no_picture_is_on_both_sides(count: int) -> None:
         assert len(learned_from) + len(out) == count
         judged += out
     assert sorted(judged) == list(range(count))
+
+
+def test_without_the_learner_the_extra_is_named(
+    tuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    arguments = ["tune", str(tuned / "images"), "--examples", str(tuned / "region.geojson")]
+    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
+    assert "install uavmap[tune]" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")
+def test_three_real_photographs_teach_the_road_in_others() -> None:
+    names = brighton.names()
+    painted = brighton.examples([names[i] for i in (2, 7, 12)])
+    wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
+    model, choice, _ = learned(painted, [], wishes, lambda _: None)
+    detector = LearnedDetector(model)
+    others = brighton.examples([names[i] for i in (0, 5, 10, 15)])
+    cells = total([judged(detector, example, choice.share)[1] for example in others])
+    assert cells.iou > 0.62
