@@ -117,9 +117,7 @@ def look(
         wanted = _shown_whole(matrix, grid, frame, below, margin_m)
     if not wanted:
         return ()
-    calibrated = detector.calibrated
-    marks = detector.probability(frame.image) if calibrated else detector.mask(frame.image)
-    shares = _shares(marks, matrix, grid, wanted)
+    shares = _shares(_marks(detector, frame), matrix, grid, wanted)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
 
 
@@ -143,8 +141,13 @@ def _look_over(
         wanted = seen.shown_whole(below, reach, margin_m)
     if not wanted:
         return ()
-    shares = seen.shares(detector.mask(frame.image), wanted, SEEN_SHARE)
+    shares = seen.shares(_marks(detector, frame), wanted, SEEN_SHARE)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
+
+
+def _marks(detector: Detector, frame: Frame) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """What a cell's share is counted from: a calibrated probability, else the mask."""
+    return detector.probability(frame.image) if detector.calibrated else detector.mask(frame.image)
 
 
 def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
