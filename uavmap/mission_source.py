@@ -11,9 +11,15 @@ from missions.errors import MissionFileError
 from missions.mission_file.checks import STRATEGIES, parse_mission
 from missions.mission_file.schema import Mission
 from uavmap.dem import with_terrain
+from uavmap.detector_source import (
+    check_detector,
+    detector_of_section,
+    known_detectors,
+    with_detector,
+    with_model,
+)
 from uavmap.prior_file import with_prior
 from uavmap.text_files import read_text
-from vision.detectors import detector_names
 
 LARGEST_BYTES: Final = 4_000_000
 
@@ -27,9 +33,14 @@ class MissionSource:
 
     def parse(self) -> Mission:
         """The checked mission. Raises `MissionFileError`."""
-        return parse_mission(
-            self.text, self.source, strategies=STRATEGIES, detectors=tuple(detector_names())
+        mission = parse_mission(
+            self.text, self.source, strategies=STRATEGIES, detectors=known_detectors()
         )
+        try:
+            check_detector(mission.detector)
+        except MissionFileError as error:
+            raise MissionFileError(f"{self.source}: {error}") from None
+        return mission
 
 
 def shipped_missions() -> list[str]:
@@ -38,16 +49,30 @@ def shipped_missions() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir())
 
 
-def load_source(name: str) -> MissionSource:
+def load_source(name: str, detector: str | None = None) -> MissionSource:
     """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
 
     A GeoJSON file that `search.prior` names, beside the mission file, and the ground of the GeoTIFF
-    that `terrain.dem` names are written into the text.
+    that `terrain.dem` names are written into the text, and so is the checksum of the model that
+    `detector.model` names. A `detector` (a folder of `uavmap tune`) takes the place of the
+    mission's own; what it is made of is read once, to say what is wrong with it before anything
+    begins.
     """
+    found = _found(name, detector)
+    section = found.parse().detector
+    try:
+        if section.model is not None:
+            detector_of_section(section)
+    except MissionFileError as error:
+        raise MissionFileError(f"{name}: {error}") from None
+    return found
+
+
+def _found(name: str, detector: str | None) -> MissionSource:
     path = Path(name)
     if not path.suffix and name in shipped_missions() and not path.exists():
         text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
-        return MissionSource(name, text)
+        return MissionSource(name, _judged_by(text, name, Path(), detector))
     try:
         text = read_text(path, LARGEST_BYTES)
     except OSError as error:
@@ -58,4 +83,12 @@ def load_source(name: str) -> MissionSource:
     except UnicodeDecodeError:
         raise MissionFileError(f"{name}: not a text file in UTF-8") from None
     text = with_prior(text, name, path.parent)
-    return MissionSource(name, with_terrain(text, name, path.parent))
+    text = with_terrain(text, name, path.parent)
+    return MissionSource(name, _judged_by(text, name, path.parent, detector))
+
+
+def _judged_by(text: str, name: str, folder: Path, detector: str | None) -> str:
+    """The text with its detector's files, or those of another."""
+    if detector is not None:
+        text = with_detector(text, name, Path(detector))
+    return with_model(text, name, folder)

@@ -11,10 +11,18 @@ from pathlib import Path
 def read_text(path: Path, most_bytes: int) -> str:
     """The text of a file in UTF-8, with or without a mark at its beginning.
 
+    Raises `OSError` as `read_bytes` does; `UnicodeDecodeError` for what is no text.
+    """
+    return read_bytes(path, most_bytes).decode("utf-8-sig")
+
+
+def read_bytes(path: Path, most_bytes: int) -> bytes:
+    """What is in a file.
+
     A device is not even opened: `/dev/zero` has no end, and a pipe may have none.
 
     Raises `OSError`, with a `strerror` for people, for what cannot be read, is no ordinary file or
-    is too large; `UnicodeDecodeError` for what is no text.
+    is too large.
     """
     found = path.stat()
     if stat.S_ISDIR(found.st_mode):
@@ -25,4 +33,4 @@ def read_text(path: Path, most_bytes: int) -> str:
         data = file.read(most_bytes + 1)  # files in /proc have no size
     if len(data) > most_bytes:
         raise OSError(errno.EFBIG, f"larger than {most_bytes // 1_000_000} MB")
-    return data.decode("utf-8-sig")
+    return data

@@ -52,7 +52,8 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What one frame says of one cell; `share` is the part of its pixels that is ROI, 0 to 1."""
+    """What one frame says of one cell; `share` is the part of it that is ROI, 0 to 1: of its
+    pixels, those in the mask; of a calibrated detector, their mean probability."""
 
     cell: Cell
     positive: bool
@@ -116,7 +117,7 @@ def look(
         wanted = _shown_whole(matrix, grid, frame, below, margin_m)
     if not wanted:
         return ()
-    shares = _shares(detector.mask(frame.image), matrix, grid, wanted)
+    shares = _shares(_marks(detector, frame), matrix, grid, wanted)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
 
 
@@ -140,8 +141,13 @@ def _look_over(
         wanted = seen.shown_whole(below, reach, margin_m)
     if not wanted:
         return ()
-    shares = seen.shares(detector.mask(frame.image), wanted, SEEN_SHARE)
+    shares = seen.shares(_marks(detector, frame), wanted, SEEN_SHARE)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
+
+
+def _marks(detector: Detector, frame: Frame) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """What a cell's share is counted from: a calibrated probability, else the mask."""
+    return detector.probability(frame.image) if detector.calibrated else detector.mask(frame.image)
 
 
 def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
@@ -167,9 +173,15 @@ def _shown_whole(
 
 
 def _shares(
-    mask: NDArray[np.uint8], matrix: NDArray[np.float64], grid: Grid, cells: tuple[Cell, ...]
+    marks: NDArray[np.uint8] | NDArray[np.float32],
+    matrix: NDArray[np.float64],
+    grid: Grid,
+    cells: tuple[Cell, ...],
 ) -> list[float]:
-    """The part of each cell that is ROI; -1 for a cell too little of which is in the picture."""
+    """The part of each cell that is ROI; -1 for a cell too little of which is in the picture.
+
+    `marks` is a mask (uint8) or a probability (float32).
+    """
     west, east = min(c.east for c in cells), max(c.east for c in cells)
     south, north = min(c.north for c in cells), max(c.north for c in cells)
     across, along = east - west + 1, north - south + 1
@@ -183,16 +195,20 @@ def _shares(
         ]
     )
     block = cv2.warpPerspective(
-        mask,
+        marks,
         matrix @ ground_of_sample,
         (across * samples, along * samples),
         flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_CONSTANT,
-        borderValue=(_OUTSIDE,),
+        borderValue=(_OUTSIDE,),  # no mask and no probability has this value
     )
     by_cell = block.reshape(along, samples, across, samples)
-    seen = np.count_nonzero(by_cell != _OUTSIDE, axis=(1, 3))
-    roi = np.count_nonzero(by_cell == 255, axis=(1, 3))
+    inside = by_cell != _OUTSIDE
+    seen = np.count_nonzero(inside, axis=(1, 3))
+    if marks.dtype == np.uint8:
+        roi = np.count_nonzero(by_cell == 255, axis=(1, 3)).astype(np.float64)
+    else:
+        roi = by_cell.sum(axis=(1, 3), where=inside, dtype=np.float64)
     shares = []
     for cell in cells:
         at = (north - cell.north, cell.east - west)

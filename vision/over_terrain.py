@@ -80,11 +80,15 @@ class OverTerrain:
         )
 
     def shares(
-        self, mask: NDArray[np.uint8], cells: tuple[Cell, ...], seen_share: float
+        self,
+        marks: NDArray[np.uint8] | NDArray[np.float32],
+        cells: tuple[Cell, ...],
+        seen_share: float,
     ) -> list[float]:
         """The part of each cell that is ROI; -1 for a cell too little of which is in the picture.
 
-        `mask` holds 0 and 255. All cells lie in front of the camera.
+        `marks` is a mask (uint8, 0 and 255) or a probability (float32, 0 to 1). All cells lie
+        in front of the camera.
         """
         corners = np.array([self._grid.corners_of(cell) for cell in cells], dtype=np.float64)
         pixels, _ = self.project(corners)
@@ -93,14 +97,18 @@ class OverTerrain:
         for quad in pixels.astype(np.float32):
             to_pixel = cv2.getPerspectiveTransform(square, quad)
             part = cv2.warpPerspective(
-                mask,
+                marks,
                 to_pixel,
                 (SAMPLES, SAMPLES),
                 flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_CONSTANT,
                 borderValue=(_OUTSIDE,),
             )
-            seen = int(np.count_nonzero(part != _OUTSIDE))
-            roi = int(np.count_nonzero(part == 255))
+            inside = part != _OUTSIDE
+            seen = int(np.count_nonzero(inside))
+            if marks.dtype == np.uint8:
+                roi = float(np.count_nonzero(part == 255))
+            else:
+                roi = float(part.sum(where=inside, dtype=np.float64))
             found.append(roi / seen if seen >= seen_share * SAMPLES * SAMPLES else -1.0)
         return found

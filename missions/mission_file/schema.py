@@ -32,6 +32,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from missions.errors import MissionFileError
 from missions.ground.footprint import Optics
 from missions.ground.terrain import Relief, Terrain
+from missions.mission_file.detector_section import DetectorSection
 from missions.mission_file.fields import (
     Count,
     Degrees,
@@ -226,22 +227,6 @@ class CameraSection(Section):
     def optics(self) -> Optics:
         """The pinhole that is reckoned with."""
         return Optics(math.radians(self.hfov_deg), self.width_px, self.height_px)
-
-
-class DetectorSection(Section):
-    """The classifier of section 7 and its parameters."""
-
-    name: str = "threshold"
-    intensity: Annotated[Count, Field(ge=0, le=255)] = 150
-    dilations: Annotated[Count, Field(ge=0, le=100)] = 7
-    polarity: Literal["dark", "bright"] = "dark"
-    greenness: Annotated[float, Field(ge=0, le=1)] = 0.04
-    """Of the detector `paved`: what is greener than this grows."""
-    share: Annotated[Number, Field(gt=0, le=1)] = 0.3
-    """A cell is seen as ROI from this share of its pixels on."""
-    view: Literal["cross", "all"] = "cross"
-    """`cross`: a frame votes on the cell below and its four neighbours; `all`: on every cell
-    that it shows whole (recorded imagery from a height)."""
 
 
 class Votes(Section):

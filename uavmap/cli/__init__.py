@@ -29,6 +29,7 @@ from uavmap.cli import (
     sitl,
     strategies,
     study,
+    tune,
 )
 from uavmap.cli.common import AIRCRAFT_DOWN, INTERRUPTED, complain
 
@@ -46,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in (
         fly, resume, doctor, camera, sitl, replay, animate, check, export, keys, simulate,
-        strategies, study,
+        strategies, study, tune,
     ):  # fmt: skip
         module.add_parser(commands)
     return top

@@ -25,6 +25,10 @@ INCOMPLETE: Final = 3
 AIRCRAFT_DOWN: Final = 4
 INTERRUPTED: Final = 130
 RESULTS: Final = "results"
+DETECTOR_HELP: Final = (
+    "a folder that `uavmap tune` has written, or a detector.toml: judge pictures by this detector, "
+    "not by that of the mission file"
+)
 EXIT_CODES: Final = """\
 exit codes:
   0    the mission is complete, everybody is at home

@@ -11,6 +11,7 @@ from missions.mission_file.checks import STRATEGIES
 from uavmap.cameras.spec import HELP
 from uavmap.cli.check import plan_lines
 from uavmap.cli.common import (
+    DETECTOR_HELP,
     EXIT_CODES,
     INCOMPLETE,
     complain,
@@ -38,6 +39,7 @@ examples:
   uavmap fly field.toml --connect udpin://0.0.0.0:14540 --driver mavsdk
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600 --camera libcamera
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --dry-run     all but the take-off
 
   uavmap fly field.toml --connect udpin://0.0.0.0:14550?system=1 \\
@@ -118,6 +120,7 @@ def add_parser(commands: Any) -> None:
     )
     add_link_options(parser)
     _add_preflight_options(parser)
+    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -147,7 +150,7 @@ def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
-    source = load_source(options.mission)
+    source = load_source(options.mission, options.detector)
     mission = source.parse()
     urls = tuple(options.connect)
     if not options.sim and not urls:

@@ -9,7 +9,7 @@ from typing import Any
 
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
-from uavmap.cli.common import report, results_folder
+from uavmap.cli.common import DETECTOR_HELP, report, results_folder
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source
 from uavmap.offline.photos import list_photos
@@ -21,6 +21,7 @@ _EXAMPLES = """\
 examples:
   uavmap replay photos/ --mission road
   uavmap replay photos/ --mission field.toml --out field-map
+  uavmap replay photos/ --mission field.toml --detector my-field
 
 Photographs need EXIF GPS positions, and height and angles in XMP, as a DJI writes them.
 """
@@ -37,6 +38,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("images", metavar="IMAGES", help="a folder of JPEGs, or one of them")
     parser.add_argument("--mission", metavar="MISSION", required=True, help="grid and detector")
+    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -44,7 +46,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay."""
-    source = load_source(options.mission)
+    source = load_source(options.mission, options.detector)
     mission = source.parse()
     refuse_unknown_ground(mission, source.source)
     images = Path(options.images)

@@ -10,8 +10,9 @@ from missions.events import Vote
 from missions.ground.grid import Grid
 from missions.mission_file.schema import Mission
 from missions.units import Cell
+from uavmap.detector_source import detector_of_section
 from vision.camera import Camera
-from vision.detectors import Detector, make_detector
+from vision.detectors import Detector
 from vision.look import Frame, look
 from vision.plausible import Image, implausible
 
@@ -75,23 +76,5 @@ class Classifier:
 
 
 def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
-    """The detector that a mission file names, with its parameters.
-
-    Dilations are counted in pixels at the lowest layer. From `height_ratio` times that height a
-    pixel shows so much more ground, and fewer dilations bridge the same gap.
-    """
-    section = mission.detector
-    dilations = round(section.dilations / height_ratio)
-    if section.name == "threshold":
-        return make_detector(
-            "threshold",
-            intensity=section.intensity,
-            dilations=dilations,
-            polarity=section.polarity,
-        )
-    return make_detector(
-        section.name,
-        greenness=section.greenness,
-        intensity=section.intensity,
-        dilations=dilations,
-    )
+    """The detector that a mission file names, with its parameters (`uavmap.detector_source`)."""
+    return detector_of_section(mission.detector, height_ratio)

@@ -105,7 +105,8 @@ class FlightPlan:
             changes["vehicles"] = (mission.vehicles + spare)[:wanted]
         if changes:
             mission = mission.model_copy(update=changes)
-            check(mission, self.mission_source)
+            # its detector was looked at when the file was read
+            check(mission, self.mission_source, detectors=(mission.detector.name,))
         if not self.simulated and len(self.urls) != len(mission.vehicles):
             raise MissionFileError(
                 f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "

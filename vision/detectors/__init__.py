@@ -1,21 +1,44 @@
-"""The detectors by name. A new one is a file beside these and a line in `_REGISTRY`."""
+"""The detectors by name. A new one is a file beside these and a line in `_REGISTRY`.
+
+One from elsewhere is a plug-in (`uavmap.detector_source`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from inspect import signature
+from typing import Final
 
 from missions.errors import MissionFileError
+from vision.detectors.adaptive import AdaptiveDetector
+from vision.detectors.color import ColorDetector
+from vision.detectors.index import IndexDetector
 from vision.detectors.interface import Detector
+from vision.detectors.learned import LearnedDetector
+from vision.detectors.onnx import OnnxDetector
 from vision.detectors.paved import PavedDetector
 from vision.detectors.threshold import ThresholdDetector
 
-__all__ = ["Detector", "detector_names", "make_detector"]
+__all__ = [
+    "FROM_FILES", "Detector", "build_detector", "check_keys", "detector_names", "make_detector",
+]  # fmt: skip
 
 _REGISTRY: Mapping[str, Callable[..., Detector]] = {
+    "adaptive": AdaptiveDetector,
+    "color": ColorDetector,
+    "index": IndexDetector,
+    "learned": LearnedDetector,
+    "onnx": OnnxDetector,
     "paved": PavedDetector,
     "threshold": ThresholdDetector,
 }
+
+FROM_FILES: Final[Mapping[str, tuple[str, ...]]] = {
+    "learned": ("model",),
+    "onnx": ("run", "settings"),
+}
+"""The detectors that are made of the file that `detector.model` names, and which of their
+parameters come from it."""
 
 
 def detector_names() -> tuple[str, ...]:
@@ -26,7 +49,8 @@ def detector_names() -> tuple[str, ...]:
 def make_detector(name: str, **params: object) -> Detector:
     """The detector of that name; parameters left out keep their defaults.
 
-    Raises `MissionFileError` for an unknown name, an unknown parameter or one out of range.
+    Raises `MissionFileError` for an unknown name, an unknown parameter, one out of range, and one
+    that is missing and has no default.
 
     >>> make_detector("threshold", intensity=120)
     ThresholdDetector(intensity=120, dilations=7, polarity='dark')
@@ -35,12 +59,32 @@ def make_detector(name: str, **params: object) -> Detector:
         raise MissionFileError(
             f"detector.name is {name!r}: expected one of {', '.join(detector_names())}"
         )
-    build = _REGISTRY[name]
-    known = tuple(signature(build).parameters)
-    for key in params:
+    return build_detector(name, _REGISTRY[name], params)
+
+
+def check_keys(name: str, keys: Mapping[str, object]) -> None:
+    """Raise `MissionFileError` for a key that the mission file cannot give that detector."""
+    _check_known(name, _REGISTRY[name], keys, FROM_FILES.get(name, ()))
+
+
+def build_detector(
+    name: str, build: Callable[..., Detector], params: Mapping[str, object]
+) -> Detector:
+    """What `build` makes of the parameters, which are held against its signature first."""
+    _check_known(name, build, params, ())
+    for key, parameter in signature(build).parameters.items():
+        if parameter.default is parameter.empty and key not in params:
+            raise MissionFileError(f"detector.{key} is missing: the detector {name!r} needs it")
+    return build(**params)
+
+
+def _check_known(
+    name: str, build: Callable[..., Detector], keys: Mapping[str, object], without: tuple[str, ...]
+) -> None:
+    known = tuple(key for key in signature(build).parameters if key not in without)
+    for key in keys:
         if key not in known:
             raise MissionFileError(
                 f"detector.{key} is not a parameter of the detector {name!r}: "
                 f"expected one of {', '.join(known)}"
             )
-    return build(**params)

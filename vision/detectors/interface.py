@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 
+@runtime_checkable
 class Detector(Protocol):
     """Marks the pixels that look like the Region Of Interest.
 
-    A detector is a function of the picture alone: the same picture gives the same mask.
+    A detector is a function of the picture alone: the same picture gives the same answers. A
+    picture has the shape (rows, columns, channels): uint8 blue-green-red for all detectors; `index`
+    and plug-ins may take other bands, and uint16. It is left as it is.
     """
 
     @property
@@ -19,13 +22,46 @@ class Detector(Protocol):
         """The name by which a mission file asks for it."""
         ...
 
-    def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The ROI of a picture.
+    @property
+    def calibrated(self) -> bool:
+        """Whether `probability` is one: of the pixels at 0.7, about 70 % are ROI.
 
-        Args:
-            image: shape (rows, columns, 3), uint8, blue-green-red. It is left as it is.
+        Then a cell's share of ROI is the mean over its pixels; else it is the part of them that
+        the mask marks, as in the paper.
+        """
+        ...
+
+    def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        """How much each pixel looks like the ROI.
+
+        Returns:
+            Shape (rows, columns), float32, 0 to 1. `mask` marks a pixel where this is at least the
+            detector's threshold. A detector that only says yes or no gives 1 and 0.
+        """
+        ...
+
+    def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """The ROI of a picture.
 
         Returns:
             Shape (rows, columns), uint8: 255 where it looks like the ROI, else 0.
         """
         ...
+
+
+def certain(mask: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """The probability that a mask stands for, 1 or 0.
+
+    >>> certain(np.array([[255, 0]], np.uint8)).tolist()
+    [[1.0, 0.0]]
+    """
+    return (mask > 0).astype(np.float32)
+
+
+def marked(probability: NDArray[np.float32], threshold: float) -> NDArray[np.uint8]:
+    """255 where a probability is at least the threshold, else 0.
+
+    >>> marked(np.array([[0.5, 0.4]], np.float32), 0.5).tolist()
+    [[255, 0]]
+    """
+    return np.where(probability >= np.float32(threshold), np.uint8(255), np.uint8(0))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import MissionFileError
+from vision.detectors.interface import certain
 from vision.detectors.limits import check_whole
 
 _KERNEL = np.ones((3, 3), np.uint8)
@@ -36,6 +37,7 @@ class PavedDetector:
     """
 
     name: ClassVar[str] = "paved"
+    calibrated: ClassVar[bool] = False
 
     greenness: float = 0.04
     intensity: int = 90
@@ -50,6 +52,10 @@ class PavedDetector:
             raise MissionFileError(
                 f"detector.greenness is {self.greenness!r}: expected a number from -1 to 2"
             )
+
+    def probability(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """See `Detector.probability`: 1 in the mask, else 0."""
+        return certain(self.mask(image))
 
     def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import MissionFileError
+from vision.detectors.interface import certain
 from vision.detectors.limits import check_whole
 
 _KERNEL = np.ones((3, 3), np.uint8)
@@ -37,6 +38,7 @@ class ThresholdDetector:
     """
 
     name: ClassVar[str] = "threshold"
+    calibrated: ClassVar[bool] = False
 
     intensity: int = 150
     dilations: int = 7
@@ -50,6 +52,10 @@ class ThresholdDetector:
             raise MissionFileError(
                 f"detector.polarity is {self.polarity!r}: expected 'dark' or 'bright'"
             )
+
+    def probability(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """See `Detector.probability`: 1 in the mask, else 0."""
+        return certain(self.mask(image))
 
     def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""

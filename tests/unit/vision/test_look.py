@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from missions.errors import ImageError
 from missions.ground.grid import Grid
+from missions.ground.terrain import Terrain
 from missions.units import Cell, GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, paint, square
 from vision.camera import Camera
@@ -203,3 +204,30 @@ def test_a_picture_of_another_size_is_refused() -> None:
     frame = Frame(np.zeros((240, 320, 3), np.uint8), pose, 0.0, WIDE)
     with pytest.raises(ImageError, match="320 x 240"):
         look(frame, grid, PLAIN, share=0.5, view="cross")
+
+
+class Halfway:
+    """Sure of the painted, and half sure of the rest."""
+
+    name = "halfway"
+    calibrated = True
+
+    def probability(self, image: np.ndarray) -> np.ndarray:
+        return np.where(PLAIN.mask(image) > 0, np.float32(1.0), np.float32(0.5))
+
+    def mask(self, image: np.ndarray) -> np.ndarray:
+        raise AssertionError("a calibrated detector is asked for its probability")
+
+
+@pytest.mark.parametrize("level", [None, Terrain(-500.0, -500.0, 1000.0, np.zeros((2, 2)))])
+def test_a_calibrated_cell_has_the_mean_probability(level: Terrain | None) -> None:
+    grid = Grid.at(BAVARIA, 4.0)
+    pose, axes = nadir_pose(grid, GridPoint(0.0, 0.0), 12.0, 20.0)
+    image = paint([square(grid, Cell(0, 0))], grid, WIDE, pose, axes)
+    frame = Frame(image, pose, 0.0, WIDE)
+    found = look(frame, grid, Halfway(), share=0.75, view="cross", terrain=level)
+    plain = look(frame, grid, PLAIN, share=0.5, view="cross", terrain=level)
+    assert [v.cell for v in found] == [v.cell for v in plain]
+    assert [v.positive for v in found] == [v.positive for v in plain]
+    for verdict, sure in zip(found, plain, strict=True):
+        assert verdict.share == pytest.approx(0.5 + 0.5 * sure.share, abs=1e-6)

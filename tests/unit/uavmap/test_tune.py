@@ -1,0 +1,255 @@
+"""`uavmap tune` from pictures and examples to a detector that `replay` maps with."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from missions.errors import ImageError, MissionFileError
+from missions.units import LatLon
+from tests.benchmarks import brighton
+from tests.benchmarks.detectors import judged
+from tests.small_missions import START, ring, square
+from tests.unit.uavmap.test_replay import GEOD, GRID, HEIGHT, ROI, UP_M, WIDTH, paint, painted
+from uavmap.cli import main
+from uavmap.mission_source import load_source
+from uavmap.offline.tune.examples import Example, load_examples
+from uavmap.offline.tune.metrics import total
+from uavmap.offline.tune.run import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
+from uavmap.offline.tune.samples import variants
+from uavmap.offline.tune.selection import folds
+from uavmap.offline.tune.training import fit_trees
+from uavmap.results.model import NOT_ROI
+from vision.detectors.learned import LearnedDetector
+from vision.detectors.learned_model import Model, Scorer, model_bytes, read_model
+
+WIDE = 320
+SMALL = ["--width", str(WIDE), "--cell-px", "18", "--features", "color"]
+
+
+def place(east_m: float, north_m: float) -> LatLon:
+    azimuth_deg = math.degrees(math.atan2(east_m, north_m))
+    lon, lat, _ = GEOD.fwd(START.lon_deg, START.lat_deg, azimuth_deg, math.hypot(east_m, north_m))
+    return LatLon(lat, lon)
+
+
+def region_file(path: Path, kind: str = "region") -> Path:
+    west, east, south, north = ROI
+    corners = [(west, south), (east, south), (east, north), (west, north), (west, south)]
+    outline = [[p.lon_deg, p.lat_deg] for p in (place(*corner) for corner in corners)]
+    geometry = {"type": "Polygon", "coordinates": [outline]}
+    feature = {"type": "Feature", "properties": {"kind": kind}, "geometry": geometry}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    return path
+
+
+def mission_file(path: Path) -> Path:
+    path.write_text(f"""
+start.position = [{START.lat_deg}, {START.lon_deg}]
+search.box = {ring(GRID, square(-10, -10, 60, 50))}
+fence.polygon = {ring(GRID, square(-30, -30, 100, 90))}
+flight.altitude_m = {UP_M}
+camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal", pixels_per_cell = 20}}
+detector = {{view = "all"}}
+votes = {{frames = 3, positive = 2}}
+""")
+    return path
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with photographs, polygons, a mission, and the detector learned from them."""
+    folder = tmp_path_factory.mktemp("tuned")
+    images = painted(folder / "images")
+    polygons = region_file(folder / "region.geojson")
+    arguments = ["tune", str(images), "--examples", str(polygons), "--out", str(folder / "eyes")]
+    assert main([*arguments, *SMALL]) == 0
+    mission_file(folder / "field.toml")
+    return folder
+
+
+def test_a_detector_is_learned_from_polygons_and_maps_the_region(
+    tuned: Path, tmp_path: Path
+) -> None:
+    report = json.loads((tuned / "eyes" / REPORT).read_text())
+    assert report["cells"]["iou"] > 0.9
+    assert report["pixels"]["precision"] > 0.9
+    assert len(report["pictures"]) == 4
+    assert sorted(p.name for p in (tuned / "eyes" / OVERLAYS).iterdir()) == [
+        f"{number}.jpg" for number in range(4)
+    ]
+    out = tmp_path / "map"
+    arguments = ["--mission", str(tuned / "field.toml"), "--detector", str(tuned / "eyes")]
+    assert main(["replay", str(tuned / "images"), *arguments, "--out", str(out)]) in (0, 3)
+    features = json.loads((out / "map.geojson").read_text())["features"]
+    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
+    west, east, south, north = ROI
+    area_m2 = (east - west) * (north - south)
+    roi_m2 = GRID.cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
+    assert area_m2 * 0.7 < roi_m2 < area_m2 * 1.3
+
+
+def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(
+    tuned: Path, tmp_path: Path
+) -> None:
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    for example in load_examples(tuned / "images", tuned / "region.geojson", WIDE):
+        Image.fromarray(example.region.astype(np.uint8) * 255).save(masks / f"{example.name}.png")
+    arguments = ["tune", str(tuned / "images"), "--examples", str(masks), *SMALL]
+    assert main([*arguments, "--out", str(tmp_path / "again")]) == 0
+    for name in (MODEL, DETECTOR, REPORT):
+        assert (tmp_path / "again" / name).read_bytes() == (tuned / "eyes" / name).read_bytes()
+
+
+def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
+    tuned: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "eyes"
+    folder.mkdir()
+    for name in (MODEL, DETECTOR):
+        (folder / name).write_bytes((tuned / "eyes" / name).read_bytes())
+    source = load_source(str(tuned / "field.toml"), str(folder))
+    section = source.parse().detector
+    assert (section.name, section.view) == ("learned", "all")
+    assert section.model == str((folder / MODEL).resolve())
+    (folder / MODEL).write_bytes((folder / MODEL).read_bytes() + b" ")
+    from uavmap.fly.classifier import detector_of  # noqa: PLC0415
+
+    with pytest.raises(MissionFileError, match="has changed since the mission was begun"):
+        detector_of(source.parse())
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        (lambda data: data[:200], "damaged"),
+        (lambda data: b"\x80\x04\x95", "damaged"),
+        (lambda data: b'{"format": "other"}', "not a detector's model"),
+        (lambda data: data.replace(b'"version":1', b'"version":9'), "version 9"),
+        (lambda data: data.replace(b'"bias"', b'"bios"'), "damaged"),
+        (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
+    ],
+)
+def test_a_damaged_or_foreign_model_is_refused_in_a_line(
+    tuned: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    damage: object,
+    why: str,
+) -> None:
+    assert callable(damage)
+    folder = tmp_path / "eyes"
+    folder.mkdir()
+    (folder / DETECTOR).write_bytes((tuned / "eyes" / DETECTOR).read_bytes())
+    (folder / MODEL).write_bytes(damage((tuned / "eyes" / MODEL).read_bytes()))
+    arguments = ["--mission", str(tuned / "field.toml"), "--detector", str(folder)]
+    assert main(["replay", str(tuned / "images"), *arguments, "--out", str(tmp_path / "m")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert why in line
+    assert str(folder / MODEL) in line
+
+
+def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> None:
+    images = tuned / "images"
+    where = tmp_path / "masks"
+    with pytest.raises(ImageError, match="no folder of masks"):
+        load_examples(images, where, WIDE)
+    where.mkdir()
+    with pytest.raises(ImageError, match=r"paint some, for example 0\.png"):
+        load_examples(images, where, WIDE)
+    black = Image.new("L", (160, 90), 0)
+    black.save(where / "0.png")
+    with pytest.raises(ImageError, match="nothing is painted as region"):
+        load_examples(images, where, WIDE)
+    black.save(where / "other.png")
+    with pytest.raises(ImageError, match=r"other\.png: no picture has this name"):
+        load_examples(images, where, WIDE)
+    (where / "other.png").unlink()
+    Image.new("L", (160, 160), 255).save(where / "1.png")
+    with pytest.raises(ImageError, match="not the shape"):
+        load_examples(images, where, WIDE)
+
+
+def test_one_painted_picture_is_too_few(
+    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mask = np.zeros((90, 160), np.uint8)
+    mask[:40] = 255
+    where = tmp_path / "masks"
+    where.mkdir()
+    Image.fromarray(mask).save(where / "0.png")
+    arguments = ["tune", str(tuned / "images"), "--examples", str(where), *SMALL]
+    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
+    assert "paint at least two" in capsys.readouterr().err
+
+
+def test_mid_grey_is_undecided(tuned: Path, tmp_path: Path) -> None:
+    mask = np.full((90, 160), 128, np.uint8)
+    mask[:30], mask[60:] = 255, 0
+    Image.fromarray(mask).save(tmp_path / "2.png")
+    (example,) = load_examples(tuned / "images", tmp_path, WIDE)
+    assert example.known.mean() == pytest.approx(2 / 3, abs=0.02)
+    assert example.region[example.known].mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_variants_show_the_same_ground_otherwise() -> None:
+    picture = np.asarray(paint(10.0, 10.0, 0.0))
+    region = picture[:, :, 0] < 140
+    example = Example("x", picture, region, np.ones_like(region))
+    for variant in variants(example, np.random.default_rng(3), 4):
+        assert not np.array_equal(variant.picture, picture)
+        levels = variant.picture[:, :, 1].astype(float)
+        gap = levels[~variant.region].mean() - levels[variant.region].mean()
+        assert gap > 3 * levels[variant.region].std()
+
+
+def test_trees_answer_as_the_learner_does_and_survive_their_file() -> None:
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=(4000, 3)).astype(np.float32)
+    labels = (values[:, 0] * values[:, 1] > 0.2) | (values[:, 2] > 1.0)
+    parts = fit_trees(values, labels, 1)  # holds its answers against the learner's by itself
+    model = Model(features=("light", "red_green", "detail"), parts=(parts,))
+    again = read_model(model_bytes(model), "x")
+    assert model_bytes(again) == model_bytes(model)
+    columns = np.ascontiguousarray(values.T)
+    found = Scorer(again).probability(columns)
+    assert np.array_equal(found, Scorer(model).probability(columns))
+    assert ((found > 0.5) == labels).mean() > 0.95
+
+
+@pytest.mark.parametrize("count", [2, 3, 7])
+def test_no_picture_is_on_both_sides(count: int) -> None:
+    judged = []
+    for learned_from, out in folds(count):
+        assert not set(learned_from) & set(out)
+        assert len(learned_from) + len(out) == count
+        judged += out
+    assert sorted(judged) == list(range(count))
+
+
+def test_without_the_learner_the_extra_is_named(
+    tuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    arguments = ["tune", str(tuned / "images"), "--examples", str(tuned / "region.geojson")]
+    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
+    assert "install uavmap[tune]" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")
+def test_three_real_photographs_teach_the_road_in_others() -> None:
+    names = brighton.names()
+    painted = brighton.examples([names[i] for i in (2, 7, 12)])
+    wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
+    model, choice, _ = learned(painted, [], wishes, lambda _: None)
+    detector = LearnedDetector(model)
+    others = brighton.examples([names[i] for i in (0, 5, 10, 15)])
+    cells = total([judged(detector, example, choice.share)[1] for example in others])
+    assert cells.iou > 0.62

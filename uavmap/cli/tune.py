@@ -1,0 +1,131 @@
+"""uavmap tune: learn a detector from a few painted pictures."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from missions.errors import OutputError
+from uavmap.cli.common import make_folder, number_type, overwrite_nothing, seed_number
+from uavmap.fly.progress import PipeConsole, Terminal
+from uavmap.offline.tune.paint import paint
+from uavmap.offline.tune.run import FILES, Wishes, tune
+from uavmap.offline.tune.selection import KINDS, SETS
+
+_EXAMPLES = """\
+examples:
+  uavmap tune photos/ --paint --examples painted/ --out my-field      paint, then learn
+  uavmap tune photos/ --examples painted/ --out my-field
+  uavmap tune photos/ --examples region.geojson --out my-field
+  uavmap replay photos/ --mission field.toml --detector my-field
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
+
+Paint at least two or three pictures, best of different light: for photos/DJI_0021.JPG a picture
+painted/DJI_0021.png of the same shape, white where the region is, black where it is not, mid-grey
+where you cannot tell. Polygons in GeoJSON (longitude, latitude) are projected into the pictures
+through the poses in their tags. Training needs scikit-learn: install uavmap[tune].
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "tune",
+        help="learn a detector from a few painted pictures",
+        description="Learn what the region looks like from examples, test it on pictures that it "
+        "was not learned from, and write a detector for `replay` and `fly`.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("images", metavar="IMAGES", help="a folder of pictures (JPEG, PNG)")
+    parser.add_argument(
+        "--examples",
+        metavar="DIR",
+        required=True,
+        help="a folder of masks NAME.png, or of polygons *.geojson, or one such file",
+    )
+    parser.add_argument("--out", metavar="DIR", help="folder for the detector")
+    parser.add_argument(
+        "--paint",
+        action="store_true",
+        help="first paint masks into the folder of --examples, on a page of this computer",
+    )
+    parser.add_argument(
+        "--width",
+        metavar="PX",
+        type=number_type(int, 64, 4000),
+        default=1000,
+        help="the width at which pictures are judged (default 1000)",
+    )
+    parser.add_argument(
+        "--cell-px",
+        metavar="PX",
+        type=number_type(float, 8, 1000),
+        default=25.0,
+        help="the edge of a map's cell in a picture of that width (default 25)",
+    )
+    parser.add_argument(
+        "--model", choices=KINDS, help="logistic, trees or the mean of both (default: what is best)"
+    )
+    parser.add_argument(
+        "--features", choices=tuple(SETS), help="what to judge by (default: what is best)"
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=seed_number, default=0, help="of the samples (default 0)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Tune."""
+    if options.paint:
+        paint(Path(options.images), Path(options.examples), options.width, Terminal().say)
+        if options.out is None:
+            return 0
+    if options.out is None:
+        raise OutputError("--out is missing; name a folder for the detector")
+    out = Path(options.out)
+    overwrite_nothing(out, FILES)
+    make_folder(out)
+    wishes = Wishes(
+        options.seed,
+        options.width,
+        options.cell_px,
+        (options.model,) if options.model else KINDS,
+        (options.features,) if options.features else tuple(SETS),
+    )
+    report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().say)
+    if options.json:
+        json.dump(report, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+        return 0
+    _show(report)
+    print(f"detector in {out}: use it with --detector {out}, and look at {out}/overlays first")
+    return 0
+
+
+def _show(report: dict[str, Any]) -> None:
+    title = f"{report['model']} on {report['features']}; judged by models that have not seen them"
+    table = Table(title=title, title_justify="left")
+    table.add_column("picture")
+    for column in ("region", "pixels: precision", "recall", "IoU", "cells: precision", "recall",
+                   "IoU"):  # fmt: skip
+        table.add_column(column, justify="right")
+    for row in report["pictures"]:
+        table.add_row(row["picture"], f"{100 * row['region_share']:.0f} %", *_numbers(row))
+    table.add_section()
+    table.add_row("all", "", *_numbers(report))
+    PipeConsole().print(table)
+    low, high = report["cell_iou_spread"]
+    print(f"cell IoU from {low:.2f} to {high:.2f} over {len(report['pictures'])} pictures")
+
+
+def _numbers(row: dict[str, Any]) -> list[str]:
+    kinds = (row["pixels"], row["cells"])
+    return [f"{kind[key]:.2f}" for kind in kinds for key in ("precision", "recall", "iou")]

@@ -1,0 +1,194 @@
+"""Detectors as missions name them: their parameters, their files, and those of plug-ins.
+
+A mission holds the path and the checksum of the file of a model, so that a resumed flight is judged
+by the same model or not at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import MissionFileError
+from missions.mission_file.detector_section import DetectorSection
+from missions.mission_file.schema import parse_toml
+from uavmap.onnx_file import onnx_detector
+from uavmap.text_files import read_bytes, read_text
+from uavmap.toml_text import toml_text
+from vision.detectors import (
+    FROM_FILES,
+    Detector,
+    build_detector,
+    check_keys,
+    detector_names,
+    make_detector,
+)
+
+GROUP: Final = "uavmap.detectors"
+"""The entry points that plug-ins have: a name, and what makes the detector of its parameters."""
+DETECTOR_TOML: Final = "detector.toml"
+_LARGEST_TOML: Final = 100_000
+_LARGEST_MODEL: Final = 500_000_000
+
+
+def known_detectors() -> tuple[str, ...]:
+    """The names of all detectors that are installed, sorted."""
+    return tuple(sorted({*detector_names(), *_plugins()}))
+
+
+def check_detector(section: DetectorSection) -> None:
+    """Raise `MissionFileError` for what the detectors refuse of their parameters.
+
+    The file of a model is not needed for this.
+    """
+    for name in section.tables:
+        if name not in known_detectors():
+            raise MissionFileError(
+                f"detector.{name}: a table of no detector; known: {', '.join(known_detectors())}"
+            )
+    name = section.name
+    if name in FROM_FILES:
+        if section.model is None:
+            raise MissionFileError(
+                f"detector.model is missing: the detector {name!r} is made of a file; name it, "
+                "or give --detector"
+            )
+        check_keys(name, section.parameters)
+    elif section.model is not None:
+        raise MissionFileError(
+            f"detector.model = {section.model!r}: the detector {name!r} has no file; leave it out"
+        )
+    else:
+        _made(name, section.parameters)
+
+
+def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> Detector:
+    """The detector that a mission names.
+
+    Dilations are counted in pixels at the lowest layer. From `height_ratio` times that height a
+    pixel shows so much more ground, and fewer dilations bridge the same gap.
+
+    Raises `MissionFileError` for a model that cannot be read, or has changed.
+    """
+    parameters = section.parameters
+    if "dilations" in parameters:
+        parameters["dilations"] = round(parameters["dilations"] / height_ratio)
+    if section.name not in FROM_FILES:
+        return _made(section.name, parameters)
+    path = Path(section.model or "")
+    data = _model(path)
+    if section.model_sha256 not in (None, _sha256(data)):
+        raise MissionFileError(
+            f"detector.model = {str(path)!r}: the file has changed since the mission was begun; "
+            "put the old one back"
+        )
+    try:
+        if section.name == "onnx":
+            return onnx_detector(path, data, parameters)
+        return make_detector(section.name, model=data, **parameters)
+    except MissionFileError as error:
+        text = str(error).removeprefix("detector.model: ")
+        raise MissionFileError(f"detector.model = {str(path)!r}: {text}") from None
+
+
+def with_model(text: str, source: str, folder: Path) -> str:
+    """The text of a mission with the place and the checksum of the model that it names.
+
+    A text that names none is returned as it is. Raises `MissionFileError`.
+    """
+    tables = parse_toml(text, source)
+    section = tables.get("detector")
+    model = section.get("model") if isinstance(section, Mapping) else None
+    if not isinstance(section, Mapping) or not isinstance(model, str) or not model:
+        return text
+    path = (folder / model).resolve()
+    try:
+        found = {**section, "model": str(path), "model_sha256": _sha256(_model(path))}
+    except MissionFileError as error:
+        raise MissionFileError(f"{source}: {error}") from None
+    return toml_text({**tables, "detector": found})
+
+
+def with_detector(text: str, source: str, detector: Path) -> str:
+    """The text of a mission that is judged by the detector of a folder (`--detector`).
+
+    Its `detector.toml` takes the place of the mission's section; only `view` stays as it is there,
+    if the folder says nothing of it. Raises `MissionFileError`.
+    """
+    path = detector / DETECTOR_TOML if detector.is_dir() else detector
+    try:
+        given = tomllib.loads(read_text(path, _LARGEST_TOML))
+    except OSError as error:
+        raise MissionFileError(
+            f"--detector {detector}: {path.name} cannot be read ({error.strerror}); give a folder "
+            "that `uavmap tune` has written, or such a file"
+        ) from None
+    except ValueError as error:
+        raise MissionFileError(f"--detector {detector}: {path}: not a TOML file: {error}") from None
+    section = given.get("detector")
+    if set(given) != {"detector"} or not isinstance(section, dict):
+        raise MissionFileError(
+            f"--detector {detector}: {path}: it must hold the table [detector] and nothing else"
+        )
+    if isinstance(section.get("model"), str):
+        section["model"] = str((path.parent / section["model"]).resolve())
+    tables = parse_toml(text, source)
+    old = tables.get("detector")
+    view = {"view": old["view"]} if isinstance(old, Mapping) and "view" in old else {}
+    return toml_text({**tables, "detector": {**view, **section}})
+
+
+# --- files and plug-ins ------------------------------------------------------------------------
+def _model(path: Path) -> bytes:
+    try:
+        return read_bytes(path, _LARGEST_MODEL)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise MissionFileError(
+            f"detector.model = {str(path)!r}: cannot be read ({why}); train it with `uavmap tune`, "
+            "or give its path from the folder of the mission file"
+        ) from None
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _made(name: str, parameters: Mapping[str, Any]) -> Detector:
+    if name in detector_names():
+        return make_detector(name, **parameters)
+    plugins = _plugins()
+    if name not in plugins:
+        raise MissionFileError(
+            f"detector.name is {name!r}: expected one of {', '.join(known_detectors())}"
+        )
+    made = build_detector(name, _loaded(name, plugins[name]), parameters)
+    if not isinstance(made, Detector):
+        raise MissionFileError(
+            f"detector.name = {name!r}: the plug-in {plugins[name].value} makes no detector: it "
+            "needs name, calibrated, probability and mask"
+        )
+    return made
+
+
+@lru_cache(maxsize=1)
+def _plugins() -> Mapping[str, EntryPoint]:
+    """The plug-ins by name; a name of ours stays ours."""
+    found = {point.name: point for point in entry_points(group=GROUP)}
+    return {name: point for name, point in found.items() if name not in detector_names()}
+
+
+def _loaded(name: str, point: EntryPoint) -> Callable[..., Detector]:
+    try:
+        build: Callable[..., Detector] = point.load()
+    except Exception as error:  # a plug-in is somebody else's code
+        raise MissionFileError(
+            f"detector.name = {name!r}: the plug-in {point.value} cannot be loaded "
+            f"({type(error).__name__}: {error}); install it again, or remove it"
+        ) from None
+    return build

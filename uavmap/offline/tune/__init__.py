@@ -1,0 +1,1 @@
+"""Learning a detector from painted examples: examples, samples, training, selection, report."""

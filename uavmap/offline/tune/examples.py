@@ -1,0 +1,224 @@
+"""Pictures and what people have painted on them.
+
+A mask is a picture of the same shape, named after the photograph: white is region, black is not,
+mid-grey is undecided. Polygons come as GeoJSON in longitude and latitude, and are projected into
+the pictures through their poses.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from missions.ground.grid import Grid
+from missions.units import LatLon
+from uavmap.offline.photos import Photo, list_photos
+from uavmap.pictures import read_image
+from uavmap.text_files import read_text
+from vision.camera import Camera, project
+from vision.detectors.features import working_picture
+
+SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png"})
+POLYGONS: Final = frozenset({".geojson", ".json"})
+BLACK: Final = 85
+WHITE: Final = 170
+"""A mask's gray values up to BLACK are not region, from WHITE on region, between them undecided."""
+_SHAPE_DIFFERS: Final = 0.02
+_LARGEST_GEOJSON: Final = 20_000_000
+_GRID_M: Final = 2.0  # the grid only carries metres here
+_KINDS: Final = ("region", "surround", "undecided")
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """A picture at the working width with what is known of its pixels.
+
+    `region` and `known` are (rows, columns), bool; `region` means nothing where `known` is false.
+    """
+
+    name: str
+    picture: NDArray[np.uint8]
+    region: NDArray[np.bool_]
+    known: NDArray[np.bool_]
+
+
+def list_pictures(images: Path) -> list[Path]:
+    """The pictures of a folder, by name. Raises `ImageError` where there are none."""
+    if not images.is_dir():
+        raise ImageError(f"{images}: no such folder")
+    paths = sorted(p for p in images.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    paths = [path for path in paths if not path.name.startswith(".")]
+    if not paths:
+        raise ImageError(f"{images}: no pictures (*.jpg, *.jpeg, *.png) in this folder")
+    return paths
+
+
+def read_picture(path: Path, width_px: int) -> NDArray[np.uint8]:
+    """A picture at the working width. Raises `ImageError`."""
+    return working_picture(read_image(path.read_bytes(), str(path)), width_px)
+
+
+def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
+    """The painted pictures, by name.
+
+    Args:
+        images: The folder of pictures.
+        where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one such file of
+            polygons.
+        width_px: The working width.
+
+    Raises:
+        ImageError: naming the file, for what cannot be read, a mask without its picture or of
+            another shape, and where nothing is painted, or no region, or nothing but region.
+    """
+    pictures = list_pictures(images)
+    if where.is_file() and where.suffix.lower() in POLYGONS:
+        files = [where]
+    elif where.is_dir():
+        files = sorted(p for p in where.iterdir() if p.is_file() and not p.name.startswith("."))
+    else:
+        raise ImageError(
+            f"--examples {where}: no folder of masks (NAME.png) and no file of polygons (*.geojson)"
+        )
+    polygons = [path for path in files if path.suffix.lower() in POLYGONS]
+    masks = [path for path in files if path.suffix.lower() == ".png"]
+    if not polygons and not masks:
+        raise ImageError(
+            f"--examples {where}: no masks (NAME.png, named after the pictures) and no *.geojson; "
+            f"paint some, for example {pictures[0].stem}.png: white region, black not"
+        )
+    found = {e.name: e for e in _projected(images, polygons, width_px)} if polygons else {}
+    found |= {e.name: e for e in _painted(pictures, masks, width_px)}
+    examples = [found[name] for name in sorted(found)]
+    _check_both(examples, where)
+    return examples
+
+
+def _check_both(examples: Sequence[Example], where: Path) -> None:
+    for kind, there in (
+        ("region (white)", any((e.region & e.known).any() for e in examples)),
+        ("surround (black)", any((~e.region & e.known).any() for e in examples)),
+    ):
+        if not there:
+            raise ImageError(f"--examples {where}: nothing is painted as {kind}; both are needed")
+
+
+# --- masks -----------------------------------------------------------------------------------
+def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator[Example]:
+    by_stem = {path.stem: path for path in pictures}
+    for mask in masks:
+        if mask.stem not in by_stem:
+            raise ImageError(
+                f"{mask}: no picture has this name; name it after one of them, such as "
+                f"{pictures[0].stem}.png"
+            )
+        picture = read_picture(by_stem[mask.stem], width_px)
+        painted = cv2.cvtColor(read_image(mask.read_bytes(), str(mask)), cv2.COLOR_BGR2GRAY)
+        (rows, columns), (tall, wide) = picture.shape[:2], painted.shape
+        if abs(wide / tall - columns / rows) > _SHAPE_DIFFERS * columns / rows:
+            raise ImageError(
+                f"{mask}: {wide} x {tall} px is not the shape of {by_stem[mask.stem].name}; paint "
+                "over a copy of the picture, whole and not turned"
+            )
+        painted = cv2.resize(painted, (columns, rows), interpolation=cv2.INTER_NEAREST)
+        known = (painted <= BLACK) | (painted >= WHITE)
+        yield Example(mask.stem, picture, painted >= WHITE, known)
+
+
+# --- polygons --------------------------------------------------------------------------------
+Rings = list[NDArray[np.float64]]
+
+
+def _projected(images: Path, files: list[Path], width_px: int) -> Iterator[Example]:
+    shapes = [shape for path in files for shape in _shapes(path)]
+    photos = list_photos(images)
+    grid = Grid.at(photos[0].pose.position, _GRID_M)
+    limited = any(kind == "surround" for kind, _ in shapes)
+    for photo in photos:
+        picture = read_picture(photo.path, width_px)
+        drawn = {kind: _drawn(kind, shapes, photo, grid, picture.shape[:2]) for kind in _KINDS}
+        region = drawn["region"]
+        known = (region | drawn["surround"]) if limited else np.ones_like(region)
+        known &= ~drawn["undecided"]
+        if known.any():
+            yield Example(photo.path.stem, picture, region, known)
+
+
+def _drawn(
+    kind: str,
+    shapes: list[tuple[str, Rings]],
+    photo: Photo,
+    grid: Grid,
+    shape: tuple[int, ...],
+) -> NDArray[np.bool_]:
+    """Where the polygons of a kind lie in a picture."""
+    rows, columns = shape
+    if photo.hfov_rad is None:
+        raise ImageError(
+            f"{photo.path}: EXIF FocalLengthIn35mmFilm is missing, without which polygons cannot "
+            "be projected into it; paint a mask"
+        )
+    matrix = Camera(photo.hfov_rad, columns, rows).homography(photo.pose, grid, 0.0)
+    drawn = np.zeros((rows, columns), np.uint8)
+    for found, rings in shapes:
+        if found != kind:
+            continue
+        layer = np.zeros((rows, columns), np.uint8)
+        for ring in rings:  # even-odd: the first is the outline, the others are holes
+            metres = [grid.fixed(LatLon(lat, lon)) for lon, lat in ring]
+            pixels, _ = project(matrix, np.array([[p.east_m, p.north_m] for p in metres]))
+            if np.isfinite(pixels).all() and np.abs(pixels).max() < 1e6:
+                one = np.zeros_like(layer)
+                cv2.fillPoly(one, [np.round(pixels * 16).astype(np.int32)], (255,), shift=4)
+                layer ^= one
+        drawn |= layer
+    return drawn > 0
+
+
+def _shapes(path: Path) -> list[tuple[str, Rings]]:
+    """The polygons of a GeoJSON file with what they are: the property `kind`, else region."""
+    try:
+        root = json.loads(read_text(path, _LARGEST_GEOJSON))
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, RecursionError) as error:
+        raise ImageError(f"{path}: not JSON ({error})") from None
+    features = root.get("features") if isinstance(root, dict) else None
+    if not isinstance(features, list) or not features:
+        raise ImageError(f"{path}: no FeatureCollection with features; draw polygons")
+    shapes = []
+    for i, feature in enumerate(features):
+        where = f"{path}: features[{i}]"
+        geometry = feature.get("geometry") if isinstance(feature, dict) else None
+        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
+        kind = properties.get("kind", "region") if isinstance(properties, dict) else "region"
+        if kind not in _KINDS:
+            raise ImageError(f"{where}: kind is {kind!r}: expected one of {', '.join(_KINDS)}")
+        sort = geometry.get("type") if isinstance(geometry, dict) else None
+        if not isinstance(geometry, dict) or sort not in ("Polygon", "MultiPolygon"):
+            raise ImageError(f"{where}: a {sort}; draw a Polygon or a MultiPolygon")
+        parts = geometry.get("coordinates")
+        for part in [parts] if sort == "Polygon" else (parts or []):
+            shapes.append((kind, _rings(part, where)))
+    return shapes
+
+
+def _rings(part: Any, where: str) -> Rings:
+    try:
+        rings = [np.array([[float(p[0]), float(p[1])] for p in ring]) for ring in part]
+    except (TypeError, ValueError, IndexError, KeyError):
+        raise ImageError(f"{where}: not rings of [longitude, latitude]") from None
+    for ring in rings:
+        good = len(ring) >= 3 and bool(np.isfinite(ring).all())
+        if not good or (np.abs(ring) > [180.0, 90.0]).any() or math.isnan(ring.sum()):
+            raise ImageError(f"{where}: a ring of less than 3 places, or of no places on Earth")
+    return rings

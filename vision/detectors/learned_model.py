@@ -1,0 +1,203 @@
+"""A model that `uavmap tune` has learned: its file, and its answer for the features of a picture.
+
+The file is JSON of our own, so that reading one runs nothing that it holds. A model has one or two
+parts, a logistic regression and boosted trees; its answer is the mean of theirs, calibrated. A tree
+has at most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a
+table of 256 values says what they are worth (QuickScorer, Lucchese and others, 2015), which numpy
+does for all pixels at once.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+
+from missions.errors import MissionFileError
+from vision.detectors.features import FEATURES
+
+Array = NDArray[np.float32]
+FORMAT: Final = "uavmap detector"
+VERSION: Final = 1
+LEAVES: Final = 8
+LARGEST_BYTES: Final = 8_000_000
+
+_Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Logistic(_Part):
+    """A logistic regression on standardised features."""
+
+    kind: Literal["logistic"] = "logistic"
+    mean: tuple[_Number, ...]
+    scale: tuple[Annotated[_Number, Field(gt=0)], ...]
+    weights: tuple[_Number, ...]
+    bias: _Number
+
+
+class Tree(_Part):
+    """A tree: nodes that ask whether a feature is at most a value, and what its leaves are worth.
+
+    A node that is answered no rules out the leaves `left[i]`, bits of a byte.
+    """
+
+    feature: tuple[Annotated[int, Field(ge=0)], ...]
+    at_most: tuple[_Number, ...]
+    left: tuple[Annotated[int, Field(ge=1, le=255)], ...]
+    leaves: Annotated[tuple[_Number, ...], Field(min_length=1, max_length=LEAVES)]
+
+    @model_validator(mode="after")
+    def _even(self) -> Tree:
+        if not len(self.feature) == len(self.at_most) == len(self.left) == len(self.leaves) - 1:
+            raise ValueError("a tree has one node less than leaves")
+        return self
+
+
+class Trees(_Part):
+    """Boosted trees; their sum is the logit."""
+
+    kind: Literal["trees"] = "trees"
+    base: _Number
+    trees: Annotated[tuple[Tree, ...], Field(max_length=1000)]
+
+
+class Model(_Part):
+    """What a learned detector is."""
+
+    format: Literal["uavmap detector"] = "uavmap detector"
+    version: Literal[1] = 1
+    features: Annotated[tuple[str, ...], Field(min_length=1)]
+    working_width_px: Annotated[int, Field(ge=32, le=8000)] = 1000
+    parts: Annotated[tuple[Logistic | Trees, ...], Field(min_length=1, max_length=4)]
+    slope: Annotated[_Number, Field(gt=0)] = 1.0
+    offset: _Number = 0.0
+    """Of the calibration: probability = 1 / (1 + exp(-(slope logit + offset)))."""
+    threshold: Annotated[_Number, Field(gt=0, lt=1)] = 0.5
+    """A pixel is marked from this probability on."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Model:
+        if unknown := [name for name in self.features if name not in FEATURES]:
+            raise ValueError(f"unknown feature {unknown[0]!r}")
+        count = len(self.features)
+        for part in self.parts:
+            if isinstance(part, Logistic):
+                if not len(part.mean) == len(part.scale) == len(part.weights) == count:
+                    raise ValueError(f"a logistic part needs {count} means, scales and weights")
+            elif any(f >= count for tree in part.trees for f in tree.feature):
+                raise ValueError("a tree asks for a feature that there is not")
+        return self
+
+
+def model_bytes(model: Model) -> bytes:
+    """The file of a model; equal models give equal bytes."""
+    return (json.dumps(model.model_dump(mode="json"), separators=(",", ":")) + "\n").encode()
+
+
+def read_model(data: bytes, source: str) -> Model:
+    """The model of a file. Raises `MissionFileError`, naming `source`, where it holds none.
+
+    >>> read_model(b"{}", "model.json")
+    Traceback (most recent call last):
+    missions.errors.MissionFileError: model.json: not a detector's model that `uavmap tune`...
+    """
+    if len(data) > LARGEST_BYTES:
+        raise MissionFileError(f"{source}: {len(data)} bytes; a model has at most {LARGEST_BYTES}")
+    try:
+        tables: Any = json.loads(data)
+        if not isinstance(tables, Mapping) or tables.get("format") != FORMAT:
+            raise MissionFileError(
+                f"{source}: not a detector's model that `uavmap tune` has written"
+            )
+        if tables.get("version") != VERSION:
+            raise MissionFileError(
+                f"{source}: a model of version {tables.get('version')!r}; this uavmap reads "
+                f"{VERSION}: train it again with `uavmap tune`"
+            )
+        return Model.model_validate(tables)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise MissionFileError(
+            f"{source}: damaged: {where or 'model'}: {first['msg']}; train it again with "
+            "`uavmap tune`"
+        ) from None
+    except (ValueError, RecursionError):
+        raise MissionFileError(f"{source}: damaged, or no model of `uavmap tune`") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Scorer:
+    """A model made ready for pictures."""
+
+    model: Model
+    _tables: tuple[tuple[NDArray[np.float32], ...], ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Make the tables of the trees."""
+        made = tuple(
+            tuple(_table(tree) for tree in part.trees) if isinstance(part, Trees) else ()
+            for part in self.model.parts
+        )
+        object.__setattr__(self, "_tables", made)
+
+    def logit(self, values: Array) -> Array:
+        """Before the calibration: of features (count, n), shape (n,), the mean of the parts."""
+        total = np.zeros(values.shape[1], np.float32)
+        for part, tables in zip(self.model.parts, self._tables, strict=True):
+            if isinstance(part, Logistic):
+                weights = np.array(part.weights) / np.array(part.scale)
+                bias = part.bias - float(weights @ np.array(part.mean))
+                logit = weights.astype(np.float32) @ values + np.float32(bias)
+            else:
+                logit = np.full(values.shape[1], part.base, np.float32)
+                for tree, table in zip(part.trees, tables, strict=True):
+                    logit += table[_left_over(tree, values)]
+            total += _sigmoid(logit)
+        share = np.clip(total / len(self.model.parts), 1e-6, 1.0 - 1e-6)
+        return np.asarray(np.log(share / (1.0 - share)), np.float32)
+
+    def probability(self, values: Array) -> Array:
+        """Of features (count, n), shape (n,), 0 to 1."""
+        model = self.model
+        return _sigmoid(self.logit(values) * np.float32(model.slope) + np.float32(model.offset))
+
+
+def _sigmoid(logit: Array) -> Array:
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -30.0, 30.0))), np.float32)
+
+
+def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
+    """The leaves that the answers to a tree's questions leave over, as bits."""
+    left_over = np.full(values.shape[1], 255, np.uint8)
+    for feature, at_most, left in zip(tree.feature, tree.at_most, tree.left, strict=True):
+        no = values[feature] > np.float32(at_most)
+        # yes: all stay; no: the leaves on the left are ruled out
+        left_over &= ~(no.view(np.uint8) * np.uint8(left))
+    return left_over
+
+
+def _table(tree: Tree) -> NDArray[np.float32]:
+    """What each set of leaves is worth: the first of them, for those before it are ruled out."""
+    table = np.zeros(256, np.float32)
+    for bits in range(1, 256):
+        first = int(math.log2(bits & -bits))
+        if first < len(tree.leaves):
+            table[bits] = tree.leaves[first]
+    return table

@@ -1,0 +1,151 @@
+"""A segmentation model in the exchange format ONNX: what goes into it, what comes out of it.
+
+Who runs the model is handed in (`uavmap.detector_source` does it with onnxruntime), so that this
+room needs neither files nor a runtime.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from missions.errors import ImageError, MissionFileError
+from vision.detectors.interface import marked
+from vision.detectors.limits import check_number
+
+Array = NDArray[np.float32]
+Run = Callable[[Array], NDArray[Any]]
+"""From a batch of tiles (1, channels, rows, columns) to what the model says of it."""
+_OVERLAP: Final = 8  # one part in so many of a tile is shared with the next
+
+_Three = tuple[float, float, float]
+
+
+class OnnxSettings(BaseModel):
+    """What a model wants: the TOML file beside it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    tile_px: Annotated[int, Field(ge=16, le=4096)]
+    """Rows and columns of what the model takes in at once."""
+    scale: Annotated[float, Field(gt=0, le=16)] = 1.0
+    """Pixels of the model for one of the picture."""
+    order: Literal["rgb", "bgr"] = "rgb"
+    mean: _Three = (0.0, 0.0, 0.0)
+    """Of the channels, 0 to 1, subtracted; in that order."""
+    std: Annotated[_Three, Field()] = (1.0, 1.0, 1.0)
+    output: Literal["probability", "logit"] = "logit"
+    """Of one channel: a sigmoid is taken of a logit; of several: a softmax."""
+    channel: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Which channel of the answer is the ROI."""
+    calibrated: bool = False
+    """Whether its probability is one; see `Detector.calibrated`."""
+
+
+@dataclass(frozen=True, slots=True)
+class OnnxDetector:
+    """The ROI is what a segmentation model takes for it, tile by tile.
+
+    Attributes:
+        run: Runs the model.
+        settings: What it wants.
+        threshold: A pixel is marked from this probability on, 0 to 1.
+    """
+
+    name: ClassVar[str] = "onnx"
+
+    run: Run
+    settings: OnnxSettings
+    threshold: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse parameters out of range with `MissionFileError`, naming the key."""
+        check_number("threshold", self.threshold, 0.0, 1.0)
+        if min(self.settings.std) <= 0.0:
+            raise MissionFileError(f"std = {list(self.settings.std)}: expected numbers above 0")
+
+    @property
+    def calibrated(self) -> bool:
+        """See `Detector.calibrated`."""
+        return self.settings.calibrated
+
+    def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        """See `Detector.probability`. Raises `ImageError` where the model's answer has no such
+        channel or size."""
+        rows, columns = image.shape[:2]
+        picture = self._prepared(image)
+        tall, wide = picture.shape[:2]
+        total = np.zeros((tall, wide), np.float32)
+        weight = np.zeros((tall, wide), np.float32)
+        tile = self.settings.tile_px
+        ramp = np.minimum(np.arange(tile) + 1, tile - np.arange(tile)).astype(np.float32)
+        window = np.minimum(np.outer(ramp, ramp), np.float32(tile))  # seams fade into each other
+        for top in _starts(tall, tile):
+            for left in _starts(wide, tile):
+                part = picture[top : top + tile, left : left + tile]
+                share = self._share(np.ascontiguousarray(part.transpose(2, 0, 1)[None]))
+                total[top : top + tile, left : left + tile] += share * window
+                weight[top : top + tile, left : left + tile] += window
+        whole = (total / weight)[: self._tall(rows), : self._tall(columns)]
+        found = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        return np.clip(np.asarray(found, np.float32), 0.0, 1.0)
+
+    def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """See `Detector.mask`."""
+        return marked(self.probability(image), self.threshold)
+
+    def _tall(self, side_px: int) -> int:
+        return max(1, round(side_px * self.settings.scale))
+
+    def _prepared(self, image: NDArray[Any]) -> Array:
+        """Scaled, normalised, and mirrored at its edges to at least a tile."""
+        settings = self.settings
+        size = (self._tall(image.shape[1]), self._tall(image.shape[0]))
+        picture = image
+        if size != (image.shape[1], image.shape[0]):
+            how = cv2.INTER_AREA if settings.scale < 1.0 else cv2.INTER_LINEAR
+            picture = cv2.resize(image, size, interpolation=how)
+        if settings.order == "rgb":
+            picture = picture[:, :, ::-1]
+        most = 65535.0 if image.dtype == np.uint16 else 255.0
+        values = picture.astype(np.float32) / np.float32(most)
+        mean, std = (np.array(three, np.float32) for three in (settings.mean, settings.std))
+        values = np.asarray((values - mean) / std, np.float32)
+        below, right = (max(0, settings.tile_px - side) for side in values.shape[:2])
+        if below or right:
+            return np.pad(values, ((0, below), (0, right), (0, 0)), mode="symmetric")
+        return values
+
+    def _share(self, batch: Array) -> Array:
+        tile = self.settings.tile_px
+        answer = np.asarray(self.run(batch), np.float32)
+        if answer.ndim == 3:
+            answer = answer[:, None]
+        channel = self.settings.channel
+        if answer.ndim != 4 or answer.shape[2:] != (tile, tile) or channel >= answer.shape[1]:
+            raise ImageError(
+                f"the model's answer has the shape {answer.shape}, for a tile of {tile} px and "
+                f"channel {channel}; is the TOML file beside it right?"
+            )
+        if self.settings.output == "probability":
+            return np.asarray(answer[0, channel], np.float32)
+        if answer.shape[1] == 1:
+            return np.asarray(1.0 / (1.0 + np.exp(-np.clip(answer[0, 0], -30, 30))), np.float32)
+        powers = np.exp(answer[0] - answer[0].max(axis=0))
+        return np.asarray(powers[channel] / powers.sum(axis=0), np.float32)
+
+
+def _starts(side_px: int, tile_px: int) -> list[int]:
+    """Where tiles begin, overlapping, the last at the end.
+
+    >>> _starts(100, 40), _starts(40, 40)
+    ([0, 35, 60], [0])
+    """
+    step = tile_px - tile_px // _OVERLAP
+    return [*range(0, max(side_px - tile_px, 0), step), max(side_px - tile_px, 0)]
