@@ -37,7 +37,8 @@ WIDTH, HEIGHT, FILM_MM, UP_M = 640, 360, 20, 40.0
 
 def paint(east_m: float, north_m: float, yaw_deg: float, seed: int = 4) -> Image.Image:
     """What a camera looking straight down sees: dark in the region, bright around it."""
-    metres_per_px = UP_M * (36.0 / FILM_MM) / WIDTH
+    # the 35 mm equivalent is by the diagonal; a picture of 16:9 is cut from a sensor of 4:3
+    metres_per_px = UP_M * math.hypot(36.0, 24.0) / FILM_MM / math.hypot(WIDTH, 0.75 * WIDTH)
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
     right = (columns + 0.5 - WIDTH / 2) * metres_per_px
     ahead = (HEIGHT / 2 - rows - 0.5) * metres_per_px
@@ -227,7 +228,7 @@ ROAD = [
 ]  # fmt: skip
 NO_ROAD = [
     (50, 30), (80, 35), (20, 60), (40, 90), (0, 50), (85, 10),
-    (65, -20), (35, 10), (64, 51), (82, 66), (10, 80), (60, 100),
+    (65, -20), (35, 10), (64, 51), (82, 66), (12, 74), (60, 100),
 ]  # fmt: skip
 """Places picked by eye, metres from the start: grass, wood, shrubs, and water."""
 
