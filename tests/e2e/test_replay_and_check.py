@@ -41,6 +41,15 @@ def test_photographs_make_a_map_of_the_road(tmp_path):
     assert 46.8415 < south < north < 46.8438
     assert -91.9957 < west < east < -91.9923
     assert (north - south) * 111_200 > 80.0  # it runs through the whole set
+    registration = json.loads((tmp_path / "map" / "registration.json").read_text("utf-8"))
+    assert registration["pictures_refined"] == 18
+    upside_down = [p["name"] for p in registration["pictures"] if p["upside_down"]]
+    assert upside_down == [f"DJI_00{number}.JPG" for number in range(24, 30)]
+    apart = registration["held_apart"]
+    assert apart["as_tagged"]["median_m"] > 2.0
+    assert apart["refined"]["median_m"] < 0.15
+    assert apart["refined"]["p90_m"] < 0.5
+    assert apart["refined"]["median_px"] < 1.0
 
 
 @needs_photographs

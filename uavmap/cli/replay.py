@@ -15,6 +15,7 @@ from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.refined_pictures import RefinedSet, refined
 from uavmap.offline.replay import Options, look_at_all
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
@@ -31,6 +32,7 @@ examples:
   uavmap replay photos/
   uavmap replay photos/ --mission road
   uavmap replay photos/ --mission field.toml --out field-map --calibration camera.yaml
+  uavmap replay photos/ --refine off
 
 PATH is a folder with its subfolders, or one file. Pictures are JPEG, PNG or TIFF of 8 or 16 bits.
 Positions come from EXIF, heights and angles from XMP as drones write them, or all of them from a
@@ -80,6 +82,12 @@ def add_parser(commands: Any) -> None:
         type=worker_count,
         help="how many pictures are looked at at once (default: one a core); the map is the same",
     )
+    parser.add_argument(
+        "--refine",
+        choices=("on", "off"),
+        default="on",
+        help="on: refine poses where pictures overlap; off: take them as tagged (default: on)",
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
@@ -91,6 +99,8 @@ def run(options: argparse.Namespace) -> int:
     asked = None if given is None else given.parse()  # say what is wrong before pictures are read
     lens = calibration_of(options.calibration, asked, options.mission)
     gathered = gather(open_source(Path(options.path), options.video_start))
+    better = _refined(gathered, lens, given, options, progress)
+    gathered = gathered if better is None else better.gathered
     source = given or _derived(gathered, lens, any_day=options.any_day)
     mission = source.parse()
     refuse_unknown_ground(mission, source.source)
@@ -99,16 +109,32 @@ def run(options: argparse.Namespace) -> int:
         for line in _shown(source):
             progress.say(line)
     with Spool() as spool:
-        how = Options(options.workers, lens, options.any_day)
+        how = Options(options.workers, lens, options.any_day, better is not None)
         looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
         looked.refuse_empty()
         make_folder(folder)
+        if better is not None:
+            better.write(folder)
         if given is None:
             write_text(folder / MISSION_FILE, source.text)
             progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, and replay again")
         with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
             summary = looked.written(journal, folder, progress)
     return report(summary, folder, as_json=options.json)
+
+
+def _refined(
+    gathered: Gathered,
+    lens: Lens | None,
+    given: MissionSource | None,
+    options: argparse.Namespace,
+    progress: Terminal,
+) -> RefinedSet | None:
+    """The set with the poses that its overlaps give; None where those of the tags are wanted."""
+    if options.refine == "off":
+        return None
+    mission = None if given is None else given.parse()
+    return refined(gathered, progress, mission, lens=lens, workers=options.workers)
 
 
 def _derived(gathered: Gathered, lens: Lens | None, *, any_day: bool) -> MissionSource:

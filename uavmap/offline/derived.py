@@ -42,7 +42,7 @@ def derived(gathered: Gathered, lens: Lens | None = None, *, any_day: bool = Fal
     `PIXELS_A_CELL` pixels from their usual height. Raises `ImageError` where no picture can be
     used.
     """
-    verdicts = credible(gathered.pictures, any_day=any_day)
+    verdicts = credible(gathered.posed, any_day=any_day)
     placed = [verdict for verdict in verdicts if isinstance(verdict, Placed)]
     if not placed:
         first = next(v for v in verdicts if isinstance(v, str))

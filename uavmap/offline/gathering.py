@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from missions.errors import ImageError
 from uavmap.offline.sources.record import Picture, PictureSource, Refused
@@ -21,6 +21,8 @@ class Gathered:
         refused: What should be a picture and is none, or is one that is there already.
         copies: How many of `refused` are copies of another picture.
         left_out: What else lies there, a line a kind.
+        refined: Pictures with the poses that their overlaps give them, by name.
+        upside_down: The names of those among them that were stored so.
     """
 
     source: str
@@ -28,6 +30,13 @@ class Gathered:
     refused: tuple[Refused, ...]
     copies: int
     left_out: tuple[str, ...]
+    refined: Mapping[str, Picture] = field(default_factory=dict)
+    upside_down: frozenset[str] = frozenset()
+
+    @property
+    def posed(self) -> tuple[Picture, ...]:
+        """The pictures with the best poses that there are, in the same order."""
+        return tuple(self.refined.get(picture.name, picture) for picture in self.pictures)
 
 
 def gather(source: PictureSource) -> Gathered:

@@ -41,13 +41,17 @@ COLUMNS: Final = (
 
 
 class PictureRow(NamedTuple):
-    """A picture, or a file that is none; `reason` says why it is not used, empty where it is."""
+    """A picture as tagged, or a file that is none; `reason` says why it is not used.
+
+    `refined` is the picture with the pose that its overlaps give it, None where they do not.
+    """
 
     picture: Picture | None
     name: str
     reason: str
     cells: int
     turned: bool
+    refined: Picture | None = None
 
 
 def write_pictures(rows: Iterable[PictureRow], path: Path) -> None:
@@ -84,6 +88,17 @@ def _values(row: PictureRow) -> dict[str, str | int]:
         "hfov_deg": "" if picture.lens is None else f"{picture.lens.hfov_deg:.2f}",
         "notes": _cell("; ".join(picture.notes)),
     }
+    if row.refined is not None and row.refined.position is not None:
+        better = row.refined.position
+        values |= {
+            "refined_lat_deg": f"{better.lat_deg:.8f}",
+            "refined_lon_deg": f"{better.lon_deg:.8f}",
+            "refined_height_m": _number(row.refined.height_m),
+            "refined_yaw_deg": _number(row.refined.yaw_deg),
+            "refined_pitch_deg": _number(row.refined.pitch_deg),
+            "refined_roll_deg": _number(row.refined.roll_deg),
+            "refined_sigma_m": f"{row.refined.position_sigma_m:.2f}",
+        }
     return values
 
 

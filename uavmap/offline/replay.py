@@ -30,6 +30,7 @@ from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.judging import Judge, Judged
 from uavmap.offline.lenses import Lenses
 from uavmap.offline.pictures_csv import FILE, PictureRow, write_pictures
+from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Said, Spool
 from uavmap.offline.tally import Votes
@@ -69,11 +70,13 @@ class Options:
         workers: How many threads; None: one a core. The results are the same.
         lens: A calibration of the camera, instead of what tags say.
         any_day: Whether pictures of other days than most are used.
+        refine: Whether poses are refined where pictures overlap.
     """
 
     workers: int | None = None
     lens: Lens | None = None
     any_day: bool = False
+    refine: bool = False
 
 
 def replay(
@@ -90,6 +93,13 @@ def replay(
     """
     options = options or Options()
     gathered = gather(open_source(images))
+    if options.refine:
+        better = refined(
+            gathered, progress, setting.mission, lens=options.lens, workers=options.workers
+        )
+        if better is not None:
+            better.write(folder)
+            gathered = better.gathered
     with Spool() as spool:
         looked = look_at_all(gathered, setting, spool, progress, options)
         return looked.written(journal, folder, progress)
@@ -156,13 +166,30 @@ class Looked:
 
     def _rows(self) -> list[PictureRow]:
         """A row for each picture and each file that is none, by name."""
+        better = self.gathered.refined
+        tagged = {picture.name: picture for picture in self.gathered.pictures}
         rows = [
-            PictureRow(s.placed.picture, s.placed.picture.name, s.reason, s.cells, s.turned)
+            PictureRow(
+                tagged[name],
+                name,
+                s.reason,
+                s.cells,
+                s.turned or name in self.gathered.upside_down,
+                better.get(name),
+            )
             for s in self.shots
+            for name in (s.placed.picture.name,)
         ]
         shown = {row.name for row in rows}
         rows += [
-            PictureRow(picture, picture.name, self.refused[picture.name], 0, False)
+            PictureRow(
+                picture,
+                picture.name,
+                self.refused[picture.name],
+                0,
+                False,
+                better.get(picture.name),
+            )
             for picture in self.gathered.pictures
             if picture.name not in shown
         ]
@@ -197,7 +224,7 @@ def look_at_all(
 ) -> Looked:
     """Both passes over the pictures. Raises `ImageError` where no tags allow to use one."""
     progress.begin(setting, again=False)
-    verdicts = credible(gathered.pictures, setting.mission, any_day=options.any_day)
+    verdicts = credible(gathered.posed, setting.mission, any_day=options.any_day)
     placed = [
         replace(verdict, pose=above_ground(verdict.pose, setting))
         for verdict in verdicts
