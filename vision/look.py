@@ -8,11 +8,13 @@ and takes out tilt and height in one step; what is left is to count pixels, cell
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
@@ -21,7 +23,7 @@ from missions.ground.grid import Grid
 from missions.ground.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
-from vision.detectors.interface import Detector
+from vision.detectors.interface import Detector, Marks
 from vision.over_terrain import OverTerrain
 
 SEEN_SHARE = 0.9
@@ -34,6 +36,9 @@ they are seen at less than 18 degrees, where a metre of height is three metres o
 _SAMPLES = 48  # a cell's side in samples: a share is good to about a hundredth
 _BLOCK_SAMPLES = 3072  # the most samples along a side of what is resampled at once
 _OUTSIDE = 127  # marks samples past the picture's edge; a mask holds only 0 and 255
+_PACKED = 64  # more than the samples along a cell's side
+_MARKS = np.zeros(256, np.uint8)
+_MARKS[255], _MARKS[_OUTSIDE] = 1, _PACKED
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,15 +114,11 @@ def look(
         return ()  # from the ground nothing of the ground is seen
     if terrain is not None:
         return _look_over(terrain, frame, grid, detector, share, view, vantage, margin_m)
-    matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
-    below = grid.cell_at(frame.pose.position, frame.t_s)
-    if view == "cross":
-        wanted = tuple(c for c in (vantage or below).cross() if _in_front(matrix, grid, c))
-    else:
-        wanted = _shown_whole(matrix, grid, frame, below, margin_m)
+    wanted = cells_shown(frame.camera, frame.pose, frame.t_s, grid, view, vantage, margin_m)
     if not wanted:
         return ()
-    shares = _shares(_marks(detector, frame), matrix, grid, wanted)
+    matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
+    shares = shares_of(marks_of(detector, frame.image), matrix, grid, wanted)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
 
 
@@ -141,13 +142,33 @@ def _look_over(
         wanted = seen.shown_whole(below, reach, margin_m)
     if not wanted:
         return ()
-    shares = seen.shares(_marks(detector, frame), wanted, SEEN_SHARE)
+    shares = seen.shares(marks_of(detector, frame.image), wanted, SEEN_SHARE)
     return tuple(Verdict(c, s >= share, s) for c, s in zip(wanted, shares, strict=True) if s >= 0.0)
 
 
-def _marks(detector: Detector, frame: Frame) -> NDArray[np.uint8] | NDArray[np.float32]:
+def cells_shown(
+    camera: Camera,
+    pose: Pose,
+    t_s: float,
+    grid: Grid,
+    view: Literal["cross", "all"],
+    vantage: Cell | None = None,
+    margin_m: float = 0.0,
+) -> tuple[Cell, ...]:
+    """The cells on which a picture is asked, which its pose alone decides; see `look`."""
+    if view == "all":
+        shown = cells_shown_whole(camera, pose, t_s, grid, margin_m)
+        return tuple(Cell(east, north) for east, north in shown.tolist())
+    if pose.height_m <= 0.0:
+        return ()  # from the ground nothing of the ground is seen
+    matrix = camera.homography(pose, grid, t_s)
+    below = grid.cell_at(pose.position, t_s)
+    return tuple(c for c in (vantage or below).cross() if _in_front(matrix, grid, c))
+
+
+def marks_of(detector: Detector, image: NDArray[np.uint8]) -> Marks:
     """What a cell's share is counted from: a calibrated probability, else the mask."""
-    return detector.probability(frame.image) if detector.calibrated else detector.mask(frame.image)
+    return detector.probability(image) if detector.calibrated else detector.mask(image)
 
 
 def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
@@ -155,37 +176,67 @@ def _in_front(matrix: NDArray[np.float64], grid: Grid, cell: Cell) -> bool:
     return bool((depth > 0.0).all())
 
 
-def _shown_whole(
-    matrix: NDArray[np.float64], grid: Grid, frame: Frame, below: Cell, margin_m: float
-) -> tuple[Cell, ...]:
-    """The cells around `below`, sorted, that lie in the picture, so far from its rim."""
-    reach = math.ceil(OBLIQUE_LIMIT * frame.pose.height_m / grid.cell_m)
-    steps = np.arange(-reach, reach + 2) - 0.5
-    lattice = np.stack(np.meshgrid(steps + below.east, steps + below.north, indexing="ij"), axis=-1)
-    normals, offsets = edges(frame.camera, matrix)
+def cells_shown_whole(
+    camera: Camera, pose: Pose, t_s: float, grid: Grid, margin_m: float = 0.0
+) -> NDArray[np.intp]:
+    """The cells of the view "all", sorted, that lie in the picture, so far from its rim.
+
+    Shape (n, 2): columns and rows.
+    """
+    if pose.height_m <= 0.0:
+        return np.empty((0, 2), np.intp)
+    matrix = camera.homography(pose, grid, t_s)
+    low, high = _window(camera, matrix, grid, pose, t_s)
+    columns, rows = (np.arange(low[k], high[k] + 2) - 0.5 for k in (0, 1))
+    lattice = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1)
+    normals, offsets = edges(camera, matrix)
     least_m = (lattice * grid.cell_m @ normals.T + offsets).min(axis=-1)
     inside: NDArray[np.bool_] = least_m >= margin_m - TOUCH_M
     whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-    return tuple(
-        Cell(below.east - reach + int(i), below.north - reach + int(j))
-        for i, j in np.argwhere(whole)
-    )
+    shown: NDArray[np.intp] = np.argwhere(whole) + low
+    return shown
 
 
-def _shares(
-    marks: NDArray[np.uint8] | NDArray[np.float32],
+def _window(
+    camera: Camera, matrix: NDArray[np.float64], grid: Grid, pose: Pose, t_s: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The first and last column and row that may be in the picture within `OBLIQUE_LIMIT`."""
+    below = np.array(grid.cell_at(pose.position, t_s), dtype=np.intp)
+    reach = math.ceil(OBLIQUE_LIMIT * pose.height_m / grid.cell_m)
+    right, lower = camera.width_px - 0.5, camera.height_px - 0.5
+    corners = np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [right, lower, 1], [-0.5, lower, 1.0]])
+    ground = corners @ np.linalg.inv(matrix).T
+    scale = ground[:, 2:]
+    if not bool((scale > 0.0).all() or (scale < 0.0).all()):
+        return below - reach, below + reach  # a corner shows the sky
+    places = np.clip(ground[:, :2] / scale / grid.cell_m, below - reach - 1.0, below + reach + 1.0)
+    low = np.maximum(np.floor(places.min(axis=0)).astype(np.intp), below - reach)
+    high = np.minimum(np.ceil(places.max(axis=0)).astype(np.intp), below + reach)
+    return low, np.maximum(high, low)
+
+
+def shares_of(
+    marks: Marks,
     matrix: NDArray[np.float64],
     grid: Grid,
-    cells: tuple[Cell, ...],
+    cells: Sequence[Cell] | NDArray[np.intp],
+    most_samples: int = _SAMPLES,
 ) -> list[float]:
     """The part of each cell that is ROI; -1 for a cell too little of which is in the picture.
 
-    `marks` is a mask (uint8) or a probability (float32).
+    Args:
+        marks: Of a detector, shape (rows, columns): uint8, 255 where it sees ROI, else 0; or
+            float32, a probability from 0 to 1, whose mean is the share.
+        matrix: 3 x 3, from `Camera.homography`.
+        grid: The grid.
+        cells: One at least, or an array of their columns and rows, shape (n, 2).
+        most_samples: Along a cell's side. More than it has pixels tell no more.
     """
-    west, east = min(c.east for c in cells), max(c.east for c in cells)
-    south, north = min(c.north for c in cells), max(c.north for c in cells)
+    columns_rows = np.array(cells, dtype=np.intp).reshape(-1, 2)
+    west, south = (int(n) for n in columns_rows.min(axis=0))
+    east, north = (int(n) for n in columns_rows.max(axis=0))
     across, along = east - west + 1, north - south + 1
-    samples = max(1, min(_SAMPLES, _BLOCK_SAMPLES // max(across, along)))
+    samples = max(1, min(most_samples, _SAMPLES, _BLOCK_SAMPLES // max(across, along)))
     step_m = grid.cell_m / samples
     ground_of_sample = np.array(
         [
@@ -202,16 +253,32 @@ def _shares(
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=(_OUTSIDE,),  # no mask and no probability has this value
     )
-    by_cell = block.reshape(along, samples, across, samples)
-    inside = by_cell != _OUTSIDE
-    seen = np.count_nonzero(inside, axis=(1, 3))
-    if marks.dtype == np.uint8:
-        roi = np.count_nonzero(by_cell == 255, axis=(1, 3)).astype(np.float64)
-    else:
-        roi = by_cell.sum(axis=(1, 3), where=inside, dtype=np.float64)
-    shares = []
-    for cell in cells:
-        at = (north - cell.north, cell.east - west)
-        enough = seen[at] >= SEEN_SHARE * samples * samples
-        shares.append(float(roi[at]) / float(seen[at]) if enough else -1.0)
+    roi, outside = _counted(block, samples) if marks.dtype == np.uint8 else _summed(block, samples)
+    seen = samples * samples - outside
+    at = (north - columns_rows[:, 1], columns_rows[:, 0] - west)
+    enough = seen[at] >= SEEN_SHARE * samples * samples
+    shares: list[float] = np.where(enough, roi[at] / np.maximum(seen[at], 1), -1.0).tolist()
     return shares
+
+
+def _counted(block: MatLike, samples: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """How many samples of each cell are ROI, and how many lie past the picture's edge.
+
+    Both in one sum over the rows, which lie side by side in memory: a column of a cell has fewer
+    samples than `_PACKED`.
+    """
+    rows, columns = block.shape[0] // samples, block.shape[1] // samples
+    marks = np.asarray(cv2.LUT(block, _MARKS), dtype=np.uint8).reshape(rows, samples, -1)
+    tall = np.add.reduce(marks, axis=1, dtype=np.uint16).reshape(rows, columns, samples)
+    roi: NDArray[np.intp] = (tall % _PACKED).sum(axis=2, dtype=np.intp)
+    outside: NDArray[np.intp] = (tall // _PACKED).sum(axis=2, dtype=np.intp)
+    return roi, outside
+
+
+def _summed(block: MatLike, samples: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """The sum of the probabilities in each cell, and how many samples lie past the edge."""
+    rows, columns = block.shape[0] // samples, block.shape[1] // samples
+    by_cell = np.asarray(block, dtype=np.float32).reshape(rows, samples, columns, samples)
+    inside = by_cell != _OUTSIDE
+    roi: NDArray[np.float64] = by_cell.sum(axis=(1, 3), where=inside, dtype=np.float64)
+    return roi, np.count_nonzero(~inside, axis=(1, 3))

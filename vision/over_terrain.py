@@ -18,6 +18,7 @@ from missions.ground.grid import Grid
 from missions.ground.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, pixel_rows
+from vision.detectors.interface import Marks
 
 SAMPLES: Final = 32
 """A cell's side in samples: a share is good to some hundredths."""
@@ -81,7 +82,7 @@ class OverTerrain:
 
     def shares(
         self,
-        marks: NDArray[np.uint8] | NDArray[np.float32],
+        marks: Marks,
         cells: tuple[Cell, ...],
         seen_share: float,
     ) -> list[float]:

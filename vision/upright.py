@@ -2,13 +2,16 @@
 
 Picture viewers turn a photograph by 180 degrees without touching its gimbal angles, and then no tag
 tells. The ground does: where two pictures overlap, they agree only if both are the right way up.
+
+A picture is compared with a few others only: the one before it, and the nearest of those before
+that. So the cost grows with the number of pictures, and not with its square.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -16,25 +19,91 @@ from numpy.typing import NDArray
 
 from missions.ground.grid import Grid
 from vision.camera import project
+from vision.labels import best_labels
 from vision.look import OBLIQUE_LIMIT, Frame
 
-_PIXELS_A_HEIGHT = 80  # resolution of the comparison: half a metre from 40 m
+_PIXELS_A_HEIGHT = 40  # resolution of the comparison: a metre from 40 m
 _SEARCH = 0.12  # how far positions may be off, in heights: some 5 m from 40 m
-_LEAST_COMMON = 400  # pixels that two pictures must share to be compared
-_MARGIN = 0.05  # mean gain in correlation below which nothing is called turned
-
-# the correlation of frames i < j for (i turned, j turned)
-_Scores = dict[tuple[int, int], NDArray[np.float64]]
+_LEAST_COMMON = 100  # pixels that two pictures must share to be compared
+_PARTNERS = 2  # how many are compared with a picture besides the one before it
+_KEPT = 600  # how many pictures back they may lie
 
 
 @dataclass(frozen=True, slots=True)
-class _Patch:
+class Patch:
     """A frame laid on the ground, north up: as stored, and turned by 180 degrees."""
 
     west_px: int
     north_px: int
-    ways: tuple[NDArray[np.float32], NDArray[np.float32]]
+    ways: tuple[NDArray[np.uint8], NDArray[np.uint8]]
     seen: NDArray[np.uint8]
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Column and row of its middle on the ground's raster."""
+        rows, columns = self.seen.shape
+        return self.west_px + columns / 2.0, self.north_px - rows / 2.0
+
+
+@dataclass(slots=True)
+class UprightSearch:
+    """Compares pictures as they come; in the end it says which are upside down.
+
+    `pitch_m` is the raster on the ground on which they are compared: `pitch_for` the heights.
+    """
+
+    grid: Grid
+    pitch_m: float
+    _count: int = 0
+    _kept: deque[tuple[int, Patch]] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    _scores: dict[tuple[int, int], NDArray[np.float64]] = field(default_factory=dict)
+
+    @staticmethod
+    def pitch_for(heights_m: Sequence[float]) -> float:
+        """The raster for pictures from such heights, metres.
+
+        >>> UprightSearch.pitch_for([40.0, 40.0, 4000.0])
+        1.0
+        """
+        usual_m = float(np.median([max(height_m, 1.0) for height_m in heights_m]))
+        return usual_m / _PIXELS_A_HEIGHT
+
+    def patch(self, frame: Frame) -> Patch | None:
+        """What is compared of a frame; None if it looks too far sideways. Of no other's business:
+        several threads may ask at once."""
+        return _patch(frame, self.grid, self.pitch_m)
+
+    def add(self, patch: Patch | None) -> None:
+        """The next picture, in the order in which they were taken."""
+        number = self._count
+        self._count += 1
+        if patch is None:
+            return
+        for other, kept in self._partners(patch):
+            score = _correlations(kept, patch)
+            if score is not None:
+                self._scores[other, number] = score
+        self._kept.append((number, patch))
+
+    def turned(self) -> tuple[bool, ...]:
+        """For each picture, whether it has to be turned by 180 degrees to agree with the others."""
+        return best_labels(self._count, self._scores)
+
+    def _partners(self, patch: Patch) -> list[tuple[int, Patch]]:
+        """The picture before, and the nearest of the others that may overlap."""
+        if not self._kept:
+            return []
+        *others, before = self._kept
+        x, y = patch.middle
+        far = max(patch.seen.shape)
+        near = []
+        for number, kept in others:
+            kept_x, kept_y = kept.middle
+            away = max(abs(kept_x - x), abs(kept_y - y))
+            if away < (far + max(kept.seen.shape)) / 2.0:
+                near.append((away, number, kept))
+        near.sort(key=lambda entry: entry[:2])
+        return [before, *((number, kept) for _, number, kept in near[:_PARTNERS])]
 
 
 def upside_down(frames: Sequence[Frame], grid: Grid) -> tuple[bool, ...]:
@@ -46,24 +115,14 @@ def upside_down(frames: Sequence[Frame], grid: Grid) -> tuple[bool, ...]:
     """
     if not frames:
         return ()
-    pitch_m = float(np.median([max(f.pose.height_m, 1.0) for f in frames])) / _PIXELS_A_HEIGHT
-    patches = [_patch(frame, grid, pitch_m) for frame in frames]
-    scores: _Scores = {}
-    for i, j in combinations(range(len(frames)), 2):
-        first, second = patches[i], patches[j]
-        if first is not None and second is not None:
-            score = _correlations(first, second)
-            if score is not None:
-                scores[i, j] = score
-    turned = [False] * len(frames)
-    for component in _components(len(frames), scores):
-        for k, way in _best_labels(component, scores).items():
-            turned[k] = way
-    return tuple(turned)
+    search = UprightSearch(grid, UprightSearch.pitch_for([f.pose.height_m for f in frames]))
+    for frame in frames:
+        search.add(search.patch(frame))
+    return search.turned()
 
 
 # --- the pictures on the ground ----------------------------------------------------------------
-def _patch(frame: Frame, grid: Grid, pitch_m: float) -> _Patch | None:
+def _patch(frame: Frame, grid: Grid, pitch_m: float) -> Patch | None:
     """The frame on a raster of `pitch_m`; None if it looks too far sideways."""
     if frame.pose.height_m <= 0.0:
         return None
@@ -90,17 +149,19 @@ def _patch(frame: Frame, grid: Grid, pitch_m: float) -> _Patch | None:
     half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
     # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
     blur = max(1, round(frame.camera.focal_px * pitch_m / frame.pose.height_m))
-    gray = cv2.blur(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), (blur, blur)).astype(np.float32)
+    gray = cv2.blur(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), (blur, blur))
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     ways = tuple(
-        cv2.warpPerspective(gray, m, (columns, rows), flags=flags).astype(np.float32, copy=False)
+        cv2.warpPerspective(gray, m, (columns, rows), flags=flags).astype(np.uint8, copy=False)
         for m in (to_pixels, half_turn @ to_pixels)
     )
-    full = np.full(gray.shape, 255, np.uint8)
-    nearest = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-    seen = cv2.warpPerspective(full, to_pixels, (columns, rows), flags=nearest)
-    seen = cv2.erode(seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    return _Patch(int(low[0]), int(high[1]), (ways[0], ways[1]), seen.astype(np.uint8, copy=False))
+    rim = (ground / pitch_m - (low[0] + 0.5, high[1] - 0.5)) * (1.0, -1.0)
+    seen = np.zeros((rows, columns), np.uint8)
+    cv2.fillConvexPoly(seen, np.round(rim).astype(np.int32), (255,))
+    inner = cv2.erode(
+        seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return Patch(int(low[0]), int(high[1]), (ways[0], ways[1]), inner.astype(np.uint8, copy=False))
 
 
 def _positive_at_centre(
@@ -111,7 +172,7 @@ def _positive_at_centre(
     return matrix if middle > 0.0 else -matrix
 
 
-def _correlations(first: _Patch, second: _Patch) -> NDArray[np.float64] | None:
+def _correlations(first: Patch, second: Patch) -> NDArray[np.float64] | None:
     """Best correlation for each (first turned, second turned); None without enough in common."""
     west = max(first.west_px, second.west_px)
     north = min(first.north_px, second.north_px)
@@ -141,62 +202,14 @@ def _correlations(first: _Patch, second: _Patch) -> NDArray[np.float64] | None:
     around = (slice(y - search, y + h + search), slice(x - search, x + w + search))
     score = np.zeros((2, 2))
     for i, one in enumerate(first.ways):
-        template = one[windows[0]][y : y + h, x : x + w]
+        template = one[windows[0]][y : y + h, x : x + w].astype(np.float32)
         for j, other in enumerate(second.ways):
             found = cv2.matchTemplate(
-                other[windows[1]][around], template, cv2.TM_CCOEFF_NORMED, mask=weight
+                other[windows[1]][around].astype(np.float32),
+                template,
+                cv2.TM_CCOEFF_NORMED,
+                mask=weight,
             )
             # without contrast the correlation is 0 / 0: it says nothing
             score[i, j] = np.clip(np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0), 0, 1).max()
     return score
-
-
-# --- the labels ---------------------------------------------------------------------------------
-def _components(count: int, scores: _Scores) -> list[list[int]]:
-    """The groups of frames that hang together by overlaps, each sorted."""
-    group = list(range(count))
-    for i, j in scores:
-        old, new = max(group[i], group[j]), min(group[i], group[j])
-        group = [new if g == old else g for g in group]
-    return [[k for k in range(count) if group[k] == g] for g in sorted(set(group))]
-
-
-def _best_labels(component: list[int], scores: _Scores) -> dict[int, bool]:
-    """The labels of a component with the largest sum of correlations that the search finds."""
-    pairs = {p: s for p, s in scores.items() if p[0] in component}
-    neighbours: dict[int, list[int]] = {k: [] for k in component}
-    for i, j in pairs:
-        neighbours[i].append(j)
-        neighbours[j].append(i)
-
-    def gain(k: int, labels: dict[int, bool]) -> float:
-        """What frame k adds when turned, over when not, given the labels of its neighbours."""
-        total = 0.0
-        for other in neighbours[k]:
-            if other in labels:
-                table = pairs[k, other] if k < other else pairs[other, k].T
-                column = table[:, int(labels[other])]
-                total += float(column[1] - column[0])
-        return total
-
-    def grown(way: bool) -> dict[int, bool]:
-        """Label outwards from the first frame, the clearest next; then mend until none changes."""
-        labels = {component[0]: way}
-        while len(labels) < len(component):
-            rest = [k for k in component if k not in labels]
-            k = max(rest, key=lambda k: (abs(gain(k, labels)), -k))
-            labels[k] = gain(k, labels) > 0.0
-        for _ in range(len(component)):
-            wrong = [k for k in component if (gain(k, labels) > 0.0) != labels[k]]
-            if not wrong:
-                break
-            worst = max(wrong, key=lambda k: (abs(gain(k, labels)), -k))
-            labels[worst] = not labels[worst]
-        return labels
-
-    def total(labels: dict[int, bool]) -> float:
-        return sum(float(s[int(labels[i]), int(labels[j])]) for (i, j), s in pairs.items())
-
-    as_stored = dict.fromkeys(component, False)
-    best = max((grown(False), grown(True)), key=total)
-    return best if total(best) > total(as_stored) + _MARGIN * len(pairs) else as_stored

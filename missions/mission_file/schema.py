@@ -220,6 +220,9 @@ class CameraSection(Section):
     border of the ROI over so many pixels, which the detector's dilations must be well above."""
     hosts: tuple[HostName, ...] = ()
     """From where pictures may be fetched, besides the host at the other end of the link."""
+    calibration: Annotated[str, Field(strict=True, min_length=1, max_length=4096)] | None = None
+    """OpenCV's calibration of the camera, a file beside the mission file. It is for recorded
+    pictures (`uavmap replay`, `uavmap look`); a flight reckons with `hfov_deg`."""
     noiseless: bool = False
     """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
 

@@ -65,7 +65,8 @@ def tagged(jpeg: bytes, tag: Geotag) -> bytes:
     at = 2
     if jpeg[2:4] == _APP0:
         at = 4 + int.from_bytes(jpeg[4:6], "big")
-    return b"".join((jpeg[:at], _segment(_exif(tag)), _segment(_xmp(tag)), jpeg[at:]))
+    exif = _segment(_exif(tag, _width_px(jpeg)))
+    return b"".join((jpeg[:at], exif, _segment(_xmp(tag)), jpeg[at:]))
 
 
 def camera_angles(attitude: Quaternion) -> tuple[float, float, float]:
@@ -88,6 +89,17 @@ def camera_angles(attitude: Quaternion) -> tuple[float, float, float]:
     return yaw, math.asin(sine), roll
 
 
+def _width_px(jpeg: bytes) -> int:
+    """How many columns a JPEG has, by its frame header."""
+    at = 2
+    while jpeg[at] == 0xFF:
+        kind, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4], "big")
+        if 0xC0 <= kind <= 0xC3:
+            return int.from_bytes(jpeg[at + 7 : at + 9], "big")
+        at += 2 + length
+    raise ValueError("a JPEG without a frame header")
+
+
 def _segment(payload: bytes) -> bytes:
     return _APP1 + (len(payload) + 2).to_bytes(2, "big") + payload
 
@@ -106,7 +118,7 @@ def _xmp(tag: Geotag) -> bytes:
 _Entry = tuple[int, int, bytes]
 
 
-def _exif(tag: Geotag) -> bytes:
+def _exif(tag: Geotag, width_px: int) -> bytes:
     milliseconds = round(tag.taken_s * 1000.0)
     date = time.strftime("%Y:%m:%d %H:%M:%S", time.gmtime(EPOCH_UTC_S + milliseconds // 1000))
     film_mm = _FILM_WIDTH_MM / 2.0 / math.tan(tag.hfov_rad / 2.0)
@@ -114,7 +126,11 @@ def _exif(tag: Geotag) -> bytes:
     detail: list[_Entry] = [
         (0x9000, _UNDEFINED, b"0232"),  # ExifVersion
         (0x9003, _ASCII, _text(date)),  # DateTimeOriginal
+        (0x920A, _RATIONAL, struct.pack("<II", round(film_mm * 10_000.0), 10_000)),  # FocalLength
         (0x9291, _ASCII, _text(f"{milliseconds % 1000:03d}")),  # SubsecTimeOriginal
+        # on a sensor as wide as film: whole numbers of millimetres are too coarse to map by
+        (0xA20E, _RATIONAL, struct.pack("<II", width_px * 1000, round(_FILM_WIDTH_MM * 1000.0))),
+        (0xA210, _SHORT, b"\x04\x00"),  # FocalPlaneResolutionUnit: millimetres
         (0xA405, _SHORT, struct.pack("<H", round(film_mm))),  # FocalLengthIn35mmFilm
     ]
     gps: list[_Entry] = [

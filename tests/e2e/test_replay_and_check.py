@@ -41,26 +41,38 @@ def test_photographs_make_a_map_of_the_road(tmp_path):
     assert 46.8415 < south < north < 46.8438
     assert -91.9957 < west < east < -91.9923
     assert (north - south) * 111_200 > 80.0  # it runs through the whole set
+    registration = json.loads((tmp_path / "map" / "registration.json").read_text("utf-8"))
+    assert registration["pictures_refined"] == 18
+    upside_down = [p["name"] for p in registration["pictures"] if p["upside_down"]]
+    assert upside_down == [f"DJI_00{number}.JPG" for number in range(24, 30)]
+    apart = registration["held_apart"]
+    assert apart["as_tagged"]["median_m"] > 2.0
+    assert apart["refined"]["median_m"] < 0.15
+    assert apart["refined"]["p90_m"] < 0.5
+    assert apart["refined"]["median_px"] < 1.0
 
 
 @needs_photographs
-def test_a_bad_photograph_is_named(tmp_path, capsys):
+def test_a_bad_photograph_is_named_and_the_others_are_mapped(tmp_path, capsys):
     photos = tmp_path / "photos"
     photos.mkdir()
-    shutil.copy(PHOTOGRAPHS / "DJI_0018.JPG", photos)
-    whole = (PHOTOGRAPHS / "DJI_0019.JPG").read_bytes()
+    for number in (18, 19, 20):
+        shutil.copy(PHOTOGRAPHS / f"DJI_00{number}.JPG", photos)
+    whole = (PHOTOGRAPHS / "DJI_0021.JPG").read_bytes()
     bad = {
         "plain.jpg": cv2.imencode(".jpg", np.zeros((60, 80, 3), np.uint8))[1].tobytes(),
         "torn.jpg": whole[: len(whole) // 3],
     }
     for name, data in bad.items():
         (photos / name).write_bytes(data)
-        folder = tmp_path / f"map of {name}"
-        assert main(["replay", str(photos), "--mission", "road", "--out", str(folder)]) == 2
-        (photos / name).unlink()
-        _, err = capsys.readouterr()
-        (line,) = [line for line in err.splitlines() if line.startswith("uavmap: ")]
-        assert name in line
+    folder = tmp_path / "map"
+    assert main(["replay", str(photos), "--mission", "road", "--out", str(folder)]) == 0
+    _, err = capsys.readouterr()
+    for name in bad:
+        (line,) = [line for line in err.splitlines() if line.startswith(f"{name}: ")]
+        assert line.endswith("; not judged")
+    summary = json.loads((folder / "summary.json").read_text("utf-8"))
+    assert (summary["photographs_judged"], summary["photographs_refused"]) == (3, 2)
 
 
 def test_check_says_what_would_be_flown(tmp_path):

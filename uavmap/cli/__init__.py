@@ -23,6 +23,7 @@ from uavmap.cli import (
     export,
     fly,
     keys,
+    look,
     replay,
     resume,
     simulate,
@@ -46,8 +47,8 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in (
-        fly, resume, doctor, camera, sitl, replay, animate, check, export, keys, simulate,
-        strategies, study, tune,
+        fly, resume, doctor, camera, sitl, replay, look, tune, animate, check, export, keys,
+        simulate, strategies, study,
     ):  # fmt: skip
         module.add_parser(commands)
     return top

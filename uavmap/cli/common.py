@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,6 +67,11 @@ _SHOWN: Final = {
     "tree_depth": "depth of the tree",
     "photographs": "photographs",
     "photographs_judged": "of these judged",
+    "photographs_refused": "of these refused",
+    "photographs_twice": "copies of others",
+    "cells_seen": "cells seen",
+    "cells_roi_m2": "region, sq m",
+    "pictures_per_cell": "pictures a cell",
 }
 
 
@@ -99,6 +105,21 @@ def worker_count(text: str) -> int:
 def seed_number(text: str) -> int:
     """A seed: numpy takes no negative ones."""
     return int(_number(text, int, 0, 2**63 - 1))
+
+
+def utc_seconds(text: str) -> float:
+    """A time of day with its zone, in seconds since 1970.
+
+    >>> utc_seconds("1970-01-01T00:01:00.5Z")
+    60.5
+    """
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        time = None
+    if time is None or time.tzinfo is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is no time such as 2024-05-01T10:11:12Z")
+    return time.timestamp()
 
 
 def port_number(text: str) -> int:

@@ -121,6 +121,11 @@ def add_parser(commands: Any) -> None:
     add_link_options(parser)
     _add_preflight_options(parser)
     parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
+    parser.add_argument(
+        "--keep-frames",
+        action="store_true",
+        help="keep every picture with its pose in the results, for `uavmap replay`",
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -189,10 +194,13 @@ def run(options: argparse.Namespace) -> int:
     plan = with_ground(plan, progress.say)
     folder = results_folder(options.out, mission.name)
     progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    if mission.camera.calibration is not None:
+        progress.say("camera.calibration is for recorded pictures; this flight uses hfov_deg")
     preflight = Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
     code, summary = 0, None
     try:
-        summary = fly(plan, folder, progress, None if options.sim else preflight)
+        before = None if options.sim else preflight
+        summary = fly(plan, folder, progress, before, keep_frames=options.keep_frames)
     except* NotFlownError as group:
         for over in leaves(group):
             complain(str(over))

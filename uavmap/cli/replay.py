@@ -1,4 +1,4 @@
-"""uavmap replay: a map from recorded photographs."""
+"""uavmap replay: a map from recorded pictures."""
 
 from __future__ import annotations
 
@@ -9,21 +9,51 @@ from typing import Any
 
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
-from uavmap.cli.common import DETECTOR_HELP, report, results_folder
+from uavmap.cli.common import (
+    DETECTOR_HELP,
+    make_folder,
+    report,
+    results_folder,
+    utc_seconds,
+    worker_count,
+)
 from uavmap.fly.progress import Terminal
-from uavmap.mission_source import load_source
-from uavmap.offline.photos import list_photos
-from uavmap.offline.replay import replay
+from uavmap.mission_source import MissionSource, load_source
+from uavmap.offline.calibration import calibration_of
+from uavmap.offline.derived import derived
+from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.refined_pictures import RefinedSet, refined
+from uavmap.offline.replay import Options, look_at_all
+from uavmap.offline.sources.opening import open_source
+from uavmap.offline.spool import Spool
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
+from uavmap.results.atomic import write_text
+from vision.lens import Lens
+
+MISSION_FILE = "mission.toml"
+"""In the results, of a replay without --mission: what was derived from the pictures."""
 
 _EXAMPLES = """\
 examples:
+  uavmap replay photos/
   uavmap replay photos/ --mission road
-  uavmap replay photos/ --mission field.toml --out field-map
+  uavmap replay photos/ --mission field.toml --out field-map --calibration camera.yaml
   uavmap replay photos/ --mission field.toml --detector my-field
+  uavmap replay photos/ --refine off
 
-Photographs need EXIF GPS positions, and height and angles in XMP, as a DJI writes them.
+PATH is a folder with its subfolders, or one file. Pictures are JPEG, PNG or TIFF of 8 or 16 bits.
+Positions come from EXIF, heights and angles from XMP as drones write them, or all of them from a
+geo.txt of OpenDroneMap in the folder. Without --mission the cells, the box, the camera and the
+height come from the pictures; the mission file that this makes is left in the results.
+
+A picture that cannot be used is named with its reason, in pictures.csv too, and the others are
+mapped.
+
+exit codes:
+  0    most pictures are in the map
+  2    something is wrong with the input; a line says what
+  3    half of the pictures or more could not be used, or they show no cell
 """
 
 
@@ -31,27 +61,102 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "replay",
-        help="map what recorded photographs show",
-        description="Recorded imagery through the same eyes and the same mission as a flight.",
+        help="map what recorded pictures show",
+        description="Recorded pictures through the same detector and the same votes as a flight.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("images", metavar="IMAGES", help="a folder of JPEGs, or one of them")
-    parser.add_argument("--mission", metavar="MISSION", required=True, help="grid and detector")
+    parser.add_argument("path", metavar="PATH", help="a folder of pictures, or one picture")
+    parser.add_argument("--mission", metavar="MISSION", help="grid, camera, detector and votes")
     parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        help="the camera's calibration by OpenCV: YAML, XML or JSON; instead of the tags' focal "
+        "length",
+    )
+    parser.add_argument(
+        "--any-day", action="store_true", help="use pictures of other days than most, too"
+    )
+    parser.add_argument(
+        "--video-start",
+        metavar="TIME",
+        type=utc_seconds,
+        help="when a video with a .tlog beside it begins: 2024-05-01T10:11:12.5Z",
+    )
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=worker_count,
+        help="how many pictures are looked at at once (default: one a core); the map is the same",
+    )
+    parser.add_argument(
+        "--refine",
+        choices=("on", "off"),
+        default="on",
+        help="on: refine poses where pictures overlap; off: take them as tagged (default: on)",
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Replay."""
-    source = load_source(options.mission, options.detector)
+    progress = Terminal()
+    given = None if options.mission is None else load_source(options.mission, options.detector)
+    asked = None if given is None else given.parse()  # say what is wrong before pictures are read
+    lens = calibration_of(options.calibration, asked, options.mission)
+    gathered = gather(open_source(Path(options.path), options.video_start))
+    better = _refined(gathered, lens, given, options, progress)
+    gathered = gathered if better is None else better.gathered
+    source = given or _derived(gathered, lens, any_day=options.any_day)
     mission = source.parse()
     refuse_unknown_ground(mission, source.source)
-    images = Path(options.images)
-    list_photos(images)  # say what is wrong before a folder is made
     folder = results_folder(options.out, mission.name)
+    if given is None:
+        for line in _shown(source):
+            progress.say(line)
+    with Spool() as spool:
+        how = Options(options.workers, lens, options.any_day, better is not None)
+        looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
+        looked.refuse_empty()
+        make_folder(folder)
+        if better is not None:
+            better.write(folder)
+        if given is None:
+            write_text(folder / MISSION_FILE, source.text)
+            progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, and replay again")
+        with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
+            summary = looked.written(journal, folder, progress)
+    return report(summary, folder, as_json=options.json)
+
+
+def _refined(
+    gathered: Gathered,
+    lens: Lens | None,
+    given: MissionSource | None,
+    options: argparse.Namespace,
+    progress: Terminal,
+) -> RefinedSet | None:
+    """The set with the poses that its overlaps give; None where those of the tags are wanted."""
+    if options.refine == "off":
+        return None
+    mission = None if given is None else given.parse()
+    return refined(gathered, progress, mission, lens=lens, workers=options.workers)
+
+
+def _derived(gathered: Gathered, lens: Lens | None, *, any_day: bool) -> MissionSource:
+    return MissionSource("derived from the pictures", derived(gathered, lens, any_day=any_day))
+
+
+def _shown(source: MissionSource) -> list[str]:
+    """The lines of a derived mission that a user may want to change."""
+    lines = [line for line in source.text.splitlines() if line and not line.startswith("#")]
+    return ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
+
+
+def _meta(source: MissionSource, path: str) -> dict[str, Any]:
     plan = FlightPlan(
         source.source,
         source.text,
@@ -62,7 +167,4 @@ def run(options: argparse.Namespace) -> int:
         speedup=None,
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
-    meta = {"plan": asdict(plan), "replay": str(images)}
-    with Journal.create(folder / JOURNAL, meta) as journal:
-        summary = replay(images, Setting.of(mission), journal, folder, Terminal())
-    return report(summary, folder, as_json=options.json)
+    return {"plan": asdict(plan), "replay": path}

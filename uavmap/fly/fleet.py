@@ -21,6 +21,7 @@ from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
 from uavmap.record.flight_plan import FlightPlan
+from uavmap.record.frames import FrameKeeper
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
@@ -38,6 +39,7 @@ def vehicles_of(
     crew: Crew,
     mission_time_s: Callable[[], float],
     say: Callable[[str], None],
+    keeper: FrameKeeper | None = None,
 ) -> dict[int, MavlinkVehicle]:
     """The vehicle at the end of each link, by its number in the mission, from 1."""
     at_a_terminal = not (crew.absent or plan.simulated or plan.auto_swap)
@@ -62,7 +64,7 @@ def vehicles_of(
             number,
             link.name,
             link.session,
-            CameraDriver(number, link.camera, poses, classifier, mission_time_s),
+            CameraDriver(number, link.camera, poses, classifier, mission_time_s, keeper),
             setting,
             mission_time_s,
             crew.swap,

@@ -35,6 +35,7 @@ from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
 from uavmap.link.urls import parse_url
 from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, Driver, FlightPlan
+from uavmap.record.frames import FrameKeeper
 from uavmap.record.journal import Journal
 from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
@@ -45,17 +46,25 @@ if TYPE_CHECKING:
     from uavmap.simulation import Truth
 
 
+KEEP_FRAMES: Final = "keep_frames"
+"""In the journal's meta: whether the pictures of the flight are kept (`uavmap.record.frames`)."""
+
 RIVAL_WALL_S: Final = 1.5
 """For so long another process that flies a vehicle is listened for: it speaks every second."""
 
 
 def fly(
-    plan: FlightPlan, folder: Path, progress: Progress, preflight: Preflight | None = None
+    plan: FlightPlan,
+    folder: Path,
+    progress: Progress,
+    preflight: Preflight | None = None,
+    *,
+    keep_frames: bool = False,
 ) -> dict[str, Any]:
     """Fly a new mission into a folder; returns the summary.
 
     `preflight`: what is looked at, asked and set before real aircraft take off; a flight that is
-    simulated in this process has none.
+    simulated in this process has none. `keep_frames`: whether the pictures stay in the folder.
 
     Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
     when the operator leaves before the end.
@@ -70,6 +79,8 @@ def fly(
         flight.preflight = preflight
         if preflight is not None and preflight.keep_fence:
             journal.put_meta(KEEP_FENCE, True)
+        if keep_frames:
+            journal.put_meta(KEEP_FRAMES, True)
         try:
             return flight.run()
         except* (LinkError, PreflightError):
@@ -106,6 +117,12 @@ def resume(
     Raises as `fly` does, and `JournalError` for a `recall` of aircraft that are simulated here.
     """
     with Journal.open(folder / JOURNAL) as journal:
+        if "replay" in journal.meta:
+            images = journal.meta["replay"]
+            raise JournalError(
+                f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
+                f"nothing to go on with; `uavmap replay {images}` makes the map anew"
+            )
         plan = FlightPlan.read(journal)
         if urls:
             plan = replace(plan, urls=urls)
@@ -270,7 +287,8 @@ class _Flight:
         automatic = self._plan.simulated or self._plan.auto_swap
         say = self._progress.say
         crew = Crew(say, automatic=automatic)
-        vehicles = vehicles_of(self._plan, self._setting, links, crew, self._now_s, say)
+        keeper = FrameKeeper(self._folder, say) if self._journal.meta.get(KEEP_FRAMES) else None
+        vehicles = vehicles_of(self._plan, self._setting, links, crew, self._now_s, say, keeper)
         before = None if self._plan.simulated else self._before(links)
 
         def observe(event: Event, state: State) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import AsyncIterator, Callable, Mapping
 
 from missions.errors import ImageError, LinkError
@@ -17,6 +18,7 @@ from uavmap.cameras.source import Announcement, FrameSource, decoded
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.frames import Frames, suppressed_silence
 from uavmap.printable import printable
+from uavmap.record.frames import FrameKeeper, KeptFrame
 from vision.look import Frame
 
 
@@ -30,12 +32,14 @@ class CameraDriver:
         poses: Poses,
         classifier: Classifier,
         mission_time_s: Callable[[], float],
+        keeper: FrameKeeper | None = None,
     ) -> None:
         self._number = number
         self._source = source
         self._poses = poses
         self._classifier = classifier
         self._now_s = mission_time_s
+        self._keeper = keeper
         self._frames: Frames | None = None
         source.listen(self._announced)
 
@@ -130,7 +134,11 @@ class CameraDriver:
         try:
             pose = await self._poses.of(picture)
             size_px = (camera.width_px, camera.height_px)
-            frame = Frame(decoded(await picture.load(), picture.name, size_px), pose, t_s, camera)
+            data = await picture.load()
+            frame = Frame(decoded(data, picture.name, size_px), pose, t_s, camera)
+            if self._keeper is not None:
+                hfov_deg = math.degrees(camera.hfov_rad)
+                self._keeper.keep(KeptFrame("", self._number, t_s, pose, hfov_deg), data)
             if anywhere:
                 return FrameSeen(self._number, t_s, None, self._classifier.votes_anywhere(frame))
             here, votes = self._classifier.votes(frame, vantage)

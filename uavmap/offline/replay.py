@@ -1,119 +1,326 @@
-"""Recorded imagery through the same `look` and `step` as a flight.
+"""Recorded pictures to a map, through the same detector and the same votes as a flight.
 
-    photographs -> frames -> look(frame, grid, detector) -> FrameSeen -> step -> map
+    source -> tags of all pictures -> credible -> decoded and judged one by one -> votes -> map
 
-A folder of photographs is taken as one look over the whole area: under the view "all" they count as
-taken from one vantage, and the first `votes.frames` that show a cell decide on it
-(`missions.mapping.belief`).
+The first pass reads tags only, and decides which pictures can be used. The second decodes each
+picture once, at the size that the mission works with, on all cores. What a picture says about
+cells waits on disk until all were seen: which are upside down, or blurred, shows beside the others
+only. Under the view "all" the pictures are one look over the whole area: the first `votes.frames`
+that show a cell decide on it, in the order in which they were taken.
+
+A bad picture is refused with its reason, and never ends the run.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
 from typing import Any, Final
 
-import cv2
-import numpy as np
-
 from missions.errors import ImageError
-from missions.events import Event, FrameLost, FrameSeen, Tracked
-from missions.state import Setting, State
-from missions.step import step
+from missions.events import FrameLost, FrameSeen, Tracked, Vote
+from missions.state import Setting
 from missions.units import Cell, GridPoint
-from uavmap.fly.classifier import Classifier
 from uavmap.fly.progress import Progress
 from uavmap.offline.above_ground import above_ground
-from uavmap.offline.photos import Photo, list_photos
-from uavmap.pictures import read_image
+from uavmap.offline.credible import Placed, credible
+from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.judging import Judge, Judged
+from uavmap.offline.lenses import Lenses
+from uavmap.offline.pictures_csv import FILE, PictureRow, write_pictures
+from uavmap.offline.refined_pictures import refined
+from uavmap.offline.sources.opening import open_source
+from uavmap.offline.spool import Said, Spool
+from uavmap.offline.tally import Votes
+from uavmap.offline.workers import in_order, worker_count
 from uavmap.record.journal import Journal
-from uavmap.results.write_results import write_results
+from uavmap.results.replay_results import Replayed, write_replay
 from vision.camera import Camera
-from vision.look import Frame
-from vision.upright import upside_down
+from vision.lens import Lens
+from vision.upright import UprightSearch
 
 VEHICLE: Final = 1
+BLURRED: Final = 0.2
+"""A picture with less than this part of the others' usual sharpness is blurred."""
+_LEAST_SHARP: Final = 4  # so many pictures say what is usual
+_LINES: Final = 20
 
-WHOLE_AREA: Final = Cell(0, 0)
-"""The vantage of all photographs: one look over the whole area, named by the grid's first cell."""
+
+@dataclass(slots=True)
+class Shot:
+    """A picture that was looked at, in the order in which they were taken."""
+
+    placed: Placed
+    t_s: float
+    reason: str = ""
+    """Why it is not used."""
+    sharpness: float = 0.0
+    turned: bool = False
+    cells: int = 0
+    camera: Camera | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a replay is done.
+
+    Attributes:
+        workers: How many threads; None: one a core. The results are the same.
+        lens: A calibration of the camera, instead of what tags say.
+        any_day: Whether pictures of other days than most are used.
+        refine: Whether poses are refined where pictures overlap.
+    """
+
+    workers: int | None = None
+    lens: Lens | None = None
+    any_day: bool = False
+    refine: bool = False
 
 
 def replay(
-    images: Path, setting: Setting, journal: Journal, folder: Path, progress: Progress
+    images: Path,
+    setting: Setting,
+    journal: Journal,
+    folder: Path,
+    progress: Progress,
+    options: Options | None = None,
 ) -> dict[str, Any]:
-    """Map what the photographs show; returns the summary.
+    """Map what the pictures at a path show; returns the summary.
 
-    Raises `ImageError` for a photograph without a geotag and for one that cannot be decoded.
+    Raises `ImageError` where there is no picture that can be used.
     """
-    photos = list_photos(images)
-    progress.begin(setting, again=False)
-    frames = []
-    for number, photo in enumerate(photos, start=1):
-        frames.append(_frame(photo, setting))
-        progress.say(f"read {number} of {len(photos)}: {photo.path.name}")
-    frames = _upright(frames, photos, setting, progress)
-    classifier = Classifier.of(setting.mission, setting.grid)
-    state = State.initial(setting)
-    outside = 0
-    for number, (photo, frame) in enumerate(zip(photos, frames, strict=True), start=1):
-        point = setting.grid.fixed(photo.pose.position)
-        outside += not setting.fence.contains(point)
-        place = GridPoint(round(point.east_m, 2), round(point.north_m, 2))
-        # photographs of one second still are different frames
-        t_s = round(photo.taken_s + 1e-3 * number, 3)
-        seen = _judged(classifier, frame, t_s)
-        if isinstance(seen, FrameLost):
-            progress.say(f"{photo.path.name}: {seen.reason}; not judged")
-        elif not seen.votes:
-            progress.say(f"{photo.path.name}: shows no cell whole; not judged")
-        events: list[Event] = [
-            Tracked(VEHICLE, t_s, place, round(photo.pose.height_m, 2), 0.0),
-            seen,
-        ]
-        for event in events:
-            journal.append(event)
-            state, _ = step(setting, state, event)
-    progress.end()
-    if outside:
-        progress.say(f"{outside} of {len(photos)} photographs were taken outside of the fence")
-    return write_results(folder, setting, list(journal.events()), None, recorded=len(photos))
+    options = options or Options()
+    gathered = gather(open_source(images))
+    if options.refine:
+        better = refined(
+            gathered, progress, setting.mission, lens=options.lens, workers=options.workers
+        )
+        if better is not None:
+            better.write(folder)
+            gathered = better.gathered
+    with Spool() as spool:
+        looked = look_at_all(gathered, setting, spool, progress, options)
+        return looked.written(journal, folder, progress)
 
 
-def _judged(classifier: Classifier, frame: Frame, t_s: float) -> FrameSeen | FrameLost:
-    """What a photograph says, or why it says nothing."""
-    whole = classifier.mission.detector.view == "all"
-    try:
-        vantage, votes = classifier.votes(frame, WHOLE_AREA if whole else None)
-    except ImageError as error:
-        return FrameLost(VEHICLE, t_s, str(error))
-    return FrameSeen(VEHICLE, t_s, vantage, votes)
+@dataclass(slots=True)
+class Looked:
+    """All pictures of a replay, judged; nothing is written yet."""
 
+    setting: Setting
+    gathered: Gathered
+    refused: Mapping[str, str]
+    """Why pictures are not used that were not decoded, by name."""
+    shots: Sequence[Shot]
+    spool: Spool
 
-def _frame(photo: Photo, setting: Setting) -> Frame:
-    """A photograph at the size that the mission works with."""
-    image = read_image(photo.path.read_bytes(), str(photo.path))
-    section = setting.mission.camera
-    scale = min(section.width_px / photo.width_px, 1.0)
-    if scale < 1.0:
-        size = (round(photo.width_px * scale), round(photo.height_px * scale))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    hfov_rad = photo.hfov_rad or math.radians(section.hfov_deg)
-    camera = Camera(hfov_rad, image.shape[1], image.shape[0])
-    return Frame(image, above_ground(photo.pose, setting), photo.taken_s, camera)
+    def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
+        """Journal, map and figures of the replay; returns the summary."""
+        votes = Votes(self.setting.mission.votes.frames, self.setting.mission.votes.positive)
+        journal.append_all(self._events(votes))
+        mapped = Replayed(
+            votes.cells(),
+            frozenset(votes.roi),
+            votes.undecided,
+            [(s.t_s, s.placed.pose.position, s.placed.pose.height_m) for s in self._used],
+            len(self._rows()) - len(self._used) - self.gathered.copies,
+            self.gathered.copies,
+        )
+        summary = write_replay(folder, self.setting, mapped)
+        write_pictures(self._rows(), folder / FILE)
+        self._say(progress)
+        return summary
 
+    def refuse_empty(self) -> None:
+        """Raise `ImageError` where no picture at all is used."""
+        if not self._used:
+            reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
+            raise ImageError(none_usable(self.gathered, {**reasons, **self.refused}))
 
-def _upright(
-    frames: list[Frame], photos: list[Photo], setting: Setting, progress: Progress
-) -> list[Frame]:
-    """Turn back what a picture viewer has turned by 180 degrees, and say so."""
-    upright = []
-    for frame, photo, turned in zip(frames, photos, upside_down(frames, setting.grid), strict=True):
-        if turned:
-            progress.say(
-                f"{photo.path.name}: stored upside down (it overlaps its neighbours only when "
-                "turned by 180 degrees); turned"
+    @property
+    def _used(self) -> list[Shot]:
+        return [shot for shot in self.shots if not shot.reason]
+
+    def _events(self, votes: Votes) -> Iterator[Tracked | FrameSeen | FrameLost]:
+        """What happened, as a journal tells it; the votes are counted on the way."""
+        grid, share = self.setting.grid, self.setting.mission.detector.share
+        for number, shot in enumerate(self.shots):
+            point = grid.fixed(shot.placed.pose.position)
+            place = GridPoint(round(point.east_m, 2), round(point.north_m, 2))
+            height_m = round(shot.placed.pose.height_m, 2)
+            yield Tracked(VEHICLE, shot.t_s, place, height_m, 0.0)
+            if shot.reason:
+                yield FrameLost(VEHICLE, shot.t_s, shot.reason)
+                continue
+            vantage, cells, shares, _ = self.spool.get(number)
+            said = tuple(
+                Vote(Cell(*cell), part >= share, round(part, 3))
+                for cell, part in zip(cells.tolist(), shares.tolist(), strict=True)
+                if part >= 0.0
             )
-            frame = replace(frame, image=np.ascontiguousarray(frame.image[::-1, ::-1]))
-        upright.append(frame)
-    return upright
+            shot.cells = len(said)
+            votes.add(vantage, said)
+            yield FrameSeen(VEHICLE, shot.t_s, vantage, said)
+
+    def _rows(self) -> list[PictureRow]:
+        """A row for each picture and each file that is none, by name."""
+        better = self.gathered.refined
+        tagged = {picture.name: picture for picture in self.gathered.pictures}
+        rows = [
+            PictureRow(
+                tagged[name],
+                name,
+                s.reason,
+                s.cells,
+                s.turned or name in self.gathered.upside_down,
+                better.get(name),
+            )
+            for s in self.shots
+            for name in (s.placed.picture.name,)
+        ]
+        shown = {row.name for row in rows}
+        rows += [
+            PictureRow(
+                picture,
+                picture.name,
+                self.refused[picture.name],
+                0,
+                False,
+                better.get(picture.name),
+            )
+            for picture in self.gathered.pictures
+            if picture.name not in shown
+        ]
+        rows += [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
+        return sorted(rows, key=lambda row: row.name)
+
+    def _say(self, progress: Progress) -> None:
+        """Who is not used and why; what was mended; what was not read."""
+        lines = [f"{row.name}: {row.reason}; not judged" for row in self._rows() if row.reason]
+        lines += [
+            f"{s.placed.picture.name}: stored upside down (it overlaps its neighbours only when "
+            "turned by 180 degrees); turned"
+            for s in self._used
+            if s.turned
+        ]
+        for line in lines[:_LINES]:
+            progress.say(line)
+        if len(lines) > _LINES:
+            progress.say(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
+        for line in self.gathered.left_out:
+            progress.say(f"{self.gathered.source}: not read: {line}")
+        fence, grid = self.setting.fence, self.setting.grid
+        outside = sum(not fence.contains(grid.fixed(s.placed.pose.position)) for s in self._used)
+        if outside:
+            count = len(self._used)
+            progress.say(f"{outside} of {count} photographs were taken outside of the fence")
+
+
+# --- the two passes ------------------------------------------------------------------------------
+def look_at_all(
+    gathered: Gathered, setting: Setting, spool: Spool, progress: Progress, options: Options
+) -> Looked:
+    """Both passes over the pictures. Raises `ImageError` where no tags allow to use one."""
+    progress.begin(setting, again=False)
+    verdicts = credible(gathered.posed, setting.mission, any_day=options.any_day)
+    placed = [
+        replace(verdict, pose=above_ground(verdict.pose, setting))
+        for verdict in verdicts
+        if isinstance(verdict, Placed)
+    ]
+    refused = {
+        picture.name: verdict
+        for picture, verdict in zip(gathered.pictures, verdicts, strict=True)
+        if isinstance(verdict, str)
+    }
+    if not placed:
+        raise ImageError(none_usable(gathered, refused))
+    shots = _timed(placed)
+    search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
+    judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
+    _judge_all(judge, shots, spool, progress, options.workers or worker_count())
+    _refuse_blurred(shots)
+    _turn(judge, shots, spool)
+    progress.end()
+    return Looked(setting, gathered, refused, shots, spool)
+
+
+def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
+    """Judge anew what is stored upside down: its mask, the other way round."""
+    for number, (shot, turned) in enumerate(zip(shots, judge.search.turned(), strict=True)):
+        if shot.reason or not turned or shot.camera is None:
+            continue
+        said = spool.get(number)
+        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said.cells, said.marks)
+        spool.put(number, said._replace(shares=shares))
+        shot.turned = True
+
+
+def none_usable(gathered: Gathered, refused: Mapping[str, str]) -> str:
+    """A line for a set of which no picture can be used."""
+    name, reason = next(iter(refused.items()))
+    more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+    return f"{gathered.source}: no picture can be used: {name}: {reason}{more}"
+
+
+def _timed(placed: Sequence[Placed]) -> list[Shot]:
+    """The pictures with times that differ, also within a second, and where nothing says when."""
+    shots, last_s = [], 0.0
+    for number, entry in enumerate(placed, start=1):
+        last_s = last_s if entry.taken_s is None else max(last_s, entry.taken_s)
+        shots.append(Shot(entry, round(last_s + 1e-3 * number, 3)))
+    return shots
+
+
+def _judge_all(
+    judge: Judge, shots: Sequence[Shot], spool: Spool, progress: Progress, workers: int
+) -> None:
+    """Decode and judge every picture; what each says is put on the spool."""
+
+    def judged(shot: Shot) -> Judged | str:
+        try:
+            return judge.judged(shot.placed, shot.t_s)
+        except ImageError as error:
+            return str(error)
+
+    seen: dict[bytes, int] = {}
+    every = max(1, len(shots) // 10)
+    answers = in_order(judged, shots, workers)
+    for number, (shot, said) in enumerate(zip(shots, answers, strict=True)):
+        if isinstance(said, str):
+            shot.reason = said
+        else:
+            same = seen.setdefault(said.fingerprint, number)
+            if not judge.mission.camera.noiseless:
+                shot.reason = _repeats(same, number, shots)
+            shot.sharpness = said.sharpness
+        if isinstance(said, str) or shot.reason:
+            judge.search.add(None)
+        else:
+            judge.search.add(said.patch)
+            shot.camera = said.camera
+            spool.put(number, Said(said.vantage, said.cells, said.shares, said.marks))
+        if number % every == every - 1 or number + 1 == len(shots):
+            progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
+
+
+def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:
+    if same == number:
+        return ""
+    if same == number - 1:
+        return "the picture repeats the last one in every pixel: the camera has stalled"
+    return f"the picture is {shots[same].placed.picture.name} again, in every pixel"
+
+
+def _refuse_blurred(shots: Sequence[Shot]) -> None:
+    """A camera that shook, or was out of focus, shows beside the other pictures of the set."""
+    known = [shot.sharpness for shot in shots if not shot.reason]
+    if len(known) < _LEAST_SHARP:
+        return
+    usual = median(known)
+    for shot in shots:
+        if not shot.reason and shot.sharpness < BLURRED * usual:
+            share = shot.sharpness / usual
+            shot.reason = f"blurred: {share:.0%} of the sharpness that the others have"

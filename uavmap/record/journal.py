@@ -17,7 +17,7 @@ import json
 import os
 import sqlite3
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -177,6 +177,24 @@ class Journal:
                 self._database.execute("BEGIN")
                 put_event(self._database, number, row, None if self.version == 1 else checksum)
         except sqlite3.Error as error:  # a full disk, mostly
+            raise JournalError(f"{self.path} cannot be written: {error}") from None
+        self._count, self._chain = number, checksum
+
+    def append_all(self, events: Iterable[Event]) -> None:
+        """Commit events all at once; when this returns, they are on the disk, or none is.
+
+        For what did not happen just now. Raises as `append` does.
+        """
+        number, checksum = self._count, self._chain
+        try:
+            with self._database:
+                self._database.execute("BEGIN")
+                for event in events:
+                    body, number = to_json(event), number + 1
+                    checksum = chain.link(checksum, number, body)
+                    row = EventRow(event.t_s, getattr(event, "vehicle", None), event.kind, body)
+                    put_event(self._database, number, row, None if self.version == 1 else checksum)
+        except sqlite3.Error as error:
             raise JournalError(f"{self.path} cannot be written: {error}") from None
         self._count, self._chain = number, checksum
 

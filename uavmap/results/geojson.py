@@ -142,8 +142,7 @@ def _line(data: MapData, track: Track) -> list[Coordinates]:
 
 def _ring(data: MapData, points: Iterable[GridPoint]) -> list[Coordinates]:
     """A closed ring of points of the moving frame, in their order."""
-    grid, t_s = data.grid, data.t_s
-    ring = [_lon_lat(grid.position(grid.to_fixed(point, t_s)), data.start) for point in points]
+    ring = [_lon_lat(data.place(point), data.start) for point in points]
     return ring if ring[0] == ring[-1] else [*ring, ring[0]]
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from shapely.geometry.base import BaseGeometry
 
 from missions.ground.grid import Grid
-from missions.units import Cell, LatLon
+from missions.units import Cell, GridPoint, LatLon
 
 State = Literal[
     "non-roi",
@@ -70,6 +70,18 @@ class MapData:
     truth: BaseGeometry | None = None
     unsearched: tuple[tuple[LatLon, LatLon], ...] = ()
     """Stretches of search lanes that no judged frame shows, fixed to the ground."""
+    pictures: int | None = None
+    """Of a replay, from how many pictures the map is; None for a flight."""
+
+    _places: dict[GridPoint, LatLon] = field(default_factory=dict, repr=False, compare=False)
+
+    def place(self, point: GridPoint) -> LatLon:
+        """Where a point of the region is at the time of the map; cells share their corners."""
+        place = self._places.get(point)
+        if place is None:
+            place = self.grid.position(self.grid.to_fixed(point, self.t_s))
+            self._places[point] = place
+        return place
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:

@@ -45,7 +45,7 @@ Pixels = list[tuple[float, float]]
 def write(data: MapData, path: Path) -> None:
     """Write the picture to `path`, as PNG."""
     buffer = io.BytesIO()
-    draw(data).save(buffer, "PNG", optimize=True)
+    draw(data).save(buffer, "PNG")
     write_bytes(path, buffer.getvalue())
 
 
@@ -75,15 +75,17 @@ def draw(data: MapData) -> Image.Image:
     pen.text((left * k, 46 * k), _subtitle(data), fill=FAINT, font=font(14 * k))
     corner = ((left + view.width_px + MARGIN_PX) * k, top * k)
     draw_legend(pen, corner, entries, view.px_per_m * k, k)
-    return picture.resize(size, Image.Resampling.LANCZOS)
+    return picture.resize(size, Image.Resampling.HAMMING)
 
 
 def _subtitle(data: MapData) -> str:
     cells, minutes = len(data.roi_cells), divmod(round(data.t_s), 60)
-    time = f"{minutes[0]}:{minutes[1]:02d} min"
+    after = f"after {minutes[0]}:{minutes[1]:02d} min"
+    if data.pictures is not None:
+        after = f"from {data.pictures} pictures"
     area_m2 = cells * data.grid.cell_m**2
     drift = data.grid.drift_speed_m_s
-    return f"{cells} cells of {data.grid.cell_m:g} m, {area_m2:,.0f} sq m  ·  after {time}" + (
+    return f"{cells} cells of {data.grid.cell_m:g} m, {area_m2:,.0f} sq m  ·  {after}" + (
         f"  ·  drifting {drift:g} m/s; tracks as seen from the region" if drift else ""
     )
 
@@ -140,10 +142,26 @@ class _Canvas:
         """A line with round corners; where it crosses itself it gets no darker."""
         if len(points) < 2:
             return
-        mask = Image.new("L", self.image.size, 0)
-        pen, width = ImageDraw.Draw(mask), round(width_px * self._k)
-        pen.line(self._pixels(points), fill=alpha, width=width, joint="curve")
-        self.image.paste(colour, (0, 0), mask)
+        width, pixels = round(width_px * self._k), self._pixels(points)
+        # as large as the line and no larger: most are the outlines of a few cells
+        left, top, right, bottom = self._around(pixels, width)
+        if left >= right or top >= bottom:
+            return
+        mask = Image.new("L", (right - left, bottom - top), 0)
+        moved = [(x - left, y - top) for x, y in pixels]
+        ImageDraw.Draw(mask).line(moved, fill=alpha, width=width, joint="curve")
+        self.image.paste(colour, (left, top), mask)
+
+    def _around(self, pixels: Pixels, width: int) -> tuple[int, int, int, int]:
+        """The part of the image that a line may touch: left, top, right, bottom."""
+        columns, rows = zip(*pixels, strict=True)
+        reach, (most_right, most_low) = width + 2, self.image.size
+        return (
+            max(0, math.floor(min(columns)) - reach),
+            max(0, math.floor(min(rows)) - reach),
+            min(most_right, math.ceil(max(columns)) + reach),
+            min(most_low, math.ceil(max(rows)) + reach),
+        )
 
     def dashes(self, ring: Sequence[GridPoint], colour: Colour, dash_px: float) -> None:
         """A closed dashed line, drawn where it is in view."""
@@ -190,6 +208,8 @@ def _entries(data: MapData) -> Iterator[Entry]:
         count = sum(1 for row in data.cells if row.state == state)
         if count:
             name = NAMES.get(state, state)
+            if data.pictures is not None and state == "explored":
+                name = "region"  # nobody was there
             yield Entry("square", colour, f"{name} ({count})")
     yield Entry("line", OUTLINE, "outline of the map", 2.5)
     if data.truth is not None:

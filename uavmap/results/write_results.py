@@ -8,7 +8,7 @@ from typing import Any
 
 from shapely.geometry.base import BaseGeometry
 
-from missions.events import Event, FrameSeen
+from missions.events import Event
 from missions.mapping.tree import Tree
 from missions.mission_file.schema import positions
 from missions.state import Setting, State
@@ -79,28 +79,19 @@ def write_results(
     seed: int | None,
     simulated: Mapping[str, Any] | None = None,
     roi: BaseGeometry | None = None,
-    recorded: int | None = None,
 ) -> dict[str, Any]:
     """Write the maps and the summary of a journal; returns the summary.
 
     `roi` is the true ROI in the moving frame, where it is known; `simulated` what the simulator
-    watched; `recorded` the number of photographs, where there was no flight: what they show is
-    mapped once every one of them was judged.
+    watched.
     """
     state, found = figures(setting, events)
-    data = map_data(setting, state, found, roi, recorded=recorded is not None)
+    data = map_data(setting, state, found, roi)
     geojson.write(data, folder / "map.geojson")
     kml.write(data, folder / "map.kml")
     picture.write(data, folder / "map.png")
     values = summary(setting, state, found, seed)
     values |= {"cells_skipped": len(state.skipped)}
-    if recorded is not None:
-        judged = sum(isinstance(event, FrameSeen) and bool(event.votes) for event in events)
-        values |= {
-            "completed": 0 < judged == recorded,
-            "photographs": recorded,
-            "photographs_judged": judged,
-        }
     if roi is not None:
         marks = score(state.belief.roi, roi, setting.grid, state.belief.detections())
         values |= {

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+Marks: TypeAlias = NDArray[np.uint8] | NDArray[np.float32]
+"""Of a picture's pixels: a mask, 0 or 255, or a probability, 0 to 1."""
 
 
 @runtime_checkable

@@ -59,12 +59,15 @@ class PavedDetector:
 
     def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        channels = image.astype(np.int16)
-        total = channels.sum(axis=2, dtype=np.int16)
-        # 2 G - R - B = 3 G - (R + G + B)
-        grey = 3 * channels[:, :, 1] - total < self.greenness * total.astype(np.float32)
-        lit = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) > self.intensity
-        roi = np.where(grey & lit, np.uint8(255), np.uint8(0))
+        # 3 G - (R + G + B) < greenness (R + G + B), as one sum over the bands; only its sign is
+        # asked, so that it may saturate: a level of an 8-bit result is a 64th of a level here
+        rest = 64.0 * (1.0 + self.greenness)
+        grey = cv2.transform(image, np.array([[rest, rest - 192.0, rest]]))
+        _, lit = cv2.threshold(
+            cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self.intensity, 255, cv2.THRESH_BINARY
+        )
+        _, roi = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY)
+        roi = cv2.bitwise_and(roi, lit)
         if self.dilations:
-            roi = cv2.erode(roi, _KERNEL, iterations=self.dilations).astype(np.uint8, copy=False)
-        return roi
+            roi = cv2.erode(roi, _KERNEL, iterations=self.dilations)
+        return np.asarray(roi, dtype=np.uint8)

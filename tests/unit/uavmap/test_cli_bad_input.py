@@ -7,7 +7,9 @@ import shutil
 import socket
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.unit.uavmap.photographs import write_photo
 from uavmap.cli import main
@@ -180,12 +182,14 @@ def test_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     replay = ["replay", images, "--mission", "road", "--out", out]
     assert "no such file or folder" in one_line(capsys, *replay)
     images.mkdir()
-    assert "no JPEG photographs" in one_line(capsys, *replay)
+    assert "no pictures (*.jpg" in one_line(capsys, *replay)
     write_photo(images / "a.jpg", gps={})
     assert "a.jpg: no geotag: EXIF GPSLatitude is missing" in one_line(capsys, *replay)
     (images / "a.jpg").write_bytes(b"not a picture")
     assert "a.jpg: not a readable picture" in one_line(capsys, *replay)
-    whole = write_photo(images / "a.jpg").read_bytes()
+    noise = np.random.default_rng(1).normal((10, 120, 240), 4.0, (360, 640, 3))
+    large = Image.fromarray(np.clip(noise, 0, 255).astype(np.uint8))
+    whole = write_photo(images / "a.jpg", image=large).read_bytes()
     (images / "a.jpg").write_bytes(whole[: len(whole) - 200])
     assert "a.jpg: not a readable picture" in one_line(capsys, *replay)
     assert not (out / JOURNAL).exists()  # mended, the same command works

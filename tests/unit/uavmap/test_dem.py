@@ -14,6 +14,7 @@ from missions.ground.grid import Grid
 from missions.state import Setting
 from missions.units import GridPoint, Pose, Quaternion
 from tests.small_missions import START, mission_text, square
+from tests.unit.uavmap.photographs import write_photo
 from uavmap.cli import main
 from uavmap.mission_source import load_source
 from uavmap.offline.above_ground import above_ground
@@ -144,6 +145,19 @@ def test_photographs_are_read_from_their_height_above_the_ground_below(tmp_path)
     assert told.height_m == pytest.approx(50.0 - ground_m(30.0, 40.0), abs=0.1)
     level = Setting.of(load_source(str(mission_file(tmp_path, above="home"))).parse())
     assert above_ground(taken, level) is taken
+
+
+def test_photographs_over_a_terrain_keep_their_tags(tmp_path, capsys):
+    """Registration takes the ground for a plane, which a terrain is not."""
+    geotiff(tmp_path / "dem.tif")
+    (tmp_path / "photos").mkdir()
+    place = {1: "N", 2: (START.lat_deg, 0.0, 0.0), 3: "E", 4: (START.lon_deg, 0.0, 0.0)}
+    write_photo(tmp_path / "photos" / "a.jpg", gps=place)
+    out = tmp_path / "map"
+    mission = mission_file(tmp_path)
+    main(["replay", str(tmp_path / "photos"), "--mission", str(mission), "--out", str(out)])
+    assert "over a terrain poses are as tagged" in capsys.readouterr().err
+    assert not (out / "registration.json").exists()
 
 
 def test_plans_for_ground_stations_are_refused(tmp_path, capsys):

@@ -21,7 +21,11 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from missions.ground.grid import Grid
 from missions.units import LatLon
-from uavmap.offline.photos import Photo, list_photos
+from uavmap.fly.progress import Silent
+from uavmap.offline.credible import Placed, credible
+from uavmap.offline.gathering import gather
+from uavmap.offline.refined_pictures import refined
+from uavmap.offline.sources.opening import open_source
 from uavmap.pictures import read_image
 from uavmap.text_files import read_text
 from vision.camera import Camera, project
@@ -139,35 +143,45 @@ Rings = list[NDArray[np.float64]]
 
 
 def _projected(images: Path, files: list[Path], width_px: int) -> Iterator[Example]:
+    """The pictures with the polygons, by the best poses that there are."""
     shapes = [shape for path in files for shape in _shapes(path)]
-    photos = list_photos(images)
-    grid = Grid.at(photos[0].pose.position, _GRID_M)
+    gathered = gather(open_source(images))
+    better = refined(gathered, Silent())
+    verdicts = credible((better.gathered if better else gathered).posed)
+    placed = [entry for entry in verdicts if not isinstance(entry, str)]
+    if not placed:
+        raise ImageError(
+            f"{images}: polygons cannot be projected into pictures without a pose "
+            f"({gathered.pictures[0].name}: {verdicts[0]}); paint masks"
+        )
+    grid = Grid.at(placed[0].pose.position, _GRID_M)
     limited = any(kind == "surround" for kind, _ in shapes)
-    for photo in photos:
-        picture = read_picture(photo.path, width_px)
-        drawn = {kind: _drawn(kind, shapes, photo, grid, picture.shape[:2]) for kind in _KINDS}
+    for entry in placed:
+        picture = read_picture(images / entry.picture.name, width_px)
+        drawn = {kind: _drawn(kind, shapes, entry, grid, picture.shape[:2]) for kind in _KINDS}
         region = drawn["region"]
         known = (region | drawn["surround"]) if limited else np.ones_like(region)
         known &= ~drawn["undecided"]
         if known.any():
-            yield Example(photo.path.stem, picture, region, known)
+            yield Example(Path(entry.picture.name).stem, picture, region, known)
 
 
 def _drawn(
     kind: str,
     shapes: list[tuple[str, Rings]],
-    photo: Photo,
+    placed: Placed,
     grid: Grid,
     shape: tuple[int, ...],
 ) -> NDArray[np.bool_]:
     """Where the polygons of a kind lie in a picture."""
     rows, columns = shape
-    if photo.hfov_rad is None:
+    lens = placed.picture.lens
+    if lens is None:
         raise ImageError(
-            f"{photo.path}: EXIF FocalLengthIn35mmFilm is missing, without which polygons cannot "
+            f"{placed.picture.name}: no tag tells its focal length, without which polygons cannot "
             "be projected into it; paint a mask"
         )
-    matrix = Camera(photo.hfov_rad, columns, rows).homography(photo.pose, grid, 0.0)
+    matrix = Camera(lens.hfov_rad, columns, rows).homography(placed.pose, grid, 0.0)
     drawn = np.zeros((rows, columns), np.uint8)
     for found, rings in shapes:
         if found != kind:

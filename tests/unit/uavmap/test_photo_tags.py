@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from pathlib import Path
 
 import cv2
@@ -15,22 +16,40 @@ from missions.errors import ImageError
 from missions.ground.grid import Grid
 from missions.units import Quaternion
 from tests.unit.uavmap.photographs import DJI, dji, write_photo
-from uavmap.offline.photos import list_photos
+from uavmap.offline.credible import Placed, credible
+from uavmap.offline.gathering import gather
+from uavmap.offline.sources.opening import open_source
+from uavmap.offline.sources.photo_file import decoded
+from uavmap.offline.sources.record import Picture, Refused
 from uavmap.pictures import read_image
 from vision.camera import Camera, rotation
 from vision.look import Frame
 from vision.upright import upside_down
 
+
+def tagged(path: Path) -> tuple[Picture, ...]:
+    return gather(open_source(path)).pictures
+
+
+def placed(path: Path) -> list[Placed]:
+    entries = credible(tagged(path))
+    assert all(isinstance(entry, Placed) for entry in entries), entries
+    return [entry for entry in entries if isinstance(entry, Placed)]
+
+
 REAL = Path(__file__).resolve().parents[3] / "../shared/data/brighton_beach"
 
 
 def test_tags_of_a_photo(tmp_path: Path) -> None:
-    (photo,) = list_photos(write_photo(tmp_path / "a.JPG"))
+    (photo,) = placed(write_photo(tmp_path / "a.JPG"))
     assert photo.pose.position.lat_deg == pytest.approx(46 + 50 / 60 + 33.3855 / 3600)
     assert photo.pose.position.lon_deg == pytest.approx(-(91 + 59 / 60 + 40.4156 / 3600))
     assert photo.pose.height_m == 39.8
-    assert (photo.width_px, photo.height_px, photo.taken_s) == (64, 36, 0.0)
-    assert photo.hfov_rad == pytest.approx(2 * math.atan(18 / 20))
+    assert (photo.picture.width_px, photo.picture.height_px, photo.taken_s) == (64, 36, 0.0)
+    assert photo.picture.lens is not None
+    # 20 mm on a diagonal of 43.27 mm; a picture of 16:9 is cut from a sensor of 4:3
+    diagonal_px = math.hypot(64, 48)
+    assert photo.picture.lens.fx_px == pytest.approx(20.0 * diagonal_px / math.hypot(36, 24))
     forward, _, down = rotation(photo.pose.attitude).T
     assert forward == pytest.approx([0, 0, 1], abs=1e-9)
     up = math.sqrt(0.5)  # the upper edge lies to the north-east
@@ -39,7 +58,7 @@ def test_tags_of_a_photo(tmp_path: Path) -> None:
 
 def test_southern_and_eastern_letters(tmp_path: Path) -> None:
     gps = {1: "S", 2: (33.0, 30.0, 0.0), 3: "E", 4: (151.0, 15.0, 0.0)}
-    (photo,) = list_photos(write_photo(tmp_path / "a.jpg", gps=gps))
+    (photo,) = placed(write_photo(tmp_path / "a.jpg", gps=gps))
     assert (photo.pose.position.lat_deg, photo.pose.position.lon_deg) == (-33.5, 151.25)
 
 
@@ -63,7 +82,7 @@ def test_southern_and_eastern_letters(tmp_path: Path) -> None:
     ],
 )
 def test_other_sets_of_angles(tmp_path: Path, xmp: bytes, yaw_deg: float) -> None:
-    (photo,) = list_photos(write_photo(tmp_path / "a.jpg", xmp=xmp))
+    (photo,) = placed(write_photo(tmp_path / "a.jpg", xmp=xmp))
     expected = Quaternion.from_euler(0.0, -math.pi / 2, math.radians(yaw_deg))
     assert photo.pose.attitude == pytest.approx(expected)
 
@@ -74,10 +93,11 @@ def test_photos_are_in_the_order_of_exposure_then_of_name(tmp_path: Path) -> Non
     write_photo(tmp_path / "b.jpeg", taken="2016:06:23 16:32:06", film_mm=None)
     write_photo(tmp_path / "d.jpg", taken="2016:06:23 16:33:00", film_mm=0)
     (tmp_path / "LICENSE").write_text("no photo")
-    photos = list_photos(tmp_path)
-    assert [p.path.name for p in photos] == ["c.jpg", "a.jpg", "b.jpeg", "d.jpg"]
+    # of the same content but for their tags
+    photos = placed(tmp_path)
+    assert [p.picture.name for p in photos] == ["c.jpg", "a.jpg", "b.jpeg", "d.jpg"]
     assert [p.taken_s for p in photos] == [0.0, 7.0, 7.0, 61.0]
-    assert photos[2].hfov_rad is photos[3].hfov_rad is None
+    assert photos[2].picture.lens is photos[3].picture.lens is None
 
 
 @pytest.mark.parametrize(
@@ -94,26 +114,41 @@ def test_photos_are_in_the_order_of_exposure_then_of_name(tmp_path: Path) -> Non
         ({"xmp": dji(GimbalYawDegree=None, FlightYawDegree=None)}, "GimbalYawDegree"),
         ({"xmp": b"<x:xmpmeta"}, "not well-formed"),
         ({"orientation": 3}, "Orientation is 3"),
-        ({"taken": None}, "DateTimeOriginal is missing"),
-        ({"taken": "yesterday"}, "DateTimeOriginal is 'yesterday'"),
     ],
 )
 def test_what_is_missing_is_named_with_the_file(
     tmp_path: Path, photo: dict[str, object], blamed: str
 ) -> None:
     write_photo(tmp_path / "bad.jpg", **photo)  # type: ignore[arg-type]
-    with pytest.raises(ImageError, match=f"(?s)bad.jpg.*{blamed}"):
-        list_photos(tmp_path)
+    (reason,) = credible(tagged(tmp_path))
+    assert isinstance(reason, str)
+    assert re.search(f"(?s){blamed}", reason)
+
+
+@pytest.mark.parametrize("taken", [None, "yesterday"])
+def test_without_a_date_a_photo_comes_last(tmp_path: Path, taken: str | None) -> None:
+    write_photo(tmp_path / "a.jpg", taken=taken)
+    write_photo(tmp_path / "b.jpg")
+    assert [p.picture.name for p in placed(tmp_path)] == ["b.jpg", "a.jpg"]
+    notes = placed(tmp_path)[1].picture.notes
+    assert [("yesterday" in note) for note in notes] == [True] * (taken is not None)
+
+
+def test_a_mirrored_photo_is_refused(tmp_path: Path) -> None:
+    write_photo(tmp_path / "a.jpg", orientation=5)
+    (refused,) = open_source(tmp_path).pictures()
+    assert isinstance(refused, Refused)
+    assert "Orientation is 5" in refused.reason
 
 
 def test_folders_without_photos(tmp_path: Path) -> None:
-    with pytest.raises(ImageError, match="no JPEG"):
-        list_photos(tmp_path)
+    with pytest.raises(ImageError, match="no pictures"):
+        tagged(tmp_path)
     with pytest.raises(ImageError, match="no such file"):
-        list_photos(tmp_path / "nowhere")
+        tagged(tmp_path / "nowhere")
     (tmp_path / "a.jpg").write_bytes(b"not a picture")
     with pytest.raises(ImageError, match=r"a\.jpg: not a readable picture"):
-        list_photos(tmp_path)
+        tagged(tmp_path)
 
 
 def jpeg_bytes() -> bytes:
@@ -142,7 +177,7 @@ def test_a_truncated_jpeg_is_refused(part: float) -> None:
 
 
 def test_any_damage_is_an_image_error_or_a_picture(tmp_path: Path) -> None:
-    """Bytes of the head overwritten: nothing but ImageError may come out."""
+    """Bytes of the head overwritten: refused, or a picture; nothing is raised but ImageError."""
     data = bytearray(write_photo(tmp_path / "a.jpg").read_bytes())
     rng = np.random.default_rng(11)
     refused = 0
@@ -152,8 +187,9 @@ def test_any_damage_is_an_image_error_or_a_picture(tmp_path: Path) -> None:
             bad[int(at)] = int(rng.integers(0, 256))
         (tmp_path / "a.jpg").write_bytes(bad)
         try:
-            list_photos(tmp_path)
+            tagged(tmp_path)
             read_image(bytes(bad), "a.jpg")
+            decoded(bytes(bad), 32)
         except ImageError:
             refused += 1
     assert 0 < refused < 300
@@ -165,23 +201,27 @@ needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"no photographs in {R
 
 @needs_real
 def test_real_tags() -> None:
-    photos = list_photos(REAL)
-    assert [p.path.stem for p in photos] == [f"DJI_00{k}" for k in range(18, 36)]
+    photos = placed(REAL)
+    assert [p.picture.name for p in photos] == [f"DJI_00{k}.JPG" for k in range(18, 36)]
     assert photos[-1].taken_s == 124.0
     assert all(39.0 < p.pose.height_m < 41.0 for p in photos)
+    # 3.61 mm on a sensor 6.16 mm wide
+    lens = photos[0].picture.lens
+    assert lens is not None
+    assert lens.hfov_deg == pytest.approx(80.9, abs=0.1)
 
 
 @needs_real
 def test_real_photographs_agree_on_the_ground_once_upright() -> None:
     """Those of the second leg are stored upside down, which their tags do not say."""
-    photos = [p for p in list_photos(REAL) if p.path.stem[-2:] in ("24", "25", "33", "34")]
+    photos = [p for p in placed(REAL) if p.picture.name[-6:-4] in ("24", "25", "33", "34")]
     grid = Grid.at(photos[0].pose.position, 4.0)
     frames = []
     for photo in photos:
-        full = read_image(photo.path.read_bytes(), photo.path.name)
-        image = cv2.resize(full, (500, 281), interpolation=cv2.INTER_AREA).astype(np.uint8)
-        assert photo.hfov_rad is not None
-        frames.append(Frame(image, photo.pose, photo.taken_s, Camera(photo.hfov_rad, 500, 281)))
+        image = photo.picture.decode(500).astype(np.uint8)
+        lens, (rows, columns) = photo.picture.lens, image.shape[:2]
+        assert lens is not None
+        frames.append(Frame(image, photo.pose, 0.0, Camera(lens.hfov_rad, columns, rows)))
     turned = upside_down(frames, grid)
     assert turned == (True, True, False, False)
     upright = [

@@ -1,0 +1,267 @@
+"""A folder with three good pictures and a bad one: the good ones are mapped, the bad one named."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.small_missions import START, ring, square
+from tests.unit.uavmap.photographs import dji, write_photo
+from tests.unit.uavmap.test_pictures import png
+from tests.unit.uavmap.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
+from uavmap.cli import main
+
+MISSION = f"""
+start.position = [{START.lat_deg}, {START.lon_deg}]
+search.box = {ring(GRID, square(-10, -10, 60, 50))}
+fence.polygon = {ring(GRID, square(-30, -30, 100, 90))}
+flight.altitude_m = 40.0
+camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal"}}
+detector = {{intensity = 140, dilations = 0, share = 0.5, view = "all"}}
+votes = {{frames = 3, positive = 2}}
+"""
+PLACES = ((10.0, 10.0), (16.0, 14.0), (14.0, 16.0))
+
+
+def shot(
+    path: Path, seed: int = 0, place: tuple[float, float] = (14.0, 12.0), **tags: object
+) -> Path:
+    """A photograph from 40 m, its upper edge in the north; `tags` change what is written."""
+    known: dict[str, object] = {
+        "gps": geotag(*place),
+        "taken": f"2024:05:01 10:00:{seed % 60:02}",
+        "film_mm": FILM_MM,
+        "xmp": dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
+        "image": paint(*place, 0.0, seed=seed),
+    }
+    return write_photo(path, **{**known, **tags})  # type: ignore[arg-type]
+
+
+def xmp(**changes: str) -> bytes:
+    return dji(**{"RelativeAltitude": "+40.00", "GimbalYawDegree": "+0.00", **changes})
+
+
+def flat(level: int) -> Image.Image:
+    noise = np.random.default_rng(level).normal(level, 3.0, (HEIGHT, WIDTH, 3))
+    return Image.fromarray(np.clip(noise, 0, 255).astype(np.uint8))
+
+
+def truncated(path: Path) -> None:
+    shot(path, 9)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+
+
+def blurred(path: Path) -> None:
+    soft = cv2.GaussianBlur(np.asarray(paint(14.0, 12.0, 0.0, seed=9)), (0, 0), 6.0)
+    shot(path, 9, image=Image.fromarray(soft))
+
+
+def video(path: Path) -> None:
+    path.write_bytes(b"\0\0\0\x18ftypmp42\0\0\0\0mp42isom" + bytes(4000))
+
+
+NULL_ISLAND = {1: "N", 2: (0.0, 0.0, 0.0), 3: "E", 4: (0.0, 0.0, 0.0)}
+AFAR = {1: "S", 2: (33.0, 0.0, 0.0), 3: "E", 4: (151.0, 0.0, 0.0)}
+
+BAD: dict[str, tuple[Callable[[Path], object], str]] = {
+    "empty": (lambda p: p.write_bytes(b""), "empty"),
+    "torn head": (lambda p: p.write_bytes(b"\xff\xd8\xff\xe1\x00\x20Exif"), "not a"),
+    "truncated": (truncated, "truncated"),
+    "a video": (video, "not a readable picture (no JPEG, PNG or TIFF)"),
+    "a PNG by the name of jpg": (
+        lambda p: Image.fromarray(np.zeros((40, 60), np.uint8)).save(p, "PNG"),
+        "no geotag",
+    ),
+    "no tags": (lambda p: paint(14.0, 12.0, 0.0).save(p, "JPEG"), "no geotag"),
+    "turned": (lambda p: shot(p, 9, orientation=6), "Orientation is 6"),
+    "below the ground": (
+        lambda p: shot(p, 9, xmp=xmp(RelativeAltitude="-12.3")),
+        "its height is -12.3 m",
+    ),
+    "at the horizon": (
+        lambda p: shot(p, 9, xmp=xmp(GimbalPitchDegree="0")),
+        "0 deg below the horizon",
+    ),
+    "400 m up": (lambda p: shot(p, 9, xmp=xmp(RelativeAltitude="+400")), "the others about 40 m"),
+    "another continent": (lambda p: shot(p, 9, gps=AFAR), "km from the mission's start"),
+    "no fix": (lambda p: shot(p, 9, gps=NULL_ISLAND), "geotag is 0, 0"),
+    "another day": (lambda p: shot(p, 9, taken="2019:01:01 10:00:00"), "days before the others"),
+    "a pixel": (lambda p: shot(p, 9, image=Image.new("RGB", (1, 1))), "too few"),
+    "dark": (lambda p: shot(p, 9, image=flat(2)), "dark"),
+    "bright": (lambda p: shot(p, 9, image=flat(254)), "exposed"),
+    "blurred": (blurred, "blurred"),
+    "a bomb": (lambda p: p.write_bytes(png(60_000, 60_000)), "too many"),
+}
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The good pictures and the mission."""
+    folder = tmp_path_factory.mktemp("good")
+    for seed, place in enumerate(PLACES):
+        shot(folder / f"{seed}.jpg", seed, place)
+    (folder / "m.toml").write_text(MISSION, "utf-8")
+    return folder
+
+
+def mapped(
+    photos: Path, good: Path, out: Path
+) -> tuple[int, dict[str, dict[str, str]], dict[str, object]]:
+    """The exit code, the rows of pictures.csv by name, and the summary."""
+    code = main(["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)])
+    with (out / "pictures.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["picture"]: row for row in csv.DictReader(file)}
+    return code, rows, json.loads((out / "summary.json").read_text("utf-8"))
+
+
+def folder_of(good: Path, tmp_path: Path) -> Path:
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for path in good.glob("*.jpg"):
+        shutil.copy(path, photos)
+    return photos
+
+
+@pytest.fixture(scope="module")
+def alone(good: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The map of the good pictures alone."""
+    tmp_path = tmp_path_factory.mktemp("alone")
+    code, _, _ = mapped(folder_of(good, tmp_path), good, tmp_path / "out")
+    assert code == 0
+    return (tmp_path / "out" / "map.geojson").read_bytes()
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_picture_is_named_and_the_others_make_their_map(
+    case: str, good: Path, alone: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make, reason = BAD[case]
+    photos = folder_of(good, tmp_path)
+    make(photos / "bad.jpg")
+    code, rows, summary = mapped(photos, good, tmp_path / "out")
+    assert code == 0
+    assert reason in rows["bad.jpg"]["reason"]
+    assert [rows[f"{n}.jpg"]["used"] for n in range(3)] == ["yes"] * 3
+    assert (summary["photographs_judged"], summary["photographs_refused"]) == (3, 1)
+    assert (tmp_path / "out" / "map.geojson").read_bytes() == alone
+    said = capsys.readouterr().err
+    assert [line for line in said.splitlines() if line.startswith("bad.jpg: ")]
+
+
+def test_what_is_no_picture_is_told_a_kind_a_line(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photos = folder_of(good, tmp_path)
+    (photos / "._0.jpg").write_bytes(b"Mac OS X")
+    (photos / "gone.jpg").symlink_to(tmp_path / "nowhere.jpg")
+    video(photos / "DJI_1.MP4")
+    for name in ("a.txt", "b.txt", "README"):
+        (photos / name).write_text("no picture")
+    code, rows, _ = mapped(photos, good, tmp_path / "out")
+    assert code == 0
+    assert sorted(rows) == ["0.jpg", "1.jpg", "2.jpg"]
+    told = [line.partition("not read: ")[2] for line in capsys.readouterr().err.splitlines()]
+    assert {line.split(";")[0] for line in told if line} == {
+        "2 of another kind: .txt",
+        "1 of another kind: no ending",
+        "1 beginning with ._ (notes of a Mac, no pictures)",
+        "1 links that lead nowhere",
+        "1 videos",
+    }
+
+
+def test_a_picture_counts_once_and_a_name_in_two_folders_is_two_pictures(
+    good: Path, alone: bytes, tmp_path: Path
+) -> None:
+    photos = folder_of(good, tmp_path)
+    for name in ("again", "deep/er"):
+        (photos / name).mkdir(parents=True)
+    shutil.copy(photos / "0.jpg", photos / "again" / "copy.jpg")
+    code, rows, summary = mapped(photos, good, tmp_path / "one")
+    assert code == 0
+    assert rows["again/copy.jpg"]["reason"] == "the same file as 0.jpg"
+    assert summary["photographs_twice"] == 1
+    assert (tmp_path / "one" / "map.geojson").read_bytes() == alone
+    shot(photos / "deep" / "er" / "0.jpg", 30)
+    _, rows, summary = mapped(photos, good, tmp_path / "two")
+    assert rows["deep/er/0.jpg"]["used"] == rows["0.jpg"]["used"] == "yes"
+    assert summary["photographs_judged"] == 4
+
+
+def test_where_most_are_bad_the_map_is_not_complete(good: Path, tmp_path: Path) -> None:
+    photos = folder_of(good, tmp_path)
+    for number in range(3):
+        (photos / f"bad{number}.jpg").write_bytes(b"")
+    code, _, summary = mapped(photos, good, tmp_path / "out")
+    assert code == 3
+    assert summary["completed"] is False
+    assert summary["cells_roi"]
+
+
+def test_where_all_are_bad_a_line_says_why(
+    tmp_path: Path, good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shot(tmp_path / "a.jpg", gps={})
+    out = tmp_path / "out"
+    for arguments in ((), ("--mission", str(good / "m.toml"))):
+        assert main(["replay", str(tmp_path), *arguments, "--out", str(out)]) == 2
+        (line,) = [x for x in capsys.readouterr().err.splitlines() if x.startswith("uavmap: ")]
+        assert "a.jpg: no geotag" in line
+        assert not out.exists()
+
+
+def test_without_a_mission_one_is_derived_and_can_be_given_again(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photos = folder_of(good, tmp_path)
+    out, again = tmp_path / "out", tmp_path / "again"
+    assert main(["replay", str(photos), "--out", str(out)]) == 0
+    text = (out / "mission.toml").read_text("utf-8")
+    assert "cell_m = 2" in text  # 25 pixels of 8 cm
+    assert "cell_m = 2" in capsys.readouterr().err
+    file = out / "mission.toml"
+    assert main(["replay", str(photos), "--mission", str(file), "--out", str(again)]) == 0
+    assert (out / "map.geojson").read_bytes() == (again / "map.geojson").read_bytes()
+
+
+def test_what_was_taken_far_from_the_start_is_judged_as_well(good: Path, tmp_path: Path) -> None:
+    """A kilometre away, from 40 m: the start of the grid is nothing to the pictures."""
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for seed in range(3):
+        shot(photos / f"{seed}.jpg", seed, (1000.0 + 4 * seed, 12.0))
+    code, rows, summary = mapped(photos, good, tmp_path / "out")
+    assert code == 0
+    assert [int(row["cells"]) > 100 for row in rows.values()] == [True] * 3
+    assert summary["photographs_judged"] == 3
+
+
+def test_an_angle_of_view_that_nobody_tells_is_called_a_guess(good: Path, tmp_path: Path) -> None:
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for seed in range(3):
+        shot(photos / f"{seed}.jpg", seed, film_mm=None)
+    assert main(["replay", str(photos), "--out", str(tmp_path / "out")]) == 0
+    assert "a guess" in (tmp_path / "out" / "mission.toml").read_text("utf-8")
+
+
+def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) -> None:
+    photos = folder_of(good, tmp_path)
+    (photos / "bad.jpg").write_bytes(b"")
+    made = []
+    for workers in ("1", "3"):
+        out = tmp_path / workers
+        arguments = ["--mission", str(good / "m.toml"), "--out", str(out), "--workers", workers]
+        assert main(["replay", str(photos), *arguments]) == 0
+        names = ("map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv")
+        made.append([(out / name).read_bytes() for name in names])
+    assert made[0] == made[1]

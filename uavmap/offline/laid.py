@@ -1,0 +1,71 @@
+"""A recorded picture laid on the ground: which cells it shows, and how much of each is region."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.ground.grid import Grid
+from missions.ground.terrain import Terrain
+from missions.units import Cell, Pose
+from vision.camera import Camera, project
+from vision.detectors.interface import Marks
+from vision.look import OBLIQUE_LIMIT, SEEN_SHARE, cells_shown, cells_shown_whole, shares_of
+from vision.over_terrain import OverTerrain
+
+_SAMPLES_A_PIXEL: Final = 1.2
+Cells = NDArray[np.intp]
+"""Columns and rows of cells, shape (n, 2)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """A picture on flat ground, or over a terrain; `pose.height_m` is above the ground below."""
+
+    camera: Camera
+    pose: Pose
+    t_s: float
+    grid: Grid
+    terrain: Terrain | None
+
+    def cells(self, view: Literal["cross", "all"], margin_m: float) -> Cells:
+        """The cells on which the picture is asked, as `vision.look.look` asks a frame."""
+        if self.terrain is None and view == "all":
+            return cells_shown_whole(self.camera, self.pose, self.t_s, self.grid, margin_m)
+        if self.terrain is None or self.pose.height_m <= 0.0:
+            shown = cells_shown(self.camera, self.pose, self.t_s, self.grid, view, None, margin_m)
+            return _array(shown)
+        over = self._over(self.terrain)
+        below = self.grid.cell_at(self.pose.position, self.t_s)
+        if view == "cross":
+            return _array(tuple(cell for cell in below.cross() if over.in_front(cell)))
+        reach = math.ceil(OBLIQUE_LIMIT * self.pose.height_m / self.grid.cell_m)
+        return _array(over.shown_whole(below, reach, margin_m))
+
+    def shares(self, marks: Marks, cells: Cells) -> NDArray[np.float64]:
+        """The part of each cell that is marked; -1 for one that is not in the picture."""
+        if self.terrain is not None:
+            named = tuple(Cell(*cell) for cell in cells.tolist())
+            return np.array(self._over(self.terrain).shares(marks, named, SEEN_SHARE))
+        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
+        # as many along a cell's side as a cell below the camera has pixels, and some
+        cell_px = self.camera.pixels_per_cell(self.pose.height_m, self.grid.cell_m)
+        samples = math.ceil(_SAMPLES_A_PIXEL * cell_px)
+        return np.array(shares_of(marks, matrix, self.grid, cells, samples))
+
+    def pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixels of ground points in the grid's moving frame; NaN behind the camera."""
+        if self.terrain is not None:
+            return self._over(self.terrain).project(points)[0]
+        return project(self.camera.homography(self.pose, self.grid, self.t_s), points)[0]
+
+    def _over(self, terrain: Terrain) -> OverTerrain:
+        return OverTerrain(self.camera, self.pose, self.grid, self.t_s, terrain)
+
+
+def _array(cells: tuple[Cell, ...]) -> Cells:
+    return np.array(cells, dtype=np.intp).reshape(-1, 2)

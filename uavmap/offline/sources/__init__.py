@@ -1,0 +1,1 @@
+"""Where recorded pictures come from: folders of photographs, videos, earlier flights."""

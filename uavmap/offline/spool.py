@@ -1,0 +1,65 @@
+"""What pictures say, kept on disk until all of them have been seen."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, field
+from typing import IO, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.units import Cell
+
+
+class Said(NamedTuple):
+    """What a picture says; see `uavmap.offline.judging.Judged`."""
+
+    vantage: Cell
+    cells: NDArray[np.intp]
+    shares: NDArray[np.float64]
+    marks: bytes
+
+
+class _Kept(NamedTuple):
+    offset: int
+    cells: int
+    marks: int
+    vantage: Cell
+
+
+@dataclass(slots=True)
+class Spool:
+    """What pictures say by a number, in a file that vanishes with this object.
+
+    >>> with Spool() as spool:
+    ...     spool.put(7, Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks"))
+    ...     found = spool.get(7)
+    >>> found.cells.tolist(), found.shares.tolist(), found.marks
+    ([[1, 2]], [0.5], b'marks')
+    """
+
+    _file: IO[bytes] = field(default_factory=tempfile.TemporaryFile)
+    _kept: dict[int, _Kept] = field(default_factory=dict)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def put(self, number: int, said: Said) -> None:
+        """Keep what a picture says; it may be told anew."""
+        offset = self._file.seek(0, 2)
+        self._file.write(np.ascontiguousarray(said.cells, dtype=np.int32).tobytes())
+        self._file.write(np.ascontiguousarray(said.shares, dtype=np.float64).tobytes())
+        self._file.write(said.marks)
+        self._kept[number] = _Kept(offset, len(said.cells), len(said.marks), said.vantage)
+
+    def get(self, number: int) -> Said:
+        """What was kept under a number. Raises `KeyError` where nothing was."""
+        offset, count, marks, vantage = self._kept[number]
+        self._file.seek(offset)
+        cells = np.frombuffer(self._file.read(8 * count), np.int32).reshape(count, 2)
+        shares = np.frombuffer(self._file.read(8 * count), np.float64)
+        return Said(vantage, cells.astype(np.intp), shares, self._file.read(marks))

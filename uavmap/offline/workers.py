@@ -1,0 +1,58 @@
+"""Work on many items in threads: the answers in the items' order, few at a time in memory."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TypeVar
+
+import cv2
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
+
+
+def worker_count() -> int:
+    """As many as this process may use cores."""
+    return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+
+
+def in_order(
+    work: Callable[[Item], Answer], items: Iterable[Item], workers: int
+) -> Iterator[Answer]:
+    """`work` of every item, in their order; what it raises is raised here.
+
+    At most `workers` + 1 answers wait, however fast the first are.
+
+    >>> list(in_order(lambda n: n * n, range(5), workers=3))
+    [0, 1, 4, 9, 16]
+    """
+    if workers == 1:
+        yield from map(work, items)
+        return
+    waiting: deque[Future[Answer]] = deque()
+    with ThreadPoolExecutor(workers) as pool, _one_thread_each():
+        try:
+            for item in items:
+                waiting.append(pool.submit(work, item))
+                if len(waiting) > workers:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """OpenCV has threads of its own, which only stand in the way of ours."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)

@@ -1,0 +1,117 @@
+"""The pictures of a flight, kept beside its journal: as they came, with the pose of each.
+
+    frames/poses.csv     frame, vehicle, t_s, lat_deg, lon_deg, height_m, qw, qx, qy, qz, hfov_deg
+    frames/1-000123.400.jpg
+
+Times are mission seconds. The quaternion turns the camera's axes to NED (`missions.units.Pose`).
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.units import LatLon, Pose, Quaternion
+
+FRAMES: Final = "frames"
+POSES: Final = "poses.csv"
+COLUMNS: Final = (
+    "frame",
+    "vehicle",
+    "t_s",
+    "lat_deg",
+    "lon_deg",
+    "height_m",
+    "qw",
+    "qx",
+    "qy",
+    "qz",
+    "hfov_deg",
+)
+_PNG: Final = b"\x89PNG"
+
+
+class KeptFrame(NamedTuple):
+    """A line of poses.csv."""
+
+    frame: str
+    vehicle: int
+    t_s: float
+    pose: Pose
+    hfov_deg: float
+
+
+class FrameKeeper:
+    """Writes pictures and their poses; what the disk refuses is told once, and ends the keeping.
+
+    A flight that is repeated or gone on with keeps each picture once.
+    """
+
+    def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
+        self._folder = folder / FRAMES
+        self._say = say
+        self._over = False
+        self._kept: set[str] = set()
+        poses = self._folder / POSES
+        if poses.is_file():
+            with poses.open(encoding="utf-8", newline="") as file:
+                self._kept = {row.get("frame", "") for row in csv.DictReader(file)}
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """Keep a picture: the file that came, or a JPEG of the pixels; its name follows from the
+        vehicle and the time."""
+        if self._over:
+            return
+        if isinstance(picture, bytes):
+            data = picture
+        else:
+            data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+        ending = "png" if data.startswith(_PNG) else "jpg"
+        name = f"{frame.vehicle}-{frame.t_s:010.3f}.{ending}"
+        if name in self._kept:
+            return
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            (self._folder / name).write_bytes(data)
+            self._note(name, frame)
+        except OSError as error:
+            self._over = True
+            self._say(f"pictures are kept no longer: {self._folder}: {error.strerror}")
+            return
+        self._kept.add(name)
+
+    def _note(self, name: str, frame: KeptFrame) -> None:
+        path, pose = self._folder / POSES, frame.pose
+        new = not path.exists()
+        with path.open("a", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            if new:
+                writer.writerow(COLUMNS)
+            place = (f"{pose.position.lat_deg:.8f}", f"{pose.position.lon_deg:.8f}")
+            turn = (f"{part:.7f}" for part in pose.attitude)
+            where = (*place, f"{pose.height_m:.3f}", *turn, f"{frame.hfov_deg:.4f}")
+            writer.writerow((name, frame.vehicle, f"{frame.t_s:.3f}", *where))
+
+
+def read_kept(folder: Path) -> Iterator[KeptFrame | str]:
+    """The frames of a flight's folder; a line that is damaged comes as a text that says so.
+
+    Raises `OSError` and `UnicodeDecodeError` where the file cannot be read.
+    """
+    with (folder / FRAMES / POSES).open(encoding="utf-8", newline="") as file:
+        for number, row in enumerate(csv.DictReader(file), start=2):
+            try:
+                values = {key: float(row[key]) for key in COLUMNS[1:]}
+                turn = Quaternion(*(values[key] for key in ("qw", "qx", "qy", "qz")))
+                place = LatLon(values["lat_deg"], values["lon_deg"])
+                pose = Pose(place, values["height_m"], turn)
+                vehicle, t_s = int(values["vehicle"]), values["t_s"]
+                yield KeptFrame(str(row["frame"]), vehicle, t_s, pose, values["hfov_deg"])
+            except (KeyError, TypeError, ValueError):
+                yield f"line {number} of {POSES} is damaged"

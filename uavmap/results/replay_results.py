@@ -1,0 +1,122 @@
+"""The results of a replay: the same maps as of a flight, and figures that speak of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from missions.mission_file.schema import positions
+from missions.state import Setting
+from missions.units import Cell, LatLon
+from uavmap.results import geojson, kml, picture
+from uavmap.results import summary as summary_file
+from uavmap.results.model import CellRow, MapData, Track
+
+KIND = "recorded pictures"
+"""In place of a strategy: nobody has flown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What pictures have shown.
+
+    Attributes:
+        cells: Every cell that was seen, sorted: pictures that say ROI, and all.
+        roi: The cells of the region.
+        undecided: How many cells were seen in too few pictures to be ROI.
+        taken: Of each picture that is used: seconds since the first, place, height in metres.
+        refused: How many different pictures are not used.
+        copies: How many files are copies of another one.
+    """
+
+    cells: Mapping[Cell, tuple[int, int]]
+    roi: frozenset[Cell]
+    undecided: int
+    taken: Sequence[tuple[float, LatLon, float]]
+    refused: int
+    copies: int
+
+    @property
+    def pictures(self) -> int:
+        """All different pictures."""
+        return len(self.taken) + self.refused
+
+    @property
+    def complete(self) -> bool:
+        """Whether that is a map of what was photographed: most pictures are in it."""
+        return bool(self.cells) and len(self.taken) > self.refused
+
+
+def write_replay(folder: Path, setting: Setting, replayed: Replayed) -> dict[str, Any]:
+    """Write the maps and the summary of a replay; returns the summary."""
+    data = replay_map(setting, replayed)
+    geojson.write(data, folder / "map.geojson")
+    kml.write(data, folder / "map.kml")
+    picture.write(data, folder / "map.png")
+    values = replay_summary(setting, replayed)
+    summary_file.write(values, folder / "summary.json")
+    return values
+
+
+def replay_map(setting: Setting, replayed: Replayed) -> MapData:
+    """What the map writers need."""
+    mission, grid = setting.mission, setting.grid
+    return MapData(
+        mission=mission.name,
+        grid=grid,
+        t_s=max((t_s for t_s, _, _ in replayed.taken), default=0.0),
+        cells=tuple(
+            CellRow(cell, "explored" if cell in replayed.roi else "non-roi", positive, votes)
+            for cell, (positive, votes) in replayed.cells.items()
+        ),
+        tracks=(Track(1, tuple(replayed.taken)),) if replayed.taken else (),
+        start=mission.home,
+        box=positions(mission.search.box),
+        fence=positions(mission.fence.polygon),
+        fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
+        pictures=len(replayed.taken),
+    )
+
+
+def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
+    """summary.json of a replay."""
+    cell_m2 = setting.grid.cell_m**2
+    used, roi = len(replayed.taken), len(replayed.roi)
+    return {
+        "mission": setting.mission.name,
+        "strategy": KIND,
+        "completed": replayed.complete,
+        "finding": _finding(replayed, roi, roi * cell_m2),
+        "photographs": replayed.pictures,
+        "photographs_judged": used,
+        "photographs_refused": replayed.refused,
+        "photographs_twice": replayed.copies,
+        "frames_judged": used,
+        "cells_seen": len(replayed.cells),
+        "cells_seen_m2": round(len(replayed.cells) * cell_m2, 1),
+        "cells_roi": roi,
+        "cells_roi_m2": round(roi * cell_m2, 1),
+        "cells_undecided": replayed.undecided,
+        "pictures_per_cell": _per_cell(replayed),
+        "iou_cells": None,
+    }
+
+
+def _per_cell(replayed: Replayed) -> float:
+    votes = sum(votes for _, votes in replayed.cells.values())
+    return round(votes / len(replayed.cells), 2) if replayed.cells else 0.0
+
+
+def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:
+    used = len(replayed.taken)
+    if not used:
+        return f"none of {replayed.pictures} pictures can be used; pictures.csv says why"
+    what = f"a region of {roi} cells ({area_m2:,.0f} sq m)" if roi else "no region"
+    text = f"{what} in {used} pictures"
+    if replayed.refused:
+        text += f"; {replayed.refused} more are not used, pictures.csv says why"
+    if replayed.undecided:
+        text += f"; {replayed.undecided} cells were seen in too few pictures to be region"
+    return text

@@ -1,0 +1,24 @@
+"""Registration: poses refined by the overlap of pictures. Pure: no file, clock or random number.
+
+picture -> thumbnail -> extract -> View (features and tags) -> register -> Registration
+"""
+
+from vision.registration.features import WIDTH_PX, extract, thumbnail
+from vision.registration.registering import Many, register
+from vision.registration.result import Agreement, Net, Registration
+from vision.registration.views import Features, Prior, Refined, View
+
+__all__ = [
+    "WIDTH_PX",
+    "Agreement",
+    "Features",
+    "Many",
+    "Net",
+    "Prior",
+    "Refined",
+    "Registration",
+    "View",
+    "extract",
+    "register",
+    "thumbnail",
+]

@@ -1,0 +1,205 @@
+"""From pixels to flat ground and back, for many points at once, with derivatives.
+
+A camera is a place (east, north, up), three axes, and a focal length. A small turn is a vector in
+camera axes: right, down, forward; positive by the right-hand rule.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vision.registration.views import Floats, Ints
+
+UNKNOWNS = 6
+"""Of a view: east, north, up in metres, and a turn about right, down and forward in radians."""
+
+_LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon say nothing of the ground
+
+
+@dataclass
+class Cameras:
+    """Many cameras. `groups` says which share the focal length `focal_px[group]`."""
+
+    centre_m: Floats
+    axes: Floats
+    focal_px: Floats
+    groups: Ints
+
+    def copy(self) -> Cameras:
+        """Independent arrays."""
+        return Cameras(self.centre_m.copy(), self.axes.copy(), self.focal_px.copy(), self.groups)
+
+    def focal(self, views: Ints) -> Floats:
+        """The focal length of each of `views`."""
+        lengths: Floats = self.focal_px[self.groups[views]]
+        return lengths
+
+
+def level_axes(yaw_rad: Floats) -> Floats:
+    """The axes (n, 3, 3) of cameras that look straight down, the upper edge towards `yaw_rad`.
+
+    >>> (level_axes(np.array([0.0]))[0].round(9) + 0.0).tolist()
+    [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
+    """
+    sin, cos, zero = np.sin(yaw_rad), np.cos(yaw_rad), np.zeros_like(yaw_rad)
+    return np.stack(
+        [
+            np.stack([cos, -sin, zero], axis=-1),
+            np.stack([-sin, -cos, zero], axis=-1),
+            np.stack([zero, zero, zero - 1.0], axis=-1),
+        ],
+        axis=-1,
+    )
+
+
+def tilted_axes(yaw_rad: float, tilt: tuple[float, float]) -> Floats:
+    """Axes whose ray (right, down) over forward = `tilt` points straight down.
+
+    >>> tilted = tilted_axes(1.0, (0.1, -0.2))
+    >>> down = tilted.T @ np.array([0.0, 0.0, -1.0])
+    >>> (down[:2] / down[2]).round(9).tolist()
+    [0.1, -0.2]
+    """
+    ray = np.array([tilt[0], tilt[1], 1.0])
+    ray /= np.linalg.norm(ray)
+    # the smallest turn that takes the ray to the forward axis, then the level camera
+    axis = np.cross(ray, [0.0, 0.0, 1.0])
+    size = np.linalg.norm(axis)
+    angle = math.atan2(size, ray[2])
+    turn = turned(axis / size * angle if size > 1e-12 else np.zeros(3))
+    level = level_axes(np.array([yaw_rad]))[0] @ turn
+    off = yaw_rad - bearing(level[None])[0]
+    cos, sin = math.cos(off), math.sin(off)
+    about_up = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    matrix: Floats = about_up @ level
+    return matrix
+
+
+def bearing(axes: Floats) -> Floats:
+    """True bearings of the upper edges, radians."""
+    angles: Floats = np.arctan2(-axes[:, 0, 1], -axes[:, 1, 1])
+    return angles
+
+
+def turned(turns: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of turns (..., 3), by Rodrigues' formula."""
+    angle = np.linalg.norm(turns, axis=-1)[..., None, None]
+    cross = skew(turns)
+    small = angle < 1e-8
+    safe = np.where(small, 1.0, angle)
+    one = np.where(small, 1.0, np.sin(safe) / safe)
+    two = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    matrices: Floats = np.eye(3) + one * cross + two * np.einsum("...ij,...jk->...ik", cross, cross)
+    return matrices
+
+
+def skew(v: Floats) -> Floats:
+    """The matrices (..., 3, 3) of the cross product with `v`."""
+    zero = np.zeros(v.shape[:-1])
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    return np.stack(
+        [
+            np.stack([zero, -z, y], axis=-1),
+            np.stack([z, zero, -x], axis=-1),
+            np.stack([-y, x, zero], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def to_ground(cameras: Cameras, views: Ints, pixels: Floats) -> Floats:
+    """Where rays meet the ground: metres (east, north). NaN for those that do not look down."""
+    rays = _rays(cameras, views, pixels)[1]
+    return _where(cameras.centre_m[views], rays)
+
+
+def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats]:
+    """In camera axes, and in (east, north, up)."""
+    inner = np.concatenate(
+        [pixels / cameras.focal(views)[:, None], np.ones((len(pixels), 1))], axis=1
+    )
+    return inner, np.einsum("nij,nj->ni", cameras.axes[views], inner)
+
+
+def _where(centre: Floats, rays: Floats) -> Floats:
+    down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
+    place: Floats = centre[:, :2] + (centre[:, 2] / down)[:, None] * rays[:, :2]
+    return place
+
+
+def to_pixels(cameras: Cameras, views: Ints, ground: Floats) -> Floats:
+    """Pixels from the middle of the picture, of ground points; NaN behind the camera."""
+    centre = cameras.centre_m[views]
+    offset = np.concatenate([ground - centre[:, :2], -centre[:, 2:]], axis=1)
+    p = np.einsum("nji,nj->ni", cameras.axes[views], offset)
+    depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
+    pixels: Floats = cameras.focal(views)[:, None] * p[:, :2] / depth[:, None]
+    return pixels
+
+
+@dataclass
+class Transfer:
+    """What becomes of pixels of one view in another, through the ground, and the derivatives.
+
+    `by_source` and `by_target` are (n, 2, 6), pixels per unknown of the view (`UNKNOWNS`);
+    `by_source_focal` and `by_target_focal` (n, 2), per unit of the logarithm of the focal length.
+    """
+
+    pixels: Floats
+    by_source: Floats
+    by_target: Floats
+    by_source_focal: Floats
+    by_target_focal: Floats
+
+
+def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Transfer:
+    """Take pixels of `source` views to the ground, and into the `target` views."""
+    inner, rays = _rays(cameras, source, pixels)
+    down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
+    height = cameras.centre_m[source, 2]
+    place = _where(cameras.centre_m[source], rays)
+    # the ground point by a change of the ray: (n, 2, 3)
+    count = len(pixels)
+    by_ray = np.zeros((count, 2, 3))
+    by_ray[:, 0, 0] = by_ray[:, 1, 1] = height / down
+    by_ray[:, :, 2] = (height / down**2)[:, None] * rays[:, :2]
+    by_turn = -np.einsum("nij,njk->nik", cameras.axes[source], skew(inner))
+    by_log_focal = -np.einsum("nij,nj->ni", cameras.axes[source, :, :2], inner[:, :2])
+    ground = np.zeros((count, 2, UNKNOWNS))
+    ground[:, 0, 0] = ground[:, 1, 1] = 1.0
+    ground[:, :, 2] = rays[:, :2] / down[:, None]
+    ground[:, :, 3:] = np.einsum("nij,njk->nik", by_ray, by_turn)
+    ground_focal = np.einsum("nij,nj->ni", by_ray, by_log_focal)
+
+    centre, axes = cameras.centre_m[target], cameras.axes[target]
+    p = np.einsum("nji,nj->ni", axes, np.concatenate([place - centre[:, :2], -centre[:, 2:]], 1))
+    depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
+    focal = cameras.focal(target)
+    found = focal[:, None] * p[:, :2] / depth[:, None]
+    by_p = np.zeros((count, 2, 3))
+    by_p[:, 0, 0] = by_p[:, 1, 1] = focal / depth
+    by_p[:, :, 2] = -found / depth[:, None]
+    by_offset = np.einsum("nij,nkj->nik", by_p, axes)  # by_p @ axes.T
+    by_target = np.empty((count, 2, UNKNOWNS))
+    by_target[:, :, :3] = -by_offset
+    by_target[:, :, 3:] = np.einsum("nij,njk->nik", by_p, skew(p))
+    return Transfer(
+        found,
+        np.einsum("nij,njk->nik", by_offset[:, :, :2], ground),
+        by_target,
+        np.einsum("nij,nj->ni", by_offset[:, :, :2], ground_focal),
+        found,
+    )
+
+
+def moved(cameras: Cameras, steps: Floats, log_focal: Floats) -> Cameras:
+    """Cameras after a step (n, 6) of the unknowns, and one (groups,) of the focal lengths."""
+    return Cameras(
+        cameras.centre_m + steps[:, :3],
+        np.einsum("nij,njk->nik", cameras.axes, turned(steps[:, 3:])),
+        cameras.focal_px * np.exp(log_focal),
+        cameras.groups,
+    )

@@ -1,0 +1,146 @@
+"""Which pictures may overlap, and the tie points of those that do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.registration.views import Features, Floats, View
+
+NEAREST: Final = 6
+SECTORS: Final = 8
+NEAREST_IN_SECTOR: Final = 2
+
+LEAST_INLIERS: Final = 16
+"""Tie points that a pair of pictures must have to count as overlapping."""
+
+MOST_TIES: Final = 60
+"""The most tie points of a pair that are kept for the adjustment."""
+
+_LENGTH_2 = 512.0**2  # of a descriptor, squared, but for rounding: `features` makes them alike
+_RATIO = 0.85  # a match has to be so much nearer than the second best
+_TOLERANCE_PX = 4.0  # of the homography: trees and roofs are not on the plane
+_LEAST_SHARE = 0.2  # of the matches, that agree on one homography
+_SCALES = (0.3, 3.3)  # of two pictures of one flight
+_MOVED_M = 1.0  # between geotags
+_STAYED_PX = 1.0
+_BUCKETS = 8  # a side, over which tie points are spread
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two views that overlap, and where they show the same ground.
+
+    Attributes:
+        first: index of a view.
+        second: index of another, above `first`.
+        in_first: (n, 2) pixels from the middle of the first picture.
+        in_second: (n, 2) the same points in the second.
+        held: (k, 4) tie points kept apart from every fit: pixels in first, in second.
+        inliers: how many tie points were found.
+    """
+
+    first: int
+    second: int
+    in_first: Floats
+    in_second: Floats
+    held: Floats
+    inliers: int
+
+
+def candidates(views: Sequence[View]) -> list[tuple[int, int]]:
+    """Pairs that may overlap by their geotags, sorted: a number that is linear in the views.
+
+    For each view the nearest, and the nearest in each sector around it: pictures that follow each
+    other closely must not crowd out the neighbouring pass.
+    """
+    places = np.array([[v.east_m, v.north_m] for v in views]).reshape(-1, 2)
+    found: set[tuple[int, int]] = set()
+    for i, place in enumerate(places):
+        away = places - place
+        distance = np.hypot(away[:, 0], away[:, 1])
+        order = np.lexsort((np.arange(len(views)), distance))
+        order = order[order != i]
+        sector = np.floor(np.arctan2(away[:, 1], away[:, 0]) / math.tau * SECTORS).astype(int)
+        chosen = list(order[:NEAREST])
+        for s in range(-SECTORS // 2, SECTORS // 2 + 1):
+            chosen += list(order[sector[order] % SECTORS == s % SECTORS][:NEAREST_IN_SECTOR])
+        found |= {(min(i, int(j)), max(i, int(j))) for j in chosen}
+    return sorted(found)
+
+
+def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
+    """The tie points of two pictures; None where they show nothing in common."""
+    first, second = one.features, other.features
+    a, b = mutual_matches(first, second)
+    p, q = first.points[a], second.points[b]
+    if math.hypot(one.east_m - other.east_m, one.north_m - other.north_m) > _MOVED_M:
+        # the camera was elsewhere: what kept its pixel is a stamp, dust, the sensor's own pattern
+        went = np.square(p - q).sum(axis=1) > _STAYED_PX**2
+        p, q = p[went], q[went]
+    if len(p) < LEAST_INLIERS:
+        return None
+    matrix, mask = cv2.findHomography(
+        p, q, cv2.RANSAC, _TOLERANCE_PX, maxIters=3000, confidence=0.999
+    )
+    if matrix is None:
+        return None
+    inlier = mask.ravel().astype(bool)
+    count = int(inlier.sum())
+    if count < LEAST_INLIERS or count < _LEAST_SHARE * len(p):
+        return None
+    p, q = p[inlier], q[inlier]
+    if not _plausible(np.asarray(matrix, dtype=np.float64), p):
+        return None
+    keep = _spread(p, first)
+    p, q = p[keep], q[keep]
+    held = np.arange(len(p)) % 5 == 4
+    return Pair(*pair, p[~held], q[~held], np.hstack([p[held], q[held]]), count)
+
+
+def mutual_matches(
+    first: Features, second: Features
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of points that are each other's nearest by far."""
+    none = np.zeros(0, np.int64)
+    if len(first.points) < 2 or len(second.points) < 2:
+        return none, none
+    alike = first.descriptors.astype(np.float32) @ second.descriptors.astype(np.float32).T
+    rows = np.arange(len(alike))
+    best, back = alike.argmax(axis=1), alike.argmax(axis=0)
+    nearest = _LENGTH_2 - alike[rows, best]
+    alike[rows, best] = -np.inf
+    next_best = _LENGTH_2 - alike.max(axis=1)
+    good = (nearest < _RATIO**2 * next_best) & (back[best] == rows)
+    return rows[good], best[good].astype(np.int64)
+
+
+def _plausible(matrix: Floats, points: Floats) -> bool:
+    """Whether two pictures of flat ground from above can be related in this way."""
+    x, y = points.mean(axis=0)
+    w = matrix[2] @ (x, y, 1.0)
+    u, v = (matrix[:2] @ (x, y, 1.0)) / w
+    jacobian = (matrix[:2, :2] - np.outer((u, v), matrix[2, :2])) / w
+    determinant = float(np.linalg.det(jacobian))
+    if not _SCALES[0] ** 2 < determinant < _SCALES[1] ** 2:
+        return False  # mirrored, too, which ground never is
+    stretch = np.linalg.svd(jacobian, compute_uv=False)
+    return bool(stretch[0] < 2.0 * stretch[1])
+
+
+def _spread(points: Floats, features: Features) -> NDArray[np.int64]:
+    """At most `MOST_TIES` of the points, as evenly over the overlap as they come."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    place = ((points - low) / np.maximum(high - low, 1.0) * (_BUCKETS - 1e-6)).astype(int)
+    bucket = place[:, 1] * _BUCKETS + place[:, 0]
+    order = np.lexsort((np.arange(len(points)), bucket))
+    starts = np.searchsorted(bucket[order], np.arange(_BUCKETS**2))
+    rank = np.arange(len(order)) - starts[bucket[order]]
+    chosen: NDArray[np.int64] = order[np.lexsort((bucket[order], rank))[:MOST_TIES]]
+    return chosen

@@ -1,0 +1,147 @@
+"""Sparse normal equations: blocks of 6 unknowns for each view, and a few unknowns shared by all.
+
+They are solved by conjugate gradients. Memory and the cost of a step are linear in the number of
+overlaps; nothing depends on the number of threads, for all sums are made in one order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vision.registration.ground_plane import UNKNOWNS
+from vision.registration.views import Floats, Ints
+
+TOLERANCE: Final = 1e-6
+MOST_ROUNDS: Final = 400
+
+
+@dataclass
+class Normal:
+    """The symmetric system `A x = b` in blocks.
+
+    Attributes:
+        diagonal: (views, 6, 6).
+        pairs: (pairs, 2) indices of views.
+        across: (pairs, 6, 6), the block of row `pairs[:, 0]` and column `pairs[:, 1]`.
+        border: (views, 6, shared), the coupling to the shared unknowns.
+        corner: (shared, shared).
+        right: (views, 6), the right-hand side.
+        right_shared: (shared,).
+    """
+
+    diagonal: Floats
+    pairs: Ints
+    across: Floats
+    border: Floats
+    corner: Floats
+    right: Floats
+    right_shared: Floats
+
+    @classmethod
+    def zeros(cls, views: int, pairs: Ints, shared: int) -> Normal:
+        """Without any observation."""
+        n = UNKNOWNS
+        return cls(
+            np.zeros((views, n, n)),
+            pairs,
+            np.zeros((len(pairs), n, n)),
+            np.zeros((views, n, shared)),
+            np.zeros((shared, shared)),
+            np.zeros((views, n)),
+            np.zeros(shared),
+        )
+
+    def damped(self, factor: float) -> Normal:
+        """With the diagonal raised by `factor` of itself (Levenberg-Marquardt)."""
+        diagonal, corner = self.diagonal.copy(), self.corner.copy()
+        i, s = np.arange(UNKNOWNS), np.arange(len(corner))
+        diagonal[:, i, i] *= 1.0 + factor
+        corner[s, s] *= 1.0 + factor
+        return Normal(
+            diagonal, self.pairs, self.across, self.border, corner, self.right, self.right_shared
+        )
+
+    def solve(self) -> tuple[Floats, Floats]:
+        """The unknowns of the views (views, 6), and the shared ones."""
+        scale, scaled = self._scaled()
+        x, y = scaled._conjugate_gradients()
+        return x * scale[0], y * scale[1]
+
+    def _scaled(self) -> tuple[tuple[Floats, Floats], Normal]:
+        """With ones on the diagonal."""
+        own = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", self.diagonal), 1e-300))
+        shared = 1.0 / np.sqrt(np.maximum(np.einsum("ii->i", self.corner), 1e-300))
+        i, j = self.pairs[:, 0], self.pairs[:, 1]
+        return (own, shared), Normal(
+            self.diagonal * own[:, :, None] * own[:, None, :],
+            self.pairs,
+            self.across * own[i][:, :, None] * own[j][:, None, :],
+            self.border * own[:, :, None] * shared,
+            self.corner * shared[:, None] * shared,
+            self.right * own,
+            self.right_shared * shared,
+        )
+
+    def _conjugate_gradients(self) -> tuple[Floats, Floats]:
+        blocks = np.linalg.inv(self.diagonal)
+        corner = np.linalg.inv(self.corner) if len(self.corner) else self.corner
+        neighbours = _Neighbours.of(self.pairs, self.across, len(self.diagonal))
+
+        def product(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+            views = np.einsum("nij,nj->ni", self.diagonal, x) + neighbours.times(x)
+            views += np.einsum("nis,s->ni", self.border, y)
+            shared = np.einsum("nis,ni->s", self.border, x) + np.einsum("st,t->s", self.corner, y)
+            return views, shared
+
+        def preconditioned(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+            return np.einsum("nij,nj->ni", blocks, x), np.einsum("st,t->s", corner, y)
+
+        def dot(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> float:
+            return float(np.einsum("ni,ni->", a[0], b[0]) + np.einsum("s,s->", a[1], b[1]))
+
+        x = (np.zeros_like(self.right), np.zeros_like(self.right_shared))
+        rest = (self.right.copy(), self.right_shared.copy())
+        way = z = preconditioned(*rest)
+        size = first = dot(rest, z)
+        for _ in range(MOST_ROUNDS):
+            if size <= TOLERANCE**2 * first:
+                break
+            image = product(*way)
+            step = size / dot(way, image)
+            x = (x[0] + step * way[0], x[1] + step * way[1])
+            rest = (rest[0] - step * image[0], rest[1] - step * image[1])
+            z = preconditioned(*rest)
+            size, last = dot(rest, z), size
+            way = (z[0] + size / last * way[0], z[1] + size / last * way[1])
+        return x
+
+
+@dataclass
+class _Neighbours:
+    """The blocks off the diagonal, in both directions, by the row that they add to."""
+
+    starts: Ints
+    rows: Ints
+    columns: Ints
+    blocks: Floats
+    views: int
+
+    @classmethod
+    def of(cls, pairs: Ints, across: Floats, views: int) -> _Neighbours:
+        rows = np.concatenate([pairs[:, 0], pairs[:, 1]])
+        columns = np.concatenate([pairs[:, 1], pairs[:, 0]])
+        blocks = np.concatenate([across, across.transpose(0, 2, 1)])
+        order = np.lexsort((columns, rows))
+        rows, columns, blocks = rows[order], columns[order], blocks[order]
+        starts = np.flatnonzero(np.r_[True, rows[1:] != rows[:-1]]) if len(rows) else rows
+        return cls(starts, rows[starts], columns, np.ascontiguousarray(blocks), views)
+
+    def times(self, x: Floats) -> Floats:
+        result = np.zeros((self.views, UNKNOWNS))
+        if len(self.starts):
+            parts = np.einsum("nij,nj->ni", self.blocks, x[self.columns])
+            result[self.rows] = np.add.reduceat(parts, self.starts, axis=0)
+        return result

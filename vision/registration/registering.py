@@ -1,0 +1,302 @@
+"""From views with tags to refined poses: pairs, nets, adjustment, and what is left as tagged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from vision.registration.adjustment import HUBER_PX, adjust
+from vision.registration.ground_plane import Cameras, tilted_axes
+from vision.registration.matching import Pair, candidates, tie_points
+from vision.registration.measure import apart_m, joined, pair_medians_px, transfer_px
+from vision.registration.net import (
+    MOST_SCALE_SIGMA,
+    MOST_YAW_SIGMA_RAD,
+    Laid,
+    chained,
+    components,
+    laid,
+)
+from vision.registration.problem import Solution, Tags, Ties
+from vision.registration.result import (
+    CONTRADICTED,
+    NO_HEADING,
+    NO_OVERLAP,
+    NO_SCALE,
+    NO_TEXTURE,
+    SIDEWAYS,
+    Agreement,
+    Net,
+    Registration,
+)
+from vision.registration.uncertainty import sigmas
+from vision.registration.views import Floats, Refined, View
+
+MOST_TILT: Final = 1.2
+"""A view tagged as looking farther to the side than this (a tangent, 50 degrees) is left out."""
+
+MOST_RESIDUAL_PX: Final = 4.0
+"""A view whose tie points still miss by more, as a median, is left as tagged."""
+
+_WRONG_PAIR_PX = 6.0  # pairs that miss by more than this, and than others, are no overlaps
+_WRONG_PAIR_TIMES = 4.0
+_MENDS = 3  # times that wrong pairs are thrown out of a net, and it is begun anew
+_LEAST_POSITION_SIGMA_M = 0.5
+
+_FEW_POINTS = 40
+
+
+class Many(Protocol):
+    """As `map`: the answers of some work on many items, in their order; in threads, perhaps."""
+
+    def __call__(
+        self,
+        work: Callable[[tuple[int, int]], Pair | None],
+        items: Iterable[tuple[int, int]],
+        /,
+    ) -> Iterable[Pair | None]:
+        """Do it."""
+        ...
+
+
+def register(
+    views: Sequence[View],
+    say: Callable[[int, int], None] = lambda done, all_: None,
+    many: Many = map,
+) -> Registration:
+    """Refine the poses of views by their overlaps.
+
+    The same views give the same result, in whatever order they come and whatever `many` is.
+
+    Args:
+        views: The pictures' features and tags.
+        say: Is told how many of how many possible overlaps were looked at.
+        many: How these are looked at: one after the other, or several at once.
+    """
+    order = sorted(range(len(views)), key=lambda k: views[k].name)
+    found = _Registering([views[k] for k in order])
+    found.run(say, many)
+    back = sorted(range(len(order)), key=lambda at: order[at])
+    nets = [replace(n, members=tuple(sorted(order[m] for m in n.members))) for n in found.nets]
+    return Registration(
+        tuple(found.refined[k] for k in back),
+        tuple(found.left[k] for k in back),
+        tuple(nets),
+        found.agreement(found.as_tagged),
+        found.agreement(found.as_refined),
+    )
+
+
+class _Registering:
+    """A registration under way; views are sorted by name."""
+
+    def __init__(self, views: list[View]) -> None:
+        self.views = views
+        self.refined: list[Refined | None] = [None] * len(views)
+        self.left: list[str | None] = [NO_OVERLAP] * len(views)
+        self.nets: list[Net] = []
+        self.as_tagged: list[tuple[Cameras, Pair]] | None = []
+        self.as_refined: list[tuple[Cameras, Pair]] | None = []
+
+    def run(self, say: Callable[[int, int], None], many: Many) -> None:
+        """Find the pairs, and adjust the nets that they make."""
+        usable = [k for k, v in enumerate(self.views) if math.hypot(*v.tilt) <= MOST_TILT]
+        for k in set(range(len(self.views))) - set(usable):
+            self.left[k] = SIDEWAYS
+        for k in usable:
+            if len(self.views[k].features.points) < _FEW_POINTS:
+                self.left[k] = NO_TEXTURE
+        chosen = [self.views[k] for k in usable]
+        possible = candidates(chosen)
+
+        def matched(at: tuple[int, int]) -> Pair | None:
+            i, j = at
+            return tie_points(chosen[i], chosen[j], (usable[i], usable[j]))
+
+        pairs = []
+        for done, pair in enumerate(many(matched, possible), start=1):
+            if pair is not None:
+                pairs.append(pair)
+            say(done, len(possible))
+        self._nets(usable, pairs, _MENDS)
+
+    def _nets(self, members: list[int], pairs: list[Pair], mends: int) -> None:
+        """Adjust each group of `members` that hangs together by `pairs`."""
+        place = {k: at for at, k in enumerate(members)}
+        local = [replace(p, first=place[p.first], second=place[p.second]) for p in pairs]
+        for group in components(len(members), local):
+            if len(group) < 2:
+                continue
+            inside = set(group)
+            own = [p for p, q in zip(pairs, local, strict=True) if q.first in inside]
+            self._net([members[k] for k in group], own, mends)
+
+    def _net(self, members: list[int], pairs: list[Pair], mends: int) -> None:
+        views = [self.views[k] for k in members]
+        place = {k: at for at, k in enumerate(members)}
+        local = [replace(p, first=place[p.first], second=place[p.second]) for p in pairs]
+        on_ground = laid(views, *chained(views, local))
+        if on_ground.yaw_sigma_rad > MOST_YAW_SIGMA_RAD:
+            return self._leave(members, NO_HEADING)
+        if on_ground.scale_sigma > MOST_SCALE_SIGMA:
+            return self._leave(members, NO_SCALE)
+        tags, start, cameras = _start(views, on_ground)
+        solution = adjust(start, Ties.of(local), tags, HUBER_PX[:-1])
+        misses = pair_medians_px(solution.cameras, local)
+        limit = max(_WRONG_PAIR_PX, _WRONG_PAIR_TIMES * float(np.median(misses)))
+        good = [p for p, miss in zip(pairs, misses, strict=True) if miss <= limit]
+        if len(good) < len(pairs) and mends > 0:
+            self._leave(members, CONTRADICTED)
+            return self._nets(members, good, mends - 1)
+        solution = adjust(solution.cameras, Ties.of(local), tags, HUBER_PX[-2:])
+        self._keep(members, local, pairs, on_ground, solution, tags, cameras)
+        return None
+
+    def _leave(self, members: list[int], why: str) -> None:
+        for k in members:
+            self.left[k] = why
+
+    def _keep(
+        self,
+        members: list[int],
+        local: list[Pair],
+        pairs: list[Pair],
+        on_ground: Laid,
+        solution: Solution,
+        tags: Tags,
+        cameras: list[str],
+    ) -> None:
+        """Take over the poses of a net, but for views that do not fit."""
+        ties = [0] * len(members)
+        misses: list[list[Floats]] = [[] for _ in members]
+        for p in local:
+            missed = transfer_px(solution.cameras, p)
+            for at in (p.first, p.second):
+                ties[at] += len(p.in_first)
+                misses[at].append(missed)
+        assert solution.normal is not None
+        deviations = sigmas(solution.normal)
+        for at, k in enumerate(members):
+            off = joined(misses[at])
+            residual_px = float(np.median(off)) if len(off) else math.inf
+            if residual_px > MOST_RESIDUAL_PX:
+                self.left[k] = CONTRADICTED
+                continue
+            self.left[k] = None
+            self.refined[k] = Refined(
+                solution.cameras.centre_m[at],
+                solution.cameras.axes[at],
+                float(solution.cameras.focal_px[solution.cameras.groups[at]]),
+                float(np.hypot(*deviations[at, :2]) / math.sqrt(2.0)),
+                float(deviations[at, 2]),
+                float(deviations[at, 5]),
+                len(self.nets),
+                bool(on_ground.turned[at]),
+                ties[at],
+                residual_px,
+            )
+        focal = solution.cameras.focal_px / tags.focal_px
+        self.nets.append(
+            Net(
+                tuple(k for k in members if self.refined[k] is not None),
+                len(pairs),
+                dict(zip(cameras, focal.tolist(), strict=True)),
+                (float(solution.slope[0]), float(solution.slope[1])),
+                solution.height_bias,
+                solution.yaw_bias_rad,
+                on_ground.position_sigma_m,
+                on_ground.yaw_sigma_rad,
+                on_ground.scale_sigma,
+            )
+        )
+        held = [p for p in local if self._both_refined(members, p)]
+        told = _as_tagged(tags, solution.cameras)
+        if told is None:
+            self.as_tagged = None
+        elif self.as_tagged is not None:
+            self.as_tagged += [(told, p) for p in held]
+        if self.as_refined is not None:
+            self.as_refined += [(solution.cameras, p) for p in held]
+
+    def _both_refined(self, members: list[int], pair: Pair) -> bool:
+        ends = (members[pair.first], members[pair.second])
+        return all(self.refined[k] is not None for k in ends)
+
+    @staticmethod
+    def agreement(pairs: list[tuple[Cameras, Pair]] | None) -> Agreement | None:
+        """Of held tie points; None where there are none, or poses are missing."""
+        metres = joined([apart_m(cameras, pair) for cameras, pair in pairs or ()])
+        pixels = joined([transfer_px(cameras, pair) for cameras, pair in pairs or ()])
+        if not len(metres):
+            return None
+        return Agreement(
+            len(metres),
+            float(np.median(metres)),
+            float(np.quantile(metres, 0.9)),
+            float(np.median(pixels)),
+            float(np.quantile(pixels, 0.9)),
+        )
+
+
+def _start(views: list[View], net: Laid) -> tuple[Tags, Cameras, list[str]]:
+    """The tags of a net as arrays, its first poses, and the cameras that took it."""
+    cameras = sorted({v.camera for v in views})
+    groups = np.array([cameras.index(v.camera) for v in views])
+    focal = np.array(
+        [np.median([v.focal_px.value for v in views if v.camera == c]) for c in cameras]
+    )
+    sigma = [
+        min(v.focal_px.sigma / v.focal_px.value for v in views if v.camera == c) for c in cameras
+    ]
+    yaw = -np.angle(net.scale)
+    flip = np.where(net.turned, -1.0, 1.0)
+    tilt = np.array([v.tilt for v in views], float) * flip[:, None]
+    found_m = net.position_sigma_m
+    tags = Tags(
+        place_m=np.array([[v.east_m, v.north_m] for v in views]),
+        place_sigma_m=np.array([_position_sigma_m(v, found_m) for v in views]),
+        height_m=_values([v.height_m.value if v.height_m else None for v in views]),
+        height_sigma_m=_values([v.height_m.sigma if v.height_m else 1.0 for v in views]),
+        yaw_rad=_values([v.yaw_rad.value if v.yaw_rad else None for v in views])
+        + np.where(net.turned, math.pi, 0.0),
+        yaw_sigma_rad=_values([v.yaw_rad.sigma if v.yaw_rad else 1.0 for v in views]),
+        tilt=tilt,
+        tilt_sigma=np.array([v.tilt_sigma for v in views]),
+        focal_px=focal,
+        focal_sigma=np.array(sigma),
+    )
+    height = np.abs(net.scale) * np.array([v.focal_px.value for v in views])
+    start = Cameras(
+        np.stack([net.place.real, net.place.imag, height], axis=1),
+        np.array([tilted_axes(float(y), (t[0], t[1])) for y, t in zip(yaw, tilt, strict=True)]),
+        focal,
+        groups,
+    )
+    return tags, start, cameras
+
+
+def _position_sigma_m(view: View, found_m: float | None) -> float:
+    """As told, or as found where geotags agree better with the net than they were said to."""
+    if found_m is None:
+        return view.position_sigma_m
+    return min(view.position_sigma_m, max(found_m, _LEAST_POSITION_SIGMA_M))
+
+
+def _values(values: Sequence[float | None]) -> Floats:
+    return np.array([math.nan if v is None else v for v in values])
+
+
+def _as_tagged(tags: Tags, solved: Cameras) -> Cameras | None:
+    """The cameras as tagged; None where a heading or a height is missing."""
+    if not (np.isfinite(tags.yaw_rad).all() and np.isfinite(tags.height_m).all()):
+        return None
+    axes = [
+        tilted_axes(float(y), (float(t[0]), float(t[1])))
+        for y, t in zip(tags.yaw_rad, tags.tilt, strict=True)
+    ]
+    centre = np.column_stack([tags.place_m, tags.height_m])
+    return Cameras(centre, np.array(axes), tags.focal_px, solved.groups)
