@@ -1,6 +1,7 @@
 """Missions over sockets at several speed-ups: `python -m tests.benchmarks.speedups`.
 
-    [--missions runway spill] [--speedups 1 3 10 20] [--autopilots ardupilot px4] [--seed 1]
+    [--missions runway spill] [--speedups 1 3 10 20] [--autopilots ardupilot px4]
+    [--drivers pymavlink mavsdk] [--seed 1]
 
 `uavmap sitl` in one process, `uavmap fly --connect` in another. A line is printed for each flight;
 the exit status is 1 when one was not complete.
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import queue
 import sys
@@ -50,7 +52,13 @@ class Landed:
 
 
 def flown(
-    mission: str, speedup: float, autopilot: str, *, vehicles: int = 1, seed: int = 1
+    mission: str,
+    speedup: float,
+    autopilot: str,
+    driver: str = "pymavlink",
+    *,
+    vehicles: int = 1,
+    seed: int = 1,
 ) -> Landed:
     """Fly a mission (a name, or the path of a file) over sockets to its end."""
     with tempfile.TemporaryDirectory() as below:
@@ -58,6 +66,7 @@ def flown(
             begin_s = time.monotonic()
             arguments = ["fly", mission, *arguments_of(urls), "--vehicles", vehicles]
             arguments += ["--speedup", speedup, "--auto-swap", "--json", "--out", Path(below) / "o"]
+            arguments += ["--driver", driver, "--yes"]
             with started(*arguments) as process:
                 out, said = process.communicate(timeout=SLACK_S + MOST_S / speedup)
         wall_s = time.monotonic() - begin_s
@@ -90,18 +99,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--missions", nargs="+", default=["runway", "spill"])
     parser.add_argument("--speedups", nargs="+", type=float, default=[1.0, 3.0, 10.0, 20.0])
     parser.add_argument("--autopilots", nargs="+", default=["ardupilot", "px4"])
+    parser.add_argument("--drivers", nargs="+", default=["pymavlink", "mavsdk"])
     parser.add_argument("--vehicles", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args(arguments)
     codes = []
-    for mission in options.missions:
-        for autopilot in options.autopilots:
-            for speedup in options.speedups:
-                flight = flown(
-                    mission, speedup, autopilot, vehicles=options.vehicles, seed=options.seed
-                )
-                codes.append(flight.code)
-                print(f"{mission} {autopilot} {speedup:g}x: {flight.line}", flush=True)
+    cases = itertools.product(
+        options.missions, options.autopilots, options.drivers, options.speedups
+    )
+    for mission, autopilot, driver, speedup in cases:
+        flight = flown(
+            mission, speedup, autopilot, driver, vehicles=options.vehicles, seed=options.seed
+        )
+        codes.append(flight.code)
+        print(f"{mission} {autopilot} {driver} {speedup:g}x: {flight.line}", flush=True)
     return int(any(codes))
 
 
