@@ -15,7 +15,7 @@ WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 run: setup
 	$(BIN)/uavmap fly runway --sim
 
-# in the order of the folders: those that wait for sockets come first, and the short ones fill up
+# in the order of tests/conftest.py, which keeps all cores busy
 test: kernels
 	$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 

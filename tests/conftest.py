@@ -1,5 +1,8 @@
 """For every test: what asyncio complains of fails it; property tests draw the same examples.
 
+Files whose tests wait for sockets and processes are spread evenly among those that compute, so that
+several workers of the tests keep all cores busy.
+
 A test that draws other examples at every run fails on somebody else's machine for a reason that is
 not in the change. `HYPOTHESIS_PROFILE=random` draws new ones, to look for what nobody thought of;
 what it finds becomes an `@example`.
@@ -10,6 +13,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -36,3 +40,22 @@ def no_complaints_of_asyncio() -> Iterator[None]:
     yield
     logger.removeHandler(complaints)
     assert not complaints.texts
+
+
+WAITING = ("e2e", "conformance")
+"""Folders of tests that wait most of their time."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Spread the files that wait, those that compute, and doctests evenly."""
+    kinds: dict[str, dict[Path, list[pytest.Item]]] = {}
+    for item in items:
+        kind = "computing" if item.path.name.startswith("test_") else "doctests"
+        kind = "waiting" if item.path.parent.name in WAITING else kind
+        kinds.setdefault(kind, {}).setdefault(item.path, []).append(item)
+    places = [
+        ((i + 0.5) / len(files), path, tests)
+        for files in kinds.values()
+        for i, (path, tests) in enumerate(files.items())
+    ]
+    items[:] = [item for *_, tests in sorted(places, key=lambda p: p[:2]) for item in tests]
