@@ -278,9 +278,8 @@ class Setting:
 
     @property
     def relief_m(self) -> float:
-        """From the lowest to the highest ground in the fence; 0 where it is flat."""
-        relief = self.mission.relief
-        return 0.0 if self.ground is None or relief is None else relief.span_m
+        """From the lowest ground that a straight way home crosses to the highest; 0 if flat."""
+        return self.mission.ground_span_m
 
     def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
         """How far a way over the ground climbs and descends in all; 0 where it is flat."""

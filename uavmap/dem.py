@@ -7,18 +7,14 @@ lattice along the mission's grid, relative to the height at the start, and kept 
 
 from __future__ import annotations
 
-import contextlib
 import math
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyproj
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 from missions.errors import MissionFileError
@@ -28,6 +24,7 @@ from missions.mission_file.places import positions_near
 from missions.mission_file.schema import Mission, parse_fields, parse_toml
 from missions.mission_file.terrain_section import MOST_POINTS
 from missions.units import GridPoint, LatLon
+from uavmap.elevation_model import Floats, heights_at, metres_a_unit, opened, spacing_m
 from uavmap.inlined import inlined
 
 LEAST_STEP_M: Final = 2.0
@@ -42,14 +39,12 @@ LEAST_JUMP_M: Final = 8.0
 _HIGHEST_M: Final = 9000.0
 _LOWEST_M: Final = -500.0
 _KEY: Final = "terrain.dem"
-_WGS84: Final = pyproj.CRS.from_epsg(4326)
+_ELSEWHERE: Final = "no height at start.position; take a model that covers it"
 _NOTHING: Final = {
     "west_m": 0.0, "south_m": 0.0, "step_m": 1.0, "columns": 2, "rows": 2,
     "heights": encoded(np.zeros((2, 2))),
 }  # fmt: skip
 """Stands for the lattice until it is known."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,108 +115,29 @@ def with_terrain(text: str, source: str, folder: Path) -> str:
 
 def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
     """The ground in and around the fence of a mission, as the table that a mission file holds."""
-    with _opened(path, where) as model:
-        lattice = _Lattice.around(mission, _spacing_m(model, mission.home))
+    with opened(path, where) as model:
+        metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
+        if not math.isfinite(fine_m):
+            raise MissionFileError(f"{where}: {_ELSEWHERE}")
+        lattice = _Lattice.around(mission, fine_m)
         if lattice.step_m > MOST_STEP_M:
             raise MissionFileError(
                 f"{where}: its heights, or those that can be kept of a fence so large, lie "
                 f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g}; take a finer model, or "
                 "a smaller fence"
             )
-        heights = _heights(model, lattice, where)
+        step = max(1, math.floor(lattice.step_m / fine_m + 0.1))
+        heights = metres * heights_at(model, lattice.grid.zone.epsg, lattice.utm(), step, where)
     start_m, ground = heights[-1], heights[:-1].reshape(lattice.rows, lattice.columns)
     _refuse_gaps(ground, lattice, where)
     if not math.isfinite(start_m):
-        raise MissionFileError(f"{where}: no height at start.position; take a model that covers it")
+        raise MissionFileError(f"{where}: {_ELSEWHERE}")
+    _refuse_jumps(ground - start_m, lattice, where)
     ground = _filled(ground) - start_m
-    _refuse_jumps(ground, lattice, where)
     return {
         "west_m": lattice.west_m, "south_m": lattice.south_m, "step_m": lattice.step_m,
         "columns": lattice.columns, "rows": lattice.rows, "heights": encoded(ground),
     }  # fmt: skip
-
-
-# --- the file -----------------------------------------------------------------------------------
-@contextlib.contextmanager
-def _opened(path: Path, where: str) -> Iterator[Any]:
-    """The model, open. Raises `MissionFileError` where it is none."""
-    try:
-        import rasterio  # noqa: PLC0415 - an extra
-        from rasterio.errors import NotGeoreferencedWarning, RasterioError  # noqa: PLC0415
-    except ImportError:
-        raise MissionFileError(f"{where}: to read a GeoTIFF, install uavmap[geo]") from None
-    if not path.is_file():
-        raise MissionFileError(f"{where}: there is no such file beside the mission file")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path, driver="GTiff") as model:
-                if model.crs is None:
-                    raise MissionFileError(
-                        f"{where}: it does not say its coordinate system; write it into the file "
-                        "(gdal_edit.py -a_srs EPSG:...)"
-                    )
-                yield model
-    except RasterioError as error:
-        raise MissionFileError(f"{where}: cannot be read as a GeoTIFF ({error})") from None
-
-
-def _spacing_m(model: Any, start: LatLon) -> float:
-    """About how far apart two heights of the model are on the ground, near the start."""
-    crs = pyproj.CRS.from_user_input(model.crs.to_wkt())
-    to_model = pyproj.Transformer.from_crs(_WGS84, crs, always_xy=True)
-    back = pyproj.Transformer.from_crs(crs, _WGS84, always_xy=True)
-    x, y = to_model.transform(start.lon_deg, start.lat_deg)
-    to_pixel, to_place = _pixels_and_places(model)
-    column, row = to_pixel @ (x, y, 1.0)
-    geod, spacings = pyproj.Geod(ellps="WGS84"), []
-    for step in ((1.0, 0.0), (0.0, 1.0)):
-        lon, lat = back.transform(*(to_place @ (column + step[0], row + step[1], 1.0)))
-        spacings.append(abs(geod.inv(start.lon_deg, start.lat_deg, lon, lat)[2]))
-    spacing_m = max(spacings)
-    return spacing_m if math.isfinite(spacing_m) else math.inf
-
-
-def _pixels_and_places(model: Any) -> tuple[Floats, Floats]:
-    """The (2, 3) matrices from places in the model's system to pixels, and back."""
-    a, b, c, d, e, f = tuple(model.transform)[:6]
-    places = np.array([[a, b, c], [d, e, f], [0.0, 0.0, 1.0]])
-    return np.linalg.inv(places)[:2], places[:2]
-
-
-def _heights(model: Any, lattice: _Lattice, where: str) -> Floats:
-    """The model's heights at the points of a lattice and at the start; NaN where it has none.
-
-    Bilinear between the middles of its pixels.
-    """
-    crs = pyproj.CRS.from_user_input(model.crs.to_wkt())
-    zone = pyproj.CRS.from_epsg(lattice.grid.zone.epsg)
-    x, y = pyproj.Transformer.from_crs(zone, crs, always_xy=True).transform(*lattice.utm())
-    to_pixel, _ = _pixels_and_places(model)
-    columns, rows = to_pixel @ np.stack([x, y, np.ones_like(x)])
-    columns, rows = columns - 0.5, rows - 0.5
-    found = np.full(columns.shape, np.nan)
-    known = np.isfinite(columns) & np.isfinite(rows)
-    known &= (columns >= -0.5) & (columns <= model.width - 0.5)
-    known &= (rows >= -0.5) & (rows <= model.height - 0.5)
-    if not known.any():
-        return found
-    j0, j1 = int(max(columns[known].min(), 0.0)), math.ceil(columns[known].max()) + 1
-    i0, i1 = int(max(rows[known].min(), 0.0)), math.ceil(rows[known].max()) + 1
-    window = ((i0, min(i1 + 1, model.height)), (j0, min(j1 + 1, model.width)))
-    band = model.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
-    band = band * model.scales[0] + model.offsets[0]
-    if band.shape[0] < 2 or band.shape[1] < 2:
-        raise MissionFileError(f"{where}: only a line of its heights lies in the fence")
-    right = np.clip(columns[known] - j0, 0.0, band.shape[1] - 1.0)
-    down = np.clip(rows[known] - i0, 0.0, band.shape[0] - 1.0)
-    j = np.minimum(right.astype(np.intp), band.shape[1] - 2)
-    i = np.minimum(down.astype(np.intp), band.shape[0] - 2)
-    right, down = right - j, down - i
-    upper = band[i, j] * (1.0 - right) + band[i, j + 1] * right
-    lower = band[i + 1, j] * (1.0 - right) + band[i + 1, j + 1] * right
-    found[known] = upper * (1.0 - down) + lower * down
-    return found
 
 
 # --- what cannot be ground ----------------------------------------------------------------------
@@ -256,6 +172,7 @@ def _refuse_jumps(ground: Floats, lattice: _Lattice, where: str) -> None:
     most_m = max(LEAST_JUMP_M, STEEPEST * lattice.step_m)
     for axis in (0, 1):
         jumps = np.abs(np.diff(ground, axis=axis))
+        jumps = np.where(np.isfinite(jumps), jumps, 0.0)
         if jumps.max() > most_m:
             i, j = np.unravel_index(int(jumps.argmax()), jumps.shape)
             at = int(i), int(j)

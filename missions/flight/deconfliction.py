@@ -289,8 +289,9 @@ def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[
     that, at its return height. One that returns flies straight home. A pilot's goes anywhere near.
     """
     low_m = other.home_level_m
-    # it returns at a height above home, over ground that may be lower than the highest
-    top_m = max(other.level_m, other.cruise_altitude_m, low_m + RTL_HEIGHT_M + setting.relief_m)
+    # it returns level, at a height above home, also over ground that is lower than the highest
+    returns_m = max(other.level_m, other.cruise_altitude_m, low_m + RTL_HEIGHT_M)
+    top_m = returns_m + setting.relief_m
     order = other.last_order if other.phase is Phase.OFFLINE else other.order
     if isinstance(order, TakeOff | Land):
         return [Volume((other.pad,), low_m, top_m), Volume((other.position,), low_m, top_m)]

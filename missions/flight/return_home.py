@@ -147,7 +147,8 @@ def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> boo
         for other in state.vehicles.values()
         if other.vehicle != vehicle.vehicle
     )
-    climb_m = max(RTL_HEIGHT_M + setting.relief_m - vehicle.height_m, 0.0)
+    returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
+    climb_m = max(returns_m - vehicle.height_m, 0.0)
     climb_s = climb_m / CLIMB_SPEED_M_S + climb_m / LANDING_SPEED_M_S
     return blocked and not has_energy_for(
         setting, vehicle, vehicle.position, hover_s=2.0 * REACTION_S + climb_s

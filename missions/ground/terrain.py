@@ -163,11 +163,6 @@ class Relief:
     """The steepest slope, as rise over way: 0.1 is 10 %."""
     steepest_at: GridPoint
 
-    @property
-    def span_m(self) -> float:
-        """From the lowest ground to the highest."""
-        return self.highest_m - self.lowest_m
-
 
 def relief_of(terrain: Terrain, area: BaseGeometry) -> Relief:
     """The relief of an area: of all meshes of the lattice that touch it.

@@ -209,7 +209,8 @@ def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     """No progress, or a leg that takes a multiple of its estimate."""
     task, t_s = guard.task, seen.t_s
     if guard.action == "rtl":
-        climb_s = max(30.0 + limits.relief_m - seen.height_m, 0.0) / CLIMB_SPEED_M_S
+        returns_m = max(30.0, task.height_m) + limits.relief_m
+        climb_s = max(returns_m - seen.height_m, 0.0) / CLIMB_SPEED_M_S
         way_m = route_length_m(seen.position, (seen.home,))
         if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s + limits.slack_s:
             return f"it has come no nearer to home for {t_s - guard.best_s:.0f} s"

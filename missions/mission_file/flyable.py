@@ -100,9 +100,12 @@ def _camera(mission: Mission) -> Iterator[str]:
         enough_m = (need_m + POSITION_ERROR_M) / math.tan(half_rad - lean)
         remedies.append(_higher(mission, enough_m))
     wider_rad = math.atan((need_m + POSITION_ERROR_M) / height_m) + lean
-    if wider_rad < math.radians(85):
-        ratio = across_m / min(across_m, along_m)
-        hfov_deg = math.degrees(2 * math.atan(math.tan(wider_rad) * ratio))
+    rise = 0.0 if mission.ground is None or mission.relief is None else mission.relief.steepest
+    seen_uphill = 1.0 - rise * math.tan(wider_rad)  # the inverse of what a slope takes away
+    if wider_rad < math.radians(85) and seen_uphill > 0.0:
+        level_m = camera.optics.footprint(height_m)
+        ratio = level_m.across_m / level_m.short_m
+        hfov_deg = math.degrees(2 * math.atan(math.tan(wider_rad) / seen_uphill * ratio))
         if hfov_deg < 170:
             remedies.append(f"use a camera of hfov_deg {_up(hfov_deg)}")
     if (smaller_m := math.floor(reach_m / (0.5 + SEEN_SHARE) * 10 + 1e-9) / 10) > 0:
@@ -136,7 +139,7 @@ def _higher(mission: Mission, lowest_m: float) -> str:
         return f"raise flight.altitude_m to {_up(lowest_m)}"
     top_m = lowest_m + mission.altitude_m(len(mission.vehicles) - 1) - mission.altitude_m(0)
     if altitude_reason(mission) == "fence.ceiling_m":
-        return f"raise fence.ceiling_m to {_up(top_m)}"
+        return f"raise fence.ceiling_m to {_up(top_m + mission.highest_ground_m)}"
     pixels = mission.camera.optics.pixels_per_cell(top_m + 0.1, mission.grid.cell_m)
     return f"lower camera.pixels_per_cell to {math.floor(pixels)}"
 

@@ -31,7 +31,8 @@ def altitude_reason(mission: Mission) -> str:
     if mission.flight.altitude_m != AUTO:
         return "flight.altitude_m"
     fine_m = mission.camera.optics.height_m(mission.grid.cell_m, mission.camera.pixels_per_cell)
-    return "camera.pixels_per_cell" if fine_m <= mission.fence.ceiling_m else "fence.ceiling_m"
+    room_m = mission.fence.ceiling_m - mission.highest_ground_m
+    return "camera.pixels_per_cell" if fine_m <= room_m else "fence.ceiling_m"
 
 
 def layer_faults(mission: Mission) -> Iterator[str]:
@@ -43,9 +44,9 @@ def layer_faults(mission: Mission) -> Iterator[str]:
         if lowest_m < LEAST_HEIGHT_M:
             yield (
                 f'flight.altitude_m = "auto": {altitude_reason(mission)} sets the highest layer to '
-                f"{top_m:g} m; {last} layers of team.layer_m = {team.layer_m:g} below it the "
-                f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer "
-                "vehicles, or raise what sets it"
+                f"{top_m:g} m{_over_hills(mission)}; {last} layers of team.layer_m = "
+                f"{team.layer_m:g} below it the lowest is at {lowest_m:g} m, and "
+                f"{LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles, or raise what sets it"
             )
     elif top_m > ceiling_m - mission.highest_ground_m:
         layers = f", {last} layers of {team.layer_m:g} m above it," if last else ""

@@ -344,10 +344,21 @@ class Mission(Section):
         Ceilings and return heights are above home, so they need so much more than a layer. An
         autopilot returns straight, also over what lies between two arms of the fence.
         """
+        crossed = self._crossed
+        return 0.0 if crossed is None else max(crossed.highest_m, 0.0)
+
+    @property
+    def ground_span_m(self) -> float:
+        """From the lowest ground to that highest; 0 where it is not followed."""
+        crossed = self._crossed
+        return 0.0 if crossed is None else self.highest_ground_m - min(crossed.lowest_m, 0.0)
+
+    @property
+    def _crossed(self) -> Relief | None:
+        """The relief of what straight ways in the fence cross, where ground is followed."""
         if self.ground is None or self.terrain is None or self.terrain.dem is None:
-            return 0.0
-        hull = relief_in(self.terrain.dem, self.start.position, self.fence.polygon, hull=True)
-        return max(hull.highest_m, 0.0)
+            return None
+        return relief_in(self.terrain.dem, self.start.position, self.fence.polygon, hull=True)
 
     @property
     def home(self) -> LatLon:

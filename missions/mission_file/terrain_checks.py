@@ -6,10 +6,13 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+import shapely
+
 from missions.errors import MissionFileError
 from missions.ground.grid import Grid
 from missions.ground.terrain import FOLLOW_M, Relief
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
+from missions.mission_file.places import drawn
 from missions.mission_file.schema import Mission
 
 STEEPEST: Final = 0.6
@@ -28,6 +31,7 @@ def faults(mission: Mission, grid: Grid) -> Iterator[str]:
         )
     if relief is None:
         return
+    yield from _beyond(mission, grid)
     if not follows:
         yield from _into_the_ground(mission, relief)
         return
@@ -47,6 +51,23 @@ def refuse_unknown_ground(mission: Mission, source: str) -> None:
         raise MissionFileError(
             f'{source}: terrain.source = "autopilot": only `uavmap fly` asks an ArduPilot for the '
             'ground; here give terrain.dem = "FILE.tif"'
+        )
+
+
+def _beyond(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Heights that were kept for another fence: beyond them nobody knows the ground."""
+    known = mission.surveyed
+    if known is None:
+        return
+    rows, columns = known.heights_m.shape
+    east_m = known.west_m + known.step_m * (columns - 1)
+    north_m = known.south_m + known.step_m * (rows - 1)
+    fence = drawn(mission.fence.polygon, grid)
+    beyond = fence.difference(shapely.box(known.west_m, known.south_m, east_m, north_m))
+    if beyond.area > 1.0:
+        yield (
+            f"terrain.dem: its heights do not reach over {beyond.area:.0f} m2 of fence.polygon; "
+            'name the GeoTIFF again (dem = "FILE.tif"), or draw the fence smaller'
         )
 
 

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from shapely.geometry import Polygon
 
+from missions.errors import LinkError
 from missions.ground.grid import Grid
 from missions.ground.terrain import encoded
 from missions.mission_file.schema import Mission
@@ -31,6 +32,8 @@ from uavmap.record.flight_plan import FlightPlan
 
 LEAST_STEP_M: Final = 10.0
 """Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
+MOST_STEP_M: Final = 100.0
+"""Places that lie farther apart say nothing of the ground between."""
 MOST_PLACES: Final = 1500
 AROUND_M: Final = 40.0
 
@@ -106,6 +109,12 @@ async def _lattice(
     west, south, east, north = fence.buffer(AROUND_M).bounds
     step_m = max(LEAST_STEP_M, math.sqrt(1.2 * (east - west) * (north - south) / MOST_PLACES))
     step_m = math.ceil(step_m * 10.0) / 10.0
+    if step_m > MOST_STEP_M:
+        raise LinkError(
+            f"{name}: the places of a fence so large that an autopilot can be asked for lie "
+            f"{step_m:.0f} m apart, more than {MOST_STEP_M:g}; draw it smaller, or give "
+            'terrain.dem = "FILE.tif" instead'
+        )
     west, south = round(west, 2), round(south, 2)
     columns, rows = (math.ceil((b - a) / step_m) + 1 for a, b in ((west, east), (south, north)))
     places = [

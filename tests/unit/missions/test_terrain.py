@@ -29,7 +29,7 @@ def test_a_slope_is_found_with_its_relief():
     relief = relief_of(terrain_of(slope(20.0, 90.0)), box(-50.0, -50.0, 50.0, 50.0))
     assert relief.steepest == pytest.approx(0.2)
     assert (relief.lowest_m, relief.highest_m) == pytest.approx((-10.4, 10.4))
-    assert relief.span_m == pytest.approx(20.8)
+    assert relief.highest_m - relief.lowest_m == pytest.approx(20.8)
 
 
 def test_heights_survive_as_text_to_half_a_centimetre():

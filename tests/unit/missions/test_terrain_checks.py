@@ -7,11 +7,14 @@ from dataclasses import replace
 import pytest
 
 from missions.errors import MissionFileError
+from missions.flight.deconfliction import _untold_claims
 from missions.flight.return_home import has_energy_for
 from missions.mission_file.flyable import farthest_corner, warnings
+from missions.mission_file.height_and_speed import altitude_reason
 from missions.mission_file.schema import parse_fields
 from missions.mission_file.views import path_speed_m_s, seen_whole_m
-from missions.state import Phase, Setting, VehicleState
+from missions.orders import ReturnToLaunch
+from missions.state import Phase, Setting, State, VehicleState
 from missions.units import GridPoint
 from tests.hills import checked, hills, over, slope, text_over
 from tests.small_missions import mission_text, square
@@ -113,3 +116,43 @@ def test_climbs_on_the_way_are_paid_for():
 
 def _with(vehicle, remaining_wh):
     return replace(vehicle, remaining_wh=remaining_wh)
+
+
+def test_layers_by_themselves_keep_below_the_ceiling_over_the_highest_ground():
+    content = text().replace("altitude_m = 14.0", 'altitude_m = "auto"')
+    assert 'altitude_m = "auto"' in content
+    sloped = text_over(content, slope(20.0, 0.0)).replace("[fence]", "[fence]\nceiling_m = 30.0")
+    made = checked(sloped)
+    assert made.altitude_m(0) == 15.6
+    assert altitude_reason(made) == "fence.ceiling_m"
+    low = sloped.replace("ceiling_m = 30.0", "ceiling_m = 16.0")
+    assert "1.6 m above ground that rises 14.4 m above the start" in faults(low)
+
+
+def test_heights_that_were_kept_for_another_fence_are_refused():
+    wide = mission_text(BOX, square(-40, -40, 100, 400), altitude_m=14.0)
+    said = faults(text_over(wide, slope(5.0, 0.0)))
+    assert "terrain.dem: its heights do not reach over 12000 m2 of fence.polygon" in said
+
+
+def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowest():
+    """A return height is kept over a valley, too, and in the air of whoever flies there."""
+    made = over(checked(text(vehicles=2)), slope(40.0, 0.0))
+    high = made.model_copy(update={"flight": made.flight.model_copy(update={"altitude_m": 50.0})})
+    setting = Setting.of(high)
+    assert setting.relief_m == pytest.approx(46.4, abs=2.5)
+    returning = VehicleState(
+        1, 50.0, phase=Phase.GUARDED, height_m=50.0, landed=False, order=ReturnToLaunch()
+    )
+    way, column, _ = _untold_claims(setting, State.initial(setting), returning)
+    assert min(way.high_m, column.high_m) >= 50.0 + setting.relief_m
+
+
+def test_a_camera_that_is_too_narrow_uphill_is_told_which_one_does():
+    sloped = text_over(text().replace("altitude_m = 14.0", "altitude_m = 11.5"), slope(45.0, 0.0))
+    said = faults(sloped)
+    assert "uphill on 45%" in said
+    wider = said.partition("use a camera of hfov_deg ")[2].split(",")[0]
+    now = said.partition("camera.hfov_deg = ")[2].split(":")[0]
+    assert float(wider) > float(now)
+    checked(sloped.replace("[camera]", f"[camera]\nhfov_deg = {wider}"))

@@ -15,6 +15,7 @@ from missions.state import Setting
 from missions.units import GridPoint, Pose, Quaternion
 from tests.small_missions import START, mission_text, square
 from tests.unit.uavmap.photographs import write_photo
+from uavmap import elevation_model
 from uavmap.cli import main
 from uavmap.mission_source import load_source
 from uavmap.offline.above_ground import above_ground
@@ -56,6 +57,19 @@ def geotiff(path, *, epsg=32632, heights=None, nodata=None, pixel=3.0, south_m=-
         crs=system, transform=transform, nodata=nodata,
     ) as file:  # fmt: skip
         file.write(band, 1)
+
+
+def written(path, band, system=None, **how):
+    """A model of this band, anywhere."""
+    transform = rasterio.Affine(3.0, 0.0, 0.0, 0.0, -3.0, 0.0)
+    how = {"crs": system or rasterio.crs.CRS.from_epsg(32632), "transform": transform, **how}
+    count = how.pop("count", 1)
+    height, width = band.shape
+    with rasterio.open(
+        path, "w", driver="GTiff", width=width, height=height, count=count, dtype="float32", **how
+    ) as file:
+        for index in range(count):
+            file.write(band, index + 1)
 
 
 def mission_file(folder, above="ground"):
@@ -124,6 +138,80 @@ def test_what_is_no_ground_is_refused_with_file_and_place(tmp_path, how, words):
     said = refused(tmp_path)
     assert "terrain.dem = 'dem.tif'" in said
     assert words in said
+
+
+@pytest.mark.parametrize("how", ["band", "vertical"])
+def test_heights_in_feet_become_metres(tmp_path, how):
+    def in_feet(band):
+        band /= 0.3048
+
+    geotiff(tmp_path / "dem.tif", heights=in_feet)
+    with rasterio.open(tmp_path / "dem.tif", "r+") as file:
+        if how == "band":
+            file.units = ("ft",)
+        else:  # NAVD88 in feet of the US survey
+            file.crs = rasterio.crs.CRS.from_user_input("EPSG:32632+6360")
+    ground = load_source(str(mission_file(tmp_path))).parse().ground
+    for place in (GridPoint(33.0, -17.0), GridPoint(-38.0, 65.0)):
+        assert ground.height_m(place) == pytest.approx(ground_m(*place), abs=0.1)
+    with rasterio.open(tmp_path / "dem.tif", "r+") as file:
+        file.units = ("fathom",)
+    assert "its heights are in 'fathom'" in refused(tmp_path)
+
+
+def test_a_model_that_is_none_or_lies_nowhere_is_refused(tmp_path):
+    level = np.full((9, 9), 500.0, np.float32)
+    written(tmp_path / "dem.tif", level, count=3)
+    assert "it has 3 bands" in refused(tmp_path)
+    site = rasterio.crs.CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')
+    written(tmp_path / "dem.tif", level, site)
+    assert "its coordinate system, 'site', is tied to no place" in refused(tmp_path)
+    other_side = rasterio.crs.CRS.from_proj4("+proj=ortho +lat_0=-48 +lon_0=-169")
+    written(tmp_path / "dem.tif", level, other_side)
+    assert "no height at start.position" in refused(tmp_path)
+
+
+def test_of_a_fine_model_means_are_read_and_no_more_than_is_needed(tmp_path, monkeypatch):
+    """A model of centimetres would not fit into memory, and its stones are no ground."""
+
+    def stones(band):
+        band[::2] += 0.6
+        band[1::2] -= 0.6
+
+    geotiff(tmp_path / "dem.tif", heights=stones, pixel=0.25)
+    shapes = []
+    means = elevation_model._means
+    monkeypatch.setattr(
+        elevation_model,
+        "_means",
+        lambda *asked: shapes.append(means(*asked).shape) or means(*asked),
+    )
+    ground = load_source(str(mission_file(tmp_path))).parse().ground
+    assert ground.step_m == pytest.approx(2.0, abs=0.11)
+    assert all(rows * columns <= 1.3 * ground.heights_m.size for rows, columns in shapes), shapes
+    for place in (GridPoint(33.0, -17.0), GridPoint(-38.0, 65.0)):
+        assert ground.height_m(place) == pytest.approx(ground_m(*place), abs=0.15)
+
+
+def test_gaps_outside_of_the_fence_are_no_cliffs(tmp_path):
+    def hill_and_gap(band):
+        rows, columns = np.mgrid[: band.shape[0], : band.shape[1]]
+        band += 0.7 * np.abs(columns - rows)
+        band[(rows < 13) & (columns < 60)] = -9999.0
+
+    geotiff(tmp_path / "dem.tif", heights=hill_and_gap, nodata=-9999.0)
+    assert load_source(str(mission_file(tmp_path))).text.count("heights = ") == 1
+
+
+def test_a_fence_that_lies_nowhere_is_told_of_over_ground_too(tmp_path, capsys):
+    geotiff(tmp_path / "dem.tif")
+    path = mission_file(tmp_path)
+    text = path.read_text("utf-8")
+    begin = text.index("polygon = [[", text.index("[fence]")) + len("polygon = [[")
+    far = text[:begin] + "0.0, 101.0" + text[text.index("]", begin) :]
+    path.write_text(far, "utf-8")
+    assert main(["check", str(path)]) == 2
+    assert "fence.polygon = [0, 101]" in capsys.readouterr().err
 
 
 def test_files_that_are_no_geotiff_are_refused_in_a_line(tmp_path, capsys, monkeypatch):
