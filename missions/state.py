@@ -282,8 +282,10 @@ class Setting:
         return self.mission.ground_span_m
 
     def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
-        """How far a way over the ground climbs and descends in all; 0 where it is flat."""
-        return 0.0 if self.ground is None else self.ground.ups_and_downs_m(points)
+        """What the ups and downs of a way come to, in metres of climbing; 0 where it is flat."""
+        if self.ground is None:
+            return 0.0
+        return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, CLIMB_SPEED_M_S)
 
     @property
     def surveys(self) -> bool:

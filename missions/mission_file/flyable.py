@@ -15,7 +15,7 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points, unary_union
 
-from missions.energy import LEAST_HEADWAY_M_S
+from missions.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S
 from missions.ground.fence import Fence, route_length_m
 from missions.ground.grid import Grid
 from missions.ground.lanes import LANE_CELLS, Lane, lanes
@@ -279,8 +279,11 @@ def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
 
 
 def _ups_and_downs_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, ...]) -> float:
-    """How far a way over the ground climbs and descends, there and back."""
-    return 0.0 if mission.ground is None else 2.0 * mission.ground.ups_and_downs_m((home, *route))
+    """What the ups and downs of a way come to, there and back, in metres of climbing."""
+    if mission.ground is None:
+        return 0.0
+    way, speed_m_s = (home, *route), mission.flight.speed_m_s
+    return 2.0 * mission.ground.ups_and_downs_m(way, speed_m_s, CLIMB_SPEED_M_S)
 
 
 def warnings(mission: Mission, grid: Grid) -> list[str]:

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
+from missions.energy import CLIMB_SPEED_M_S
 from missions.ground.terrain import FOLLOW_M, Terrain, decoded, encoded, relief_of
+from missions.mission_file.terrain_section import terrain_in
 from missions.units import GridPoint
-from tests.hills import SIDE_M, STEP_M, hills, slope
+from tests.hills import SIDE_M, STEP_M, hills, lattice, slope
 
 
 def terrain_of(heights):
@@ -92,3 +94,15 @@ def test_a_leg_over_a_ridge_is_flown_over_it_and_not_through():
     assert max(tops) == pytest.approx(20.0, abs=0.3)
     assert terrain.ups_and_downs_m([GridPoint(-100.0, 0.0), end]) == pytest.approx(40.0, abs=0.5)
     assert math.isclose(tops[-1], terrain.height_m(end), abs_tol=FOLLOW_M)
+
+
+@pytest.mark.parametrize(
+    ("percent", "flown_m_s"), [(10.0, 5.0), (20.0, 3.15), (30.0, 1.5), (45.0, 1.04)]
+)
+def test_ways_over_steep_ground_are_reckoned_as_long_as_they_take(percent, flown_m_s):
+    """What was measured in the simulators, the slower of both autopilots."""
+    terrain = terrain_in(lattice(slope(percent, 0.0)))
+    way = [GridPoint(0.0, 0.0), GridPoint(0.0, 120.0)]
+    climbs_m = terrain.ups_and_downs_m(way, 5.0, CLIMB_SPEED_M_S)
+    reckoned_s = 120.0 / 5.0 + climbs_m / CLIMB_SPEED_M_S
+    assert 120.0 / flown_m_s <= reckoned_s <= 120.0 / flown_m_s * 1.5

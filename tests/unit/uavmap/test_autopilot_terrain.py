@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from missions.errors import LinkError, MissionFileError
 from missions.ground.grid import Grid
 from missions.units import GridPoint
 from sitl.mavlink.telemetry import Telemetry
+from tests.hills import slope, text_over
 from tests.small_missions import START, mission_text, square
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
@@ -62,3 +65,23 @@ def _alone(call) -> None:
         call()
     except* LinkError as group:
         raise group.exceptions[0] from None
+
+
+def test_a_long_leg_up_a_steep_slope_is_no_trouble(tmp_path) -> None:
+    """It is slow, for its targets lie near; the guardian knows."""
+    text = mission_text(
+        square(-4, 150, 12, 12), square(-20, -20, 60, 200), altitude_m=16.0, capacity_wh=60.0
+    ).replace("[fence]", "[fence]\nceiling_m = 200.0")
+    text = text_over(text, slope(55.0, 0.0))
+    summary = fly(
+        FlightPlan("steep.toml", text, None, None, 1, (), None, 0.0), tmp_path / "out", Terminal()
+    )
+    assert summary["completed"]
+
+
+def test_a_fence_too_large_to_ask_for_is_refused() -> None:
+    text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 4000, 4000), altitude_m=14.0)
+    text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
+    large = replace(plan(), mission_text=text + '\n[terrain]\nsource = "autopilot"\n')
+    with pytest.raises(LinkError, match=r"lie 115 m apart, more than 100; draw it smaller"):
+        _alone(lambda: with_ground(large, lambda line: None))
