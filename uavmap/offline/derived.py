@@ -23,7 +23,8 @@ PIXELS_A_CELL: Final = 25
 _HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures that do not say
 _LEAST_CELLS: Final = 8  # across the shorter side of a picture
 _STEPS: Final = (1.0, 2.0, 5.0, 10.0)
-_DETECTOR: Final = """\
+DETECTOR: Final = """\
+[detector]
 # Of the detectors this one depends least on the light: bare ground among plants. Another region
 # needs another detector, or other limits.
 name = "paved"
@@ -35,8 +36,14 @@ view = "all"
 """
 
 
-def derived(gathered: Gathered, lens: Lens | None = None, *, any_day: bool = False) -> str:
-    """The text of a mission file for these pictures.
+def derived(
+    gathered: Gathered,
+    lens: Lens | None = None,
+    *,
+    any_day: bool = False,
+    detector: str = DETECTOR,
+) -> str:
+    """The text of a mission file for these pictures, with the table `detector` in it.
 
     Its start is the middle of all that they show, its box goes round that, and a cell has
     `PIXELS_A_CELL` pixels from their usual height. Raises `ImageError` where no picture can be
@@ -80,8 +87,7 @@ width_px = {optics.width_px}
 height_px = {optics.height_px}
 mounting = "gimbal"
 pixels_per_cell = {max(1, pixels - 1)}
-[detector]
-{_DETECTOR}[votes]
+{detector}[votes]
 frames = {frames}
 positive = {positive}
 """

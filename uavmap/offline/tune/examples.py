@@ -7,6 +7,7 @@ the pictures through their poses.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Iterator, Sequence
@@ -56,19 +57,45 @@ class Example:
 
 
 def list_pictures(images: Path) -> list[Path]:
-    """The pictures of a folder, by name. Raises `ImageError` where there are none."""
+    """The pictures of a folder, by name.
+
+    Raises `ImageError` where there are none, or two to which one mask would belong.
+    """
     if not images.is_dir():
         raise ImageError(f"{images}: no such folder")
     paths = sorted(p for p in images.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
     paths = [path for path in paths if not path.name.startswith(".")]
     if not paths:
         raise ImageError(f"{images}: no pictures (*.jpg, *.jpeg, *.png) in this folder")
+    for one, other in itertools.pairwise(sorted(paths, key=lambda path: path.stem)):
+        if one.stem == other.stem:
+            raise ImageError(
+                f"{images}: {one.name} and {other.name}: to which would a mask {one.stem}.png "
+                "belong? Give one of them another name, or put it elsewhere"
+            )
     return paths
+
+
+def refuse_same_folder(images: Path, masks: Path) -> None:
+    """Raise `ImageError` where masks lie, or would be written, among the pictures."""
+    if masks.resolve() == images.resolve():
+        raise ImageError(
+            f"--examples {masks}: the folder of the pictures; masks need one of their own, such as "
+            f"{masks / 'painted'}"
+        )
 
 
 def read_picture(path: Path, width_px: int) -> NDArray[np.uint8]:
     """A picture at the working width. Raises `ImageError`."""
-    return working_picture(read_image(path.read_bytes(), str(path)), width_px)
+    return working_picture(read_image(file_bytes(path), str(path)), width_px)
+
+
+def file_bytes(path: Path) -> bytes:
+    """What is in a file. Raises `ImageError`."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
@@ -84,6 +111,8 @@ def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
         ImageError: naming the file, for what cannot be read, a mask without its picture or of
             another shape, and where nothing is painted, or no region, or nothing but region.
     """
+    if where.is_dir() and any(path.suffix.lower() == ".png" for path in where.iterdir()):
+        refuse_same_folder(images, where)
     pictures = list_pictures(images)
     if where.is_file() and where.suffix.lower() in POLYGONS:
         files = [where]
@@ -126,7 +155,7 @@ def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator
                 f"{pictures[0].stem}.png"
             )
         picture = read_picture(by_stem[mask.stem], width_px)
-        painted = cv2.cvtColor(read_image(mask.read_bytes(), str(mask)), cv2.COLOR_BGR2GRAY)
+        painted = cv2.cvtColor(read_image(file_bytes(mask), str(mask)), cv2.COLOR_BGR2GRAY)
         (rows, columns), (tall, wide) = picture.shape[:2], painted.shape
         if abs(wide / tall - columns / rows) > _SHAPE_DIFFERS * columns / rows:
             raise ImageError(
