@@ -19,7 +19,11 @@ from tests.unit.uavmap.photographs import dji, write_photo
 from tests.unit.uavmap.test_pictures import png
 from tests.unit.uavmap.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
 from uavmap.cli import main
+from uavmap.mission_source import MissionSource
 from uavmap.offline import spool
+from uavmap.offline.derived import derived
+from uavmap.offline.gathering import gather
+from uavmap.offline.sources.folder import Folder
 
 MISSION = f"""
 start.position = [{START.lat_deg}, {START.lon_deg}]
@@ -317,3 +321,14 @@ def test_a_name_that_is_no_text_ends_nothing(
     capsys.readouterr()
     assert main(["look", str(photos / name), *seen]) == 0
     assert "\\udcff" in capsys.readouterr().out
+
+
+def test_two_of_three_votes_are_asked_where_pictures_overlap(tmp_path: Path) -> None:
+    """Of two votes both would have to say yes, however many pictures show the place."""
+    shot(tmp_path / "0.jpg", 0, PLACES[0])
+    found = []
+    for place in (PLACES[1], (400.0, 10.0)):
+        shot(tmp_path / "1.jpg", 1, place)
+        votes = MissionSource("derived", derived(gather(Folder(tmp_path)))).parse().votes
+        found.append((votes.frames, votes.positive))
+    assert found == [(3, 2), (1, 1)]
