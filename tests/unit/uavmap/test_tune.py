@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
 from pathlib import Path
 
@@ -188,6 +189,17 @@ def test_one_painted_picture_is_too_few(
     arguments = ["tune", str(tuned / "images"), "--examples", str(where), *SMALL]
     assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
     assert "paint at least two" in capsys.readouterr().err
+
+
+def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: Path) -> None:
+    images, told = tmp_path / "images", list[str]()
+    shutil.copytree(tuned / "images", images)
+    data = (images / "1.jpg").read_bytes()
+    (images / "1.jpg").write_bytes(data[: len(data) // 2])
+    examples = load_examples(images, tuned / "region.geojson", WIDE, told.append)
+    assert [example.name for example in examples] == ["0", "2", "3"]
+    (line,) = told
+    assert line.startswith(f"left out: {images / '1.jpg'}")
 
 
 def test_mid_grey_is_undecided(tuned: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -98,7 +98,9 @@ def file_bytes(path: Path) -> bytes:
         raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
+def load_examples(
+    images: Path, where: Path, width_px: int, say: Callable[[str], None] = lambda text: None
+) -> list[Example]:
     """The painted pictures, by name.
 
     Args:
@@ -106,6 +108,7 @@ def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
         where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one such file of
             polygons.
         width_px: The working width.
+        say: Told which pictures polygons are not projected into, as they cannot be read.
 
     Raises:
         ImageError: naming the file, for what cannot be read, a mask without its picture or of
@@ -129,7 +132,7 @@ def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
             f"--examples {where}: no masks (NAME.png, named after the pictures) and no *.geojson; "
             f"paint some, for example {pictures[0].stem}.png: white region, black not"
         )
-    found = {e.name: e for e in _projected(images, polygons, width_px)} if polygons else {}
+    found = {e.name: e for e in _projected(images, polygons, width_px, say)} if polygons else {}
     found |= {e.name: e for e in _painted(pictures, masks, width_px)}
     examples = [found[name] for name in sorted(found)]
     _check_both(examples, where)
@@ -171,7 +174,9 @@ def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator
 Rings = list[NDArray[np.float64]]
 
 
-def _projected(images: Path, files: list[Path], width_px: int) -> Iterator[Example]:
+def _projected(
+    images: Path, files: list[Path], width_px: int, say: Callable[[str], None]
+) -> Iterator[Example]:
     """The pictures with the polygons, by the best poses that there are."""
     shapes = [shape for path in files for shape in _shapes(path)]
     gathered = gather(open_source(images))
@@ -186,7 +191,11 @@ def _projected(images: Path, files: list[Path], width_px: int) -> Iterator[Examp
     grid = Grid.at(placed[0].pose.position, _GRID_M)
     limited = any(kind == "surround" for kind, _ in shapes)
     for entry in placed:
-        picture = read_picture(images / entry.picture.name, width_px)
+        try:
+            picture = read_picture(images / entry.picture.name, width_px)
+        except ImageError as error:  # nobody has painted it, so nobody misses it
+            say(f"left out: {error}")
+            continue
         drawn = {kind: _drawn(kind, shapes, entry, grid, picture.shape[:2]) for kind in _KINDS}
         region = drawn["region"]
         known = (region | drawn["surround"]) if limited else np.ones_like(region)
