@@ -14,8 +14,11 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import ValidationError
+
 from missions.errors import MissionFileError
 from missions.mission_file.detector_section import DetectorSection
+from missions.mission_file.messages import explain
 from missions.mission_file.schema import parse_toml
 from uavmap.onnx_file import onnx_detector
 from uavmap.text_files import read_bytes, read_text
@@ -81,11 +84,12 @@ def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> 
     if section.name not in FROM_FILES:
         return _made(section.name, parameters)
     path = Path(section.model or "")
-    data = _model(path)
-    if section.model_sha256 not in (None, _sha256(data)):
+    kept = section.model_sha256
+    data = _model(path, "" if kept is None else f"put it back: its SHA-256 is {kept}")
+    if kept not in (None, _sha256(data)):
         raise MissionFileError(
             f"detector.model = {str(path)!r}: the file has changed since the mission was begun; "
-            "put the old one back"
+            f"put the old one back: its SHA-256 is {kept}"
         )
     try:
         if section.name == "onnx":
@@ -120,6 +124,36 @@ def with_detector(text: str, source: str, detector: Path) -> str:
     Its `detector.toml` takes the place of the mission's section; only `view` stays as it is there,
     if the folder says nothing of it. Raises `MissionFileError`.
     """
+    section = _given(detector)
+    tables = parse_toml(text, source)
+    old = tables.get("detector")
+    view = {"view": old["view"]} if isinstance(old, Mapping) and "view" in old else {}
+    return toml_text({**tables, "detector": {**view, **section}})
+
+
+def detector_text(detector: Path) -> str:
+    """The table `[detector]` of a folder (`--detector`), for a mission made of recorded pictures.
+
+    What it is made of is read once, to say what is wrong with it before any picture is. Raises
+    `MissionFileError`.
+    """
+    what = f"--detector {detector}"
+    text = with_model(toml_text({"detector": {"view": "all", **_given(detector)}}), what, Path())
+    try:
+        section = DetectorSection.model_validate(parse_toml(text, what)["detector"])
+        check_detector(section)
+        if section.model is not None:
+            detector_of_section(section)
+    except ValidationError as error:
+        lines = [f"{what}: detector.{fault}" for fault in explain(error, DetectorSection)]
+        raise MissionFileError("\n".join(lines)) from None
+    except MissionFileError as error:
+        raise MissionFileError(f"{what}: {error}") from None
+    return text
+
+
+def _given(detector: Path) -> dict[str, Any]:
+    """The section that a folder gives, its model by its whole path."""
     path = detector / DETECTOR_TOML if detector.is_dir() else detector
     try:
         given = tomllib.loads(read_text(path, _LARGEST_TOML))
@@ -137,21 +171,20 @@ def with_detector(text: str, source: str, detector: Path) -> str:
         )
     if isinstance(section.get("model"), str):
         section["model"] = str((path.parent / section["model"]).resolve())
-    tables = parse_toml(text, source)
-    old = tables.get("detector")
-    view = {"view": old["view"]} if isinstance(old, Mapping) and "view" in old else {}
-    return toml_text({**tables, "detector": {**view, **section}})
+    return section
 
 
 # --- files and plug-ins ------------------------------------------------------------------------
-def _model(path: Path) -> bytes:
+def _model(path: Path, remedy: str = "") -> bytes:
     try:
         return read_bytes(path, _LARGEST_MODEL)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
+        remedy = remedy or (
+            "train it with `uavmap tune`, or give its path from the folder of the mission file"
+        )
         raise MissionFileError(
-            f"detector.model = {str(path)!r}: cannot be read ({why}); train it with `uavmap tune`, "
-            "or give its path from the folder of the mission file"
+            f"detector.model = {str(path)!r}: cannot be read ({why}); {remedy}"
         ) from None
 
 

@@ -12,6 +12,7 @@ import errno
 import os
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
 from missions.errors import AircraftError, UavmapError, leaves
 from uavmap import __version__
@@ -57,6 +58,10 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     options = parser().parse_args(arguments)
+    if isinstance(
+        sys.stdout, TextIOWrapper
+    ):  # a file's name may be no text: it is shown in escapes
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = _told(_run(options))
     except* AircraftError as group:

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime
@@ -209,6 +210,15 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"--out {folder} cannot be made: {error.strerror}") from None
+
+
+def refuse_unwritable(folder: Path) -> None:
+    """Raise `OutputError` where a folder could not be written in, or not be made; none is made."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise OutputError(f"--out {folder} cannot be made: {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise OutputError(f"--out {folder}: {there} cannot be written in; choose another folder")
 
 
 def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:

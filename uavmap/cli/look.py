@@ -12,10 +12,12 @@ from rich.table import Table
 
 from missions.errors import ImageError, OutputError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
+from uavmap.cli.common import DETECTOR_HELP
+from uavmap.detector_source import detector_text
 from uavmap.fly.progress import PipeConsole
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
-from uavmap.offline.derived import derived
+from uavmap.offline.derived import DETECTOR, derived
 from uavmap.offline.gathering import gather
 from uavmap.offline.look_at_one import Looked, annotated, look_at
 from uavmap.offline.sources.opening import open_source
@@ -28,6 +30,7 @@ _EXAMPLES = """\
 examples:
   uavmap look photos/DJI_0018.JPG --mission road
   uavmap look photos/DJI_0018.JPG --mission field.toml --json --out seen.png
+  uavmap look photos/DJI_0018.JPG --detector my-field
 
 Prints where the picture lies and the share of each cell that the detector takes for region, and
 writes the picture with both drawn on it. Of a video or a folder it takes the first picture.
@@ -50,6 +53,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("image", metavar="IMAGE", help="a picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera and detector")
+    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
     parser.add_argument(
         "--calibration", metavar="FILE", help="the camera's calibration by OpenCV: YAML, XML, JSON"
     )
@@ -64,11 +68,16 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Look at one picture."""
-    given = None if options.mission is None else load_source(options.mission)
+    given = None if options.mission is None else load_source(options.mission, options.detector)
+    detector = DETECTOR
+    if given is None and options.detector is not None:
+        detector = detector_text(Path(options.detector))
     asked = None if given is None else given.parse()
     lens = calibration_of(options.calibration, asked, options.mission)
     gathered = gather(open_source(Path(options.image)))
-    source = given or MissionSource("derived from the picture", derived(gathered, lens))
+    source = given or MissionSource(
+        "derived from the picture", derived(gathered, lens, detector=detector)
+    )
     mission = source.parse()
     refuse_unknown_ground(mission, source.source)
     if not gathered.pictures:

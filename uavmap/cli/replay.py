@@ -7,20 +7,23 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from missions.errors import OutputError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
 from uavmap.cli.common import (
     DETECTOR_HELP,
     make_folder,
+    refuse_unwritable,
     report,
     results_folder,
     utc_seconds,
     worker_count,
 )
+from uavmap.detector_source import detector_text
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
-from uavmap.offline.derived import derived
+from uavmap.offline.derived import DETECTOR, derived
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.refined_pictures import RefinedSet, refined
 from uavmap.offline.replay import Options, look_at_all
@@ -37,6 +40,7 @@ MISSION_FILE = "mission.toml"
 _EXAMPLES = """\
 examples:
   uavmap replay photos/
+  uavmap replay photos/ --detector my-field
   uavmap replay photos/ --mission road
   uavmap replay photos/ --mission field.toml --out field-map --calibration camera.yaml
   uavmap replay photos/ --mission field.toml --detector my-field
@@ -106,11 +110,16 @@ def run(options: argparse.Namespace) -> int:
     progress = Terminal()
     given = None if options.mission is None else load_source(options.mission, options.detector)
     asked = None if given is None else given.parse()  # say what is wrong before pictures are read
+    detector = DETECTOR
+    if given is None and options.detector is not None:
+        detector = detector_text(Path(options.detector))
     lens = calibration_of(options.calibration, asked, options.mission)
+    if options.out is not None:  # said before pictures are read, which may take long
+        refuse_unwritable(results_folder(options.out, ""))
     gathered = gather(open_source(Path(options.path), options.video_start))
     better = _refined(gathered, lens, given, options, progress)
     gathered = gathered if better is None else better.gathered
-    source = given or _derived(gathered, lens, any_day=options.any_day)
+    source = given or _derived(gathered, lens, detector, any_day=options.any_day)
     mission = source.parse()
     refuse_unknown_ground(mission, source.source)
     folder = results_folder(options.out, mission.name)
@@ -122,13 +131,19 @@ def run(options: argparse.Namespace) -> int:
         looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
         looked.refuse_empty()
         make_folder(folder)
-        if better is not None:
-            better.write(folder)
-        if given is None:
-            write_text(folder / MISSION_FILE, source.text)
-            progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, and replay again")
-        with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
-            summary = looked.written(journal, folder, progress)
+        try:
+            if better is not None:
+                better.write(folder)
+            if given is None:
+                write_text(folder / MISSION_FILE, source.text)
+                progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
+            with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
+                summary = looked.written(journal, folder, progress)
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: the results cannot be written ({error.strerror}); make room, and "
+                "replay into another folder"
+            ) from None
     return report(summary, folder, as_json=options.json)
 
 
@@ -146,8 +161,11 @@ def _refined(
     return refined(gathered, progress, mission, lens=lens, workers=options.workers)
 
 
-def _derived(gathered: Gathered, lens: Lens | None, *, any_day: bool) -> MissionSource:
-    return MissionSource("derived from the pictures", derived(gathered, lens, any_day=any_day))
+def _derived(
+    gathered: Gathered, lens: Lens | None, detector: str, *, any_day: bool
+) -> MissionSource:
+    text = derived(gathered, lens, any_day=any_day, detector=detector)
+    return MissionSource("derived from the pictures", text)
 
 
 def _shown(source: MissionSource) -> list[str]:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import OutputError
@@ -118,7 +119,7 @@ def _show(report: dict[str, Any]) -> None:
                    "IoU"):  # fmt: skip
         table.add_column(column, justify="right")
     for row in report["pictures"]:
-        table.add_row(row["picture"], f"{100 * row['region_share']:.0f} %", *_numbers(row))
+        table.add_row(escape(row["picture"]), f"{100 * row['region_share']:.0f} %", *_numbers(row))
     table.add_section()
     table.add_row("all", "", *_numbers(report))
     PipeConsole().print(table)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.events import Vote
@@ -32,12 +35,23 @@ class Classifier:
     _last: Image | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, mission: Mission, grid: Grid, height_m: float | None = None) -> Classifier:
-        """The classifier that a mission file describes, for a vehicle that flies at a height."""
+    def of(
+        cls,
+        mission: Mission,
+        grid: Grid,
+        height_m: float | None = None,
+        detector: Detector | None = None,
+    ) -> Classifier:
+        """The classifier that a mission file describes, for a vehicle that flies at a height.
+
+        `detector` takes the place of the mission's. Raises `MissionFileError` for a model that
+        cannot be read, or is another one.
+        """
         optics = mission.camera.optics
         camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)
         lowest_m = mission.altitude_m(0)
-        return cls(mission, grid, camera, detector_of(mission, (height_m or lowest_m) / lowest_m))
+        ratio = (height_m or lowest_m) / lowest_m
+        return cls(mission, grid, camera, detector or detector_of(mission, ratio))
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
         """The vantage of a frame, by default the cell below, and what the frame says.
@@ -73,6 +87,22 @@ class Classifier:
             terrain=self.mission.ground,
         )
         return tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
+
+
+@dataclass(frozen=True, slots=True)
+class Blind:
+    """In the place of a detector that cannot be had, where only the way home is left to fly."""
+
+    name: ClassVar[str] = "none"
+    calibrated: ClassVar[bool] = False
+
+    def probability(self, image: Image) -> NDArray[np.float32]:
+        """Raise `ImageError`."""
+        raise ImageError("there is no detector: the aircraft are only brought home")
+
+    def mask(self, image: Image) -> NDArray[np.uint8]:
+        """Raise `ImageError`."""
+        raise ImageError("there is no detector: the aircraft are only brought home")
 
 
 def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
-from missions.errors import LinkError
+from missions.errors import LinkError, MissionFileError
 from missions.state import Setting
 from uavmap.cameras.local import LocalSource
 from uavmap.cameras.pose import Poses
 from uavmap.fly.cameras_of import mount_of
-from uavmap.fly.classifier import Classifier
+from uavmap.fly.classifier import Blind, Classifier, detector_of
 from uavmap.fly.clock_rate import WINDOW_WALL_S, ClockRate
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.imaging import CameraDriver
@@ -22,6 +22,7 @@ from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
 from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.frames import FrameKeeper
+from vision.detectors import Detector
 
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
@@ -40,8 +41,15 @@ def vehicles_of(
     mission_time_s: Callable[[], float],
     say: Callable[[str], None],
     keeper: FrameKeeper | None = None,
+    *,
+    recall: bool = False,
 ) -> dict[int, MavlinkVehicle]:
-    """The vehicle at the end of each link, by its number in the mission, from 1."""
+    """The vehicle at the end of each link, by its number in the mission, from 1.
+
+    For a `recall` nobody needs a detector: one whose model is gone keeps no aircraft in the air.
+    Otherwise raises `MissionFileError` for such a model.
+    """
+    detector = _blind_without(setting, say) if recall else None
     at_a_terminal = not (crew.absent or plan.simulated or plan.auto_swap)
     speedup = max(plan.speedup or 1.0, 1.0)
     # on a clock that runs fast, a busy machine must not look like a lost link
@@ -56,7 +64,7 @@ def vehicles_of(
         view.expect_near(setting.mission.home)
         view.gate.say = partial(_say_of, say, number)
         altitude_m = setting.mission.altitude_m(number - 1)
-        classifier = Classifier.of(setting.mission, setting.grid, altitude_m)
+        classifier = Classifier.of(setting.mission, setting.grid, altitude_m, detector)
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
         if isinstance(link.camera, LocalSource):  # which tells no pose
             poses.need_telemetry()
@@ -79,6 +87,16 @@ def vehicles_of(
             else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
     return vehicles
+
+
+def _blind_without(setting: Setting, say: Callable[[str], None]) -> Detector | None:
+    """What judges pictures on the way home, where the mission's detector cannot be had."""
+    try:
+        detector_of(setting.mission)
+    except MissionFileError as error:
+        say(f"{error}; the aircraft are brought home without it")
+        return Blind()
+    return None
 
 
 def _say_of(say: Callable[[str], None], number: int, text: str) -> None:

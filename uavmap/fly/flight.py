@@ -288,7 +288,9 @@ class _Flight:
         say = self._progress.say
         crew = Crew(say, automatic=automatic)
         keeper = FrameKeeper(self._folder, say) if self._journal.meta.get(KEEP_FRAMES) else None
-        vehicles = vehicles_of(self._plan, self._setting, links, crew, self._now_s, say, keeper)
+        vehicles = vehicles_of(
+            self._plan, self._setting, links, crew, self._now_s, say, keeper, recall=self.recall
+        )
         before = None if self._plan.simulated else self._before(links)
 
         def observe(event: Event, state: State) -> None:

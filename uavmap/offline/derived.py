@@ -22,8 +22,10 @@ WIDTH_PX: Final = 1000
 PIXELS_A_CELL: Final = 25
 _HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures that do not say
 _LEAST_CELLS: Final = 8  # across the shorter side of a picture
+_OVERLAPPING: Final = 1.5  # pictures of a place, on the mean
 _STEPS: Final = (1.0, 2.0, 5.0, 10.0)
-_DETECTOR: Final = """\
+DETECTOR: Final = """\
+[detector]
 # Of the detectors this one depends least on the light: bare ground among plants. Another region
 # needs another detector, or other limits.
 name = "paved"
@@ -35,8 +37,14 @@ view = "all"
 """
 
 
-def derived(gathered: Gathered, lens: Lens | None = None, *, any_day: bool = False) -> str:
-    """The text of a mission file for these pictures.
+def derived(
+    gathered: Gathered,
+    lens: Lens | None = None,
+    *,
+    any_day: bool = False,
+    detector: str = DETECTOR,
+) -> str:
+    """The text of a mission file for these pictures, with the table `detector` in it.
 
     Its start is the middle of all that they show, its box goes round that, and a cell has
     `PIXELS_A_CELL` pixels from their usual height. Raises `ImageError` where no picture can be
@@ -80,8 +88,7 @@ width_px = {optics.width_px}
 height_px = {optics.height_px}
 mounting = "gimbal"
 pixels_per_cell = {max(1, pixels - 1)}
-[detector]
-{_DETECTOR}[votes]
+{detector}[votes]
 frames = {frames}
 positive = {positive}
 """
@@ -135,7 +142,10 @@ def _places(
 
 
 def _votes(placed: Sequence[Placed], optics: Optics, start: LatLon) -> tuple[int, int]:
-    """How many pictures show a place, at most three of which shall vote; and a majority of them."""
+    """How many votes count on a place, and a majority of them: two of three where pictures overlap.
+
+    Never two: both would have to agree, also where more pictures show the place.
+    """
     grid = Grid.at(start, 1.0)
     points = [grid.fixed(p.pose.position) for p in placed]
     across_m, along_m = optics.footprint(median(p.pose.height_m for p in placed))
@@ -143,7 +153,7 @@ def _votes(placed: Sequence[Placed], optics: Optics, start: LatLon) -> tuple[int
     east = max(p.east_m for p in points) - min(p.east_m for p in points) + across_m
     north = max(p.north_m for p in points) - min(p.north_m for p in points) + along_m
     overlap = len(placed) * each_m2 / (east * north)
-    frames = max(1, min(3, round(overlap)))
+    frames = 3 if overlap >= _OVERLAPPING else 1
     return frames, frames // 2 + 1
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import IO, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.errors import OutputError
 from missions.units import Cell
 
 
@@ -28,6 +31,23 @@ class _Kept(NamedTuple):
     vantage: Cell
 
 
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    """What the disk refuses, as a line for people."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"what pictures say waits in a file in the folder for temporary files, which cannot be "
+            f"written ({error.strerror}); make room there, or have TMPDIR name another folder"
+        ) from None
+
+
+def _temporary() -> IO[bytes]:
+    with _told():
+        return tempfile.TemporaryFile()
+
+
 @dataclass(slots=True)
 class Spool:
     """What pictures say by a number, in a file that vanishes with this object.
@@ -39,27 +59,30 @@ class Spool:
     ([[1, 2]], [0.5], b'marks')
     """
 
-    _file: IO[bytes] = field(default_factory=tempfile.TemporaryFile)
+    _file: IO[bytes] = field(default_factory=_temporary)
     _kept: dict[int, _Kept] = field(default_factory=dict)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._file.close()
+        with contextlib.suppress(OSError):  # the buffer of a full disk; nobody wants it any more
+            self._file.close()
 
     def put(self, number: int, said: Said) -> None:
-        """Keep what a picture says; it may be told anew."""
-        offset = self._file.seek(0, 2)
-        self._file.write(np.ascontiguousarray(said.cells, dtype=np.int32).tobytes())
-        self._file.write(np.ascontiguousarray(said.shares, dtype=np.float64).tobytes())
-        self._file.write(said.marks)
+        """Keep what a picture says; it may be told anew. Raises `OutputError` on a full disk."""
+        with _told():
+            offset = self._file.seek(0, 2)
+            self._file.write(np.ascontiguousarray(said.cells, dtype=np.int32).tobytes())
+            self._file.write(np.ascontiguousarray(said.shares, dtype=np.float64).tobytes())
+            self._file.write(said.marks)
         self._kept[number] = _Kept(offset, len(said.cells), len(said.marks), said.vantage)
 
     def get(self, number: int) -> Said:
         """What was kept under a number. Raises `KeyError` where nothing was."""
         offset, count, marks, vantage = self._kept[number]
-        self._file.seek(offset)
+        with _told():
+            self._file.seek(offset)  # what waits in the buffer goes to the disk
         cells = np.frombuffer(self._file.read(8 * count), np.int32).reshape(count, 2)
         shares = np.frombuffer(self._file.read(8 * count), np.float64)
         return Said(vantage, cells.astype(np.intp), shares, self._file.read(marks))

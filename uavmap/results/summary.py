@@ -13,13 +13,16 @@ from uavmap.results.atomic import write_text
 def encode(figures: Mapping[str, object]) -> str:
     """The figures as JSON, in the order given; numbers that JSON lacks become null.
 
+    A name of a file that is no UTF-8 comes in the escapes of JSON, and reads back as it was.
+
     >>> print(encode({"sorties": 2, "iou_cells": float("nan")}))
     {
       "sorties": 2,
       "iou_cells": null
     }
     """
-    return json.dumps(_plain(figures), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(_plain(figures), indent=2, ensure_ascii=False, allow_nan=False)
+    return text.encode(errors="backslashreplace").decode()
 
 
 def write(figures: Mapping[str, object], path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import http.client
 import io
+import socket
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from missions.errors import ImageError
 from uavmap.offline.tune.examples import load_examples
 from uavmap.offline.tune.paint import MOST_BYTES, Easel, served
 
@@ -99,3 +102,38 @@ def test_what_is_no_picture_is_refused(easel: Easel, address: str) -> None:
     huge = {"Content-Length": str(MOST_BYTES + 1)}
     assert asked("PUT", f"{address}mask/0", b"", huge)[0] == 413
     assert list(easel.masks.iterdir()) == []
+
+
+def test_a_picture_that_is_gone_is_said(
+    easel: Easel, address: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    easel.pictures[0].unlink()
+    (easel.masks / "b.png").mkdir()
+    for path in ("picture/0", "mask/1"):
+        status, text = asked("GET", address + path)
+        assert (status, b"cannot be read" in text) == (422, True)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_browser_that_goes_away_is_no_traceback(
+    address: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    parts = urlsplit(address)
+    with socket.create_connection((parts.hostname or "", parts.port or 0)) as wire:
+        # closed with what was sent to it unread: the other side's next read is refused
+        wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        wire.sendall(f"PUT {parts.path}mask/0 HTTP/1.1\r\n".encode())
+        wire.sendall(f"Host: {parts.netloc}\r\nContent-Length: 1000\r\n\r\n".encode())
+    assert asked("GET", f"{address}pictures")[0] == 200  # after it, in a thread of its own
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_masks_do_not_lie_among_the_pictures(tmp_path: Path) -> None:
+    for name in ("a.jpg", "a.png"):
+        Image.new("RGB", (80, 60)).save(tmp_path / name)
+    with pytest.raises(ImageError, match="masks need one of their own"):
+        Easel(tmp_path, tmp_path, 64)
+    with pytest.raises(ImageError, match="masks need one of their own"):
+        load_examples(tmp_path, tmp_path / "." / "", 64)
+    with pytest.raises(ImageError, match=r"a\.(jpg|png) and a\.(jpg|png): to which"):
+        Easel(tmp_path, tmp_path / "masks", 64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,11 @@ from tests.unit.uavmap.photographs import dji, write_photo
 from tests.unit.uavmap.test_pictures import png
 from tests.unit.uavmap.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
 from uavmap.cli import main
+from uavmap.mission_source import MissionSource
+from uavmap.offline import spool
+from uavmap.offline.derived import derived
+from uavmap.offline.gathering import gather
+from uavmap.offline.sources.folder import Folder
 
 MISSION = f"""
 start.position = [{START.lat_deg}, {START.lon_deg}]
@@ -265,3 +271,64 @@ def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) 
         names = ("map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv")
         made.append([(out / name).read_bytes() for name in names])
     assert made[0] == made[1]
+
+
+def test_an_output_that_cannot_be_is_said_before_pictures_are_read(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    for out in (tmp_path / "file", tmp_path / "file" / "map"):
+        assert main(["replay", str(tmp_path / "none"), "--out", str(out)]) == 2
+        assert f"--out {out}" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_said_in_a_line(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    line = ["replay", str(good), "--mission", str(good / "m.toml"), "--refine", "off"]
+    with monkeypatch.context() as patch:
+        full = Path("/dev/full")
+        patch.setattr(spool.tempfile, "TemporaryFile", lambda: full.open("w+b", 0))
+        assert main([*line, "--out", str(tmp_path / "map")]) == 2
+    err = capsys.readouterr().err
+    assert "No space left" in err
+    assert "TMPDIR" in err
+    assert not (tmp_path / "map").exists()
+
+    (tmp_path / "map" / "map.png").mkdir(parents=True)  # stands in the way
+    assert main([*line, "--out", str(tmp_path / "map")]) == 2
+    assert "the results cannot be written" in capsys.readouterr().err
+
+
+def test_a_name_that_is_no_text_ends_nothing(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photos = tmp_path / "photos"
+    shutil.copytree(good, photos)
+    name = os.fsdecode(b"[red]\xff\n.jpg")
+    try:
+        (photos / "0.jpg").rename(photos / name)
+    except OSError:
+        pytest.skip("this file system knows no such names")
+    out = tmp_path / "map"
+    line = [str(photos), "--mission", str(good / "m.toml"), "--out", str(out)]
+    assert main(["replay", *line]) in (0, 3)
+    told = json.loads((out / "registration.json").read_text("utf-8"))
+    assert name in [entry["name"] for entry in told["pictures"]]
+    seen = ["--mission", str(good / "m.toml"), "--out", str(tmp_path / "seen.png")]
+    capsys.readouterr()
+    assert main(["look", str(photos / name), *seen]) == 0
+    assert "\\udcff" in capsys.readouterr().out
+
+
+def test_two_of_three_votes_are_asked_where_pictures_overlap(tmp_path: Path) -> None:
+    """Of two votes both would have to say yes, however many pictures show the place."""
+    shot(tmp_path / "0.jpg", 0, PLACES[0])
+    found = []
+    for place in (PLACES[1], (400.0, 10.0)):
+        shot(tmp_path / "1.jpg", 1, place)
+        votes = MissionSource("derived", derived(gather(Folder(tmp_path)))).parse().votes
+        found.append((votes.frames, votes.positive))
+    assert found == [(3, 2), (1, 1)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
 from pathlib import Path
 
@@ -22,8 +23,8 @@ from uavmap.mission_source import load_source
 from uavmap.offline.tune.examples import Example, load_examples
 from uavmap.offline.tune.metrics import total
 from uavmap.offline.tune.run import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
-from uavmap.offline.tune.samples import variants
-from uavmap.offline.tune.selection import folds
+from uavmap.offline.tune.samples import Described, variants
+from uavmap.offline.tune.selection import Picture, dealt, folds
 from uavmap.offline.tune.training import fit_trees
 from uavmap.results.model import NOT_ROI
 from vision.detectors.learned import LearnedDetector
@@ -190,6 +191,17 @@ def test_one_painted_picture_is_too_few(
     assert "paint at least two" in capsys.readouterr().err
 
 
+def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: Path) -> None:
+    images, told = tmp_path / "images", list[str]()
+    shutil.copytree(tuned / "images", images)
+    data = (images / "1.jpg").read_bytes()
+    (images / "1.jpg").write_bytes(data[: len(data) // 2])
+    examples = load_examples(images, tuned / "region.geojson", WIDE, told.append)
+    assert [example.name for example in examples] == ["0", "2", "3"]
+    (line,) = told
+    assert line.startswith(f"left out: {images / '1.jpg'}")
+
+
 def test_mid_grey_is_undecided(tuned: Path, tmp_path: Path) -> None:
     mask = np.full((90, 160), 128, np.uint8)
     mask[:30], mask[60:] = 255, 0
@@ -253,3 +265,79 @@ def test_three_real_photographs_teach_the_road_in_others() -> None:
     others = brighton.examples([names[i] for i in (0, 5, 10, 15)])
     cells = total([judged(detector, example, choice.share)[1] for example in others])
     assert cells.iou > 0.62
+
+
+def test_what_was_learned_maps_without_a_mission_file(
+    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cells and camera from the pictures, the detector from the folder: nobody writes a file."""
+    out, eyes = tmp_path / "map", str(tuned / "eyes")
+    photos = str(tuned / "images")
+    assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
+    made = load_source(str(out / "mission.toml")).parse()
+    assert (made.detector.name, made.detector.view) == ("learned", "all")
+    assert made.detector.model == str((tuned / "eyes" / MODEL).resolve())
+    features = json.loads((out / "map.geojson").read_text())["features"]
+    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
+    west, east, south, north = ROI
+    roi_m2 = made.grid.cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
+    assert 0.7 < roi_m2 / ((east - west) * (north - south)) < 1.3
+
+    seen = ["look", str(tuned / "images" / "0.jpg"), "--out", str(tmp_path / "seen.png"), "--json"]
+    capsys.readouterr()
+    assert main([*seen, "--detector", eyes]) == 0
+    learned_share = json.loads(capsys.readouterr().out)["roi_share"]
+    assert main([*seen, "--detector", eyes, "--mission", str(tuned / "field.toml")]) == 0
+    assert json.loads(capsys.readouterr().out)["roi_share"] == pytest.approx(learned_share, abs=0.1)
+    assert main(seen) == 0
+    assert (
+        json.loads(capsys.readouterr().out)["roi_share"] > learned_share + 0.2
+    )  # not one colour is green
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (None, "cannot be read"),
+        ('name = "learned"\nmodel = "gone.json"', "gone.json"),
+        ('name = "learnt"', "detector.name is 'learnt'"),
+        ('name = "paved"\nshare = 2', "detector.share = 2: input should be"),
+    ],
+)
+@pytest.mark.parametrize("command", ["replay", "look"])
+def test_a_detector_is_looked_at_before_any_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, why: str, command: str
+) -> None:
+    if text is not None:
+        (tmp_path / DETECTOR).write_text(f"[detector]\n{text}\n")
+    assert main([command, str(tmp_path / "no pictures"), "--detector", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"uavmap: --detector {tmp_path}: ")
+    assert why in line
+
+
+def described_as(name: str, *, region: bool, surround: bool) -> Picture:
+    share = np.array([1.0 if region else 0.0, 0.0 if surround else 1.0], np.float32)
+    known = np.array([region, surround])
+    plain = Described(name, np.zeros((1, 2), np.float32), share, known, 1, 2)
+    return Picture(plain, ())
+
+
+@pytest.mark.parametrize(
+    "kinds", ["bssssb", "brrrrb", "rrss", "bbbbbbb", "sssssssrr", "rrrrrrrss", "r-s-rs--"]
+)
+def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
+    """Few of many pictures show the region, and stand where a plain count judges them together."""
+    more = {"b": (True, True), "r": (True, False), "s": (False, True), "-": (False, False)}
+    pictures = [
+        described_as(str(i), region=more[kind][0], surround=more[kind][1])
+        for i, kind in enumerate(kinds)
+    ]
+    judged = []
+    for learned_from, out in dealt(pictures):
+        assert not set(learned_from) & set(out)
+        judged += out
+        seen = [more[kinds[i]] for i in learned_from]
+        assert any(region for region, _ in seen)
+        assert any(surround for _, surround in seen)
+    assert sorted(judged) == list(range(len(kinds)))

@@ -7,9 +7,10 @@ the pictures through their poses.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -56,22 +57,50 @@ class Example:
 
 
 def list_pictures(images: Path) -> list[Path]:
-    """The pictures of a folder, by name. Raises `ImageError` where there are none."""
+    """The pictures of a folder, by name.
+
+    Raises `ImageError` where there are none, or two to which one mask would belong.
+    """
     if not images.is_dir():
         raise ImageError(f"{images}: no such folder")
     paths = sorted(p for p in images.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
     paths = [path for path in paths if not path.name.startswith(".")]
     if not paths:
         raise ImageError(f"{images}: no pictures (*.jpg, *.jpeg, *.png) in this folder")
+    for one, other in itertools.pairwise(sorted(paths, key=lambda path: path.stem)):
+        if one.stem == other.stem:
+            raise ImageError(
+                f"{images}: {one.name} and {other.name}: to which would a mask {one.stem}.png "
+                "belong? Give one of them another name, or put it elsewhere"
+            )
     return paths
+
+
+def refuse_same_folder(images: Path, masks: Path) -> None:
+    """Raise `ImageError` where masks lie, or would be written, among the pictures."""
+    if masks.resolve() == images.resolve():
+        raise ImageError(
+            f"--examples {masks}: the folder of the pictures; masks need one of their own, such as "
+            f"{masks / 'painted'}"
+        )
 
 
 def read_picture(path: Path, width_px: int) -> NDArray[np.uint8]:
     """A picture at the working width. Raises `ImageError`."""
-    return working_picture(read_image(path.read_bytes(), str(path)), width_px)
+    return working_picture(read_image(file_bytes(path), str(path)), width_px)
 
 
-def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
+def file_bytes(path: Path) -> bytes:
+    """What is in a file. Raises `ImageError`."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def load_examples(
+    images: Path, where: Path, width_px: int, say: Callable[[str], None] = lambda text: None
+) -> list[Example]:
     """The painted pictures, by name.
 
     Args:
@@ -79,11 +108,14 @@ def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
         where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one such file of
             polygons.
         width_px: The working width.
+        say: Told which pictures polygons are not projected into, as they cannot be read.
 
     Raises:
         ImageError: naming the file, for what cannot be read, a mask without its picture or of
             another shape, and where nothing is painted, or no region, or nothing but region.
     """
+    if where.is_dir() and any(path.suffix.lower() == ".png" for path in where.iterdir()):
+        refuse_same_folder(images, where)
     pictures = list_pictures(images)
     if where.is_file() and where.suffix.lower() in POLYGONS:
         files = [where]
@@ -100,7 +132,7 @@ def load_examples(images: Path, where: Path, width_px: int) -> list[Example]:
             f"--examples {where}: no masks (NAME.png, named after the pictures) and no *.geojson; "
             f"paint some, for example {pictures[0].stem}.png: white region, black not"
         )
-    found = {e.name: e for e in _projected(images, polygons, width_px)} if polygons else {}
+    found = {e.name: e for e in _projected(images, polygons, width_px, say)} if polygons else {}
     found |= {e.name: e for e in _painted(pictures, masks, width_px)}
     examples = [found[name] for name in sorted(found)]
     _check_both(examples, where)
@@ -126,7 +158,7 @@ def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator
                 f"{pictures[0].stem}.png"
             )
         picture = read_picture(by_stem[mask.stem], width_px)
-        painted = cv2.cvtColor(read_image(mask.read_bytes(), str(mask)), cv2.COLOR_BGR2GRAY)
+        painted = cv2.cvtColor(read_image(file_bytes(mask), str(mask)), cv2.COLOR_BGR2GRAY)
         (rows, columns), (tall, wide) = picture.shape[:2], painted.shape
         if abs(wide / tall - columns / rows) > _SHAPE_DIFFERS * columns / rows:
             raise ImageError(
@@ -142,7 +174,9 @@ def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator
 Rings = list[NDArray[np.float64]]
 
 
-def _projected(images: Path, files: list[Path], width_px: int) -> Iterator[Example]:
+def _projected(
+    images: Path, files: list[Path], width_px: int, say: Callable[[str], None]
+) -> Iterator[Example]:
     """The pictures with the polygons, by the best poses that there are."""
     shapes = [shape for path in files for shape in _shapes(path)]
     gathered = gather(open_source(images))
@@ -157,7 +191,11 @@ def _projected(images: Path, files: list[Path], width_px: int) -> Iterator[Examp
     grid = Grid.at(placed[0].pose.position, _GRID_M)
     limited = any(kind == "surround" for kind, _ in shapes)
     for entry in placed:
-        picture = read_picture(images / entry.picture.name, width_px)
+        try:
+            picture = read_picture(images / entry.picture.name, width_px)
+        except ImageError as error:  # nobody has painted it, so nobody misses it
+            say(f"left out: {error}")
+            continue
         drawn = {kind: _drawn(kind, shapes, entry, grid, picture.shape[:2]) for kind in _KINDS}
         region = drawn["region"]
         known = (region | drawn["surround"]) if limited else np.ones_like(region)

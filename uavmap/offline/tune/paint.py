@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +22,12 @@ from typing import Any, Final
 import cv2
 
 from missions.errors import ImageError, LinkError, OutputError
-from uavmap.offline.tune.examples import list_pictures, read_picture
+from uavmap.offline.tune.examples import (
+    file_bytes,
+    list_pictures,
+    read_picture,
+    refuse_same_folder,
+)
 from uavmap.pictures import read_image
 from uavmap.results.atomic import write_bytes
 
@@ -38,7 +44,8 @@ class Easel:
     """The pictures that are painted, and where their masks go."""
 
     def __init__(self, images: Path, masks: Path, width_px: int) -> None:
-        """Raises `ImageError` for a folder without pictures."""
+        """Raises `ImageError` for a folder without pictures, and for masks among pictures."""
+        refuse_same_folder(images, masks)
         self.pictures: Final = list_pictures(images)
         self.masks: Final = masks
         self.width_px: Final = width_px
@@ -54,9 +61,9 @@ class Easel:
         return bytes(data)
 
     def mask(self, index: int) -> bytes | None:
-        """What was painted on it before."""
+        """What was painted on it before. Raises `ImageError`."""
         path = self._mask(self.pictures[index])
-        return path.read_bytes() if path.exists() else None
+        return file_bytes(path) if path.exists() else None
 
     def keep(self, index: int, data: bytes) -> str:
         """Write a mask as a grey PNG; returns what to say. Raises `ImageError`, `OSError`."""
@@ -68,6 +75,17 @@ class Easel:
 
     def _mask(self, picture: Path) -> Path:
         return self.masks / f"{picture.stem}.png"
+
+
+class _Server(ThreadingHTTPServer):
+    """A thread a request."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that goes away in the middle of an answer is no error of ours."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -85,17 +103,19 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The page, the list, a picture or a mask."""
-        what, index = self._asked()
+        try:
+            self._told(*self._asked())
+        except ImageError as error:
+            self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+
+    def _told(self, what: str | None, index: int | None) -> None:
         if what == "":
             page = (resources.files("uavmap.offline.tune") / _PAGE).read_bytes()
             self._answer(HTTPStatus.OK, page, "text/html; charset=utf-8")
         elif what == "pictures":
             self._answer(HTTPStatus.OK, json.dumps(self._easel.told()).encode(), "application/json")
         elif what == "picture" and index is not None:
-            try:
-                self._answer(HTTPStatus.OK, self._easel.picture(index), "image/jpeg")
-            except ImageError as error:
-                self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+            self._answer(HTTPStatus.OK, self._easel.picture(index), "image/jpeg")
         elif what == "mask" and index is not None and (data := self._easel.mask(index)):
             self._answer(HTTPStatus.OK, data, "image/png")
         else:
@@ -165,10 +185,9 @@ def served(easel: Easel, port: int = 0) -> Iterator[str]:
     """Serve the page; yields its address. Raises `LinkError` where the port is taken."""
     token = secrets.token_urlsafe(24)
     try:
-        server = ThreadingHTTPServer((HOST, port), partial(_Handler, easel, token))
+        server = _Server((HOST, port), partial(_Handler, easel, token))
     except OSError as error:
         raise LinkError(f"port {port} of {HOST} cannot be opened: {error.strerror}") from None
-    server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever, name="paint", daemon=True)
     thread.start()
     try:

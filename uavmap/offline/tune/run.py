@@ -66,7 +66,7 @@ def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict
     without scikit-learn, `OutputError` when the disk refuses.
     """
     need_learner()
-    examples = load_examples(images, where, wishes.width_px)
+    examples = load_examples(images, where, wishes.width_px, say)
     others = _others(images, {example.name for example in examples}, wishes, say)
     say(f"{len(examples)} painted, {len(others)} others to normalise features by")
     model, choice, pictures = learned(examples, [picture for _, picture in others], wishes, say)

@@ -66,6 +66,11 @@ def variants(example: Example, rng: np.random.Generator, count: int = VARIANTS) 
     return [_exposed(_moved(example, rng), rng) for _ in range(count)]
 
 
+def clear(one: Described) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The places that are region and those that are surround, for the most part each."""
+    return one.known & (one.region >= _CLEAR), one.known & (one.region <= 1.0 - _CLEAR)
+
+
 def training_set(
     pictures: Sequence[Sequence[Described]], rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -78,8 +83,8 @@ def training_set(
     values, labels = [], []
     for versions in pictures:
         for one in versions:
-            clear = one.known & ((one.region <= 1.0 - _CLEAR) | (one.region >= _CLEAR))
-            places = np.flatnonzero(clear)
+            region, surround = clear(one)
+            places = np.flatnonzero(region | surround)
             count = min(len(places), max(1, share // len(versions)))
             chosen = np.sort(rng.choice(places, count, replace=False))
             values.append(one.values[:, chosen].T)

@@ -14,8 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.errors import ImageError
 from uavmap.offline.tune.metrics import Counts, cell_counts, total
-from uavmap.offline.tune.samples import Described, training_set
+from uavmap.offline.tune.samples import Described, clear, training_set
 from uavmap.offline.tune.training import Scale, fit_logistic, fit_trees
 from vision.detectors.features import FEATURES, GROUPS, STRIDE
 from vision.detectors.learned_model import Logistic, Model, Scorer, Trees
@@ -80,13 +81,37 @@ def folds(count: int) -> list[tuple[list[int], list[int]]]:
     return [([i for i in range(count) if i not in out], out) for out in judged]
 
 
+def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
+    """`folds` of pictures, such that no part holds all that show region, or all that show surround.
+
+    Those with region come before those without, and those with surround after those without; two
+    neighbours are never judged together.
+    """
+
+    def kinds(number: int) -> tuple[bool, bool, bool]:
+        region, surround = (bool(places.any()) for places in clear(pictures[number].plain))
+        return not (region or surround), surround, not region
+
+    order = sorted(range(len(pictures)), key=kinds)
+    return [
+        (sorted(order[i] for i in some), sorted(order[i] for i in out))
+        for some, out in folds(len(pictures))
+    ]
+
+
 def fitted(
     pictures: Sequence[Picture], names: Sequence[str], scale: Scale, kinds: str, seed: int
 ) -> tuple[Logistic | Trees, ...]:
-    """The parts of a model of some kind from some pictures."""
+    """The parts of a model of some kind from some pictures.
+
+    Raises `ImageError` where hardly anything of one kind is painted.
+    """
     rows = [FEATURES.index(name) for name in names]
     rng = np.random.default_rng([seed, len(rows)])
     values, labels = training_set([picture.versions for picture in pictures], rng)
+    if labels.all() or not labels.any():
+        kind = "surround" if labels.any() else "region"
+        raise ImageError(f"too little {kind} is painted to learn from; paint more of it")
     values = values[:, rows]
     part = (scale[0][rows], scale[1][rows])
     parts: list[Logistic | Trees] = []
@@ -142,7 +167,7 @@ def _judged(
     names = SETS[features]
     rows = [FEATURES.index(name) for name in names]
     found: dict[str, list[list[Array]]] = {kind: [[] for _ in pictures] for kind in KINDS}
-    for learned_from, judged in folds(len(pictures)):
+    for learned_from, judged in dealt(pictures):
         kind = kinds[0] if len(kinds) == 1 else "both"
         parts = fitted([pictures[i] for i in learned_from], names, scale, kind, seed)
         halves = {"both": parts, "logistic": parts[:1], "trees": parts[1:]}

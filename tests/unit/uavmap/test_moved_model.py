@@ -1,0 +1,62 @@
+"""A flight whose detector's model is no longer where it was when the flight began."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missions.errors import ImageError, MissionFileError
+from missions.mission_file.detector_section import DetectorSection
+from missions.state import Setting
+from tests.unit.uavmap.flights import small_mission
+from uavmap.cameras.mavlink import MavlinkSource
+from uavmap.fly.classifier import Blind
+from uavmap.fly.fleet import vehicles_of
+from uavmap.fly.ground_crew import Crew
+from uavmap.fly.links import Link
+from uavmap.fly.vehicle import MavlinkVehicle
+from uavmap.link.session import Session
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+
+
+async def _no_picture(_: str) -> bytes:
+    return b""
+
+
+def fleet(model: Path, told: list[str], *, recall: bool) -> dict[int, MavlinkVehicle]:
+    section = DetectorSection(name="learned", model=str(model), model_sha256="0" * 64)
+    made = small_mission().model_copy(update={"detector": section})
+    plan = FlightPlan(
+        "m.toml", "", None, None, seed=0, urls=("tcp://x",), speedup=None,
+        epoch_utc_s=SIM_EPOCH_UTC_S,
+    )  # fmt: skip
+    session = Session(lambda frame: None, lambda frame: None)
+    link = Link("one", session, MavlinkSource(session, _no_picture))
+    crew = Crew(told.append, automatic=False)
+    return vehicles_of(
+        plan, Setting.of(made), [link], crew, lambda: 0.0, told.append, recall=recall
+    )
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_without_its_model_a_flight_can_be_called_home_and_no_more(
+    tmp_path: Path, there: bool
+) -> None:
+    model, told = tmp_path / "model.json", list[str]()
+    if there:
+        model.write_text("another one")
+    with pytest.raises(MissionFileError, match=r"put (it|the old one) back: its SHA-256 is 0000"):
+        fleet(model, told, recall=False)
+    assert list(fleet(model, told, recall=True)) == [1]
+    (line,) = told
+    assert str(model) in line
+    assert line.endswith("the aircraft are brought home without it")
+
+
+def test_who_has_no_detector_says_nothing_of_a_picture() -> None:
+    picture = np.zeros((4, 4, 3), np.uint8)
+    for judge in (Blind().mask, Blind().probability):
+        with pytest.raises(ImageError, match="only brought home"):
+            judge(picture)
