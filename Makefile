@@ -7,8 +7,8 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-# two more than there are cores: tests on sockets wait for a simulator most of their time
-WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
+# one more than there are cores: tests on sockets wait for a simulator most of their time
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 
 .PHONY: run test check setup kernels lock clean
 
