@@ -42,7 +42,8 @@ def falling(guard: Guard, seen: Seen) -> Guard:
     fell = guard.fell
     if guard.last_s is not None and seen.t_s > guard.last_s:
         sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
-        limit_m_s = FALL_M_S / 2 if guard.task.doing == "climb" else FALL_M_S
+        climbs = guard.task.doing == "climb" and not guard.hurries
+        limit_m_s = FALL_M_S / 2 if climbs else FALL_M_S
         # on the ground a height only jumps: arming sets it to zero anew
         in_air = guard.was_up or seen.airborne
         fell = in_air and (sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M))

@@ -70,6 +70,12 @@ QUICK_M: Final = 1.0
 is so far below home: where it has been carried to the ground is lower."""
 QUICK_AIM_M: Final = 2.0
 """It is told to fly so much lower than that: near a target it would slow down."""
+HASTE_M_S: Final = 3.0
+"""The descent speed that a vehicle is asked for which is carried away; 1.5 m/s is usual.
+
+Faster than that nobody is told from a fall; and an aircraft that moves over ground at 15 m/s breaks
+however slowly it comes down, so what counts is how far it gets.
+"""
 LAST_MARGIN: Final = 1.25
 """Of the energy for landing from here: with less it lands now."""
 SPENT_S: Final = 2.5

@@ -20,6 +20,8 @@ AIRSPEED_M_S = 13.0
 """What the airframe can fly."""
 CLIMB_M_S = 1.5
 DESCENT_M_S = 1.5
+DESCENT_M_S2 = 1.0
+"""How soon it sinks faster than that, where it was asked to; so it brakes, too."""
 SINK_M_S = 0.75
 """On landing."""
 SPIN_UP_S = 2.0
@@ -62,6 +64,9 @@ class Aircraft:
     streamed: tuple[GridPoint, Vector] | None = None
     """Place and velocity that were told last, while it follows a stream."""
     streamed_s: float = 0.0
+    descent_m_s: float = DESCENT_M_S
+    """The speed that it was told to sink at, until its mode changes."""
+    sink_m_s: float = 0.0
     return_height_m: float = 15.0
     returning: str = ""
     crashed: bool = False
@@ -134,7 +139,7 @@ class Aircraft:
         if mode == self.mode:
             return
         self.mode, self.target, self.target_height_m = mode, self.believed, self.height_m
-        self.streamed = None
+        self.streamed, self.descent_m_s = None, DESCENT_M_S
         if mode == "rtl":
             self.returning = "climb"
             self.target_height_m = max(self.height_m, self.return_height_m)
@@ -250,8 +255,13 @@ class Aircraft:
     def _climb(self, dt_s: float, ground_m: float) -> None:
         landing = self.mode == "land" or (self.mode == "rtl" and self.returning == "land")
         goal_m = ground_m - 1.0 if landing else self.target_height_m
-        down_m = (SINK_M_S if landing else DESCENT_M_S) * dt_s
-        self.height_m += max(-down_m, min(CLIMB_M_S * dt_s, goal_m - self.height_m))
+        if landing:
+            self.sink_m_s = SINK_M_S
+        else:
+            brakes_m_s = math.sqrt(2.0 * DESCENT_M_S2 * max(self.height_m - goal_m, 0.0))
+            faster_m_s = max(self.sink_m_s, DESCENT_M_S) + DESCENT_M_S2 * dt_s
+            self.sink_m_s = min(self.descent_m_s, max(brakes_m_s, DESCENT_M_S), faster_m_s)
+        self.height_m += max(-self.sink_m_s * dt_s, min(CLIMB_M_S * dt_s, goal_m - self.height_m))
         if self.height_m <= ground_m and goal_m <= ground_m:
             self._touch(ground_m)
 

@@ -35,6 +35,7 @@ from missions.events import (
     Vote,
 )
 from missions.guardian import (
+    HASTE_M_S,
     Guard,
     Limits,
     Mode,
@@ -669,6 +670,7 @@ class Driver:
         if aim_m is not None:
             craft.switch("follow")
             craft.aim(craft.believed, aim_m + self.lift_m(craft.believed))
+            craft.descent_m_s = HASTE_M_S
         elif named[action] not in self.refuses:
             craft.switch(action)
 

@@ -19,6 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
 from missions.guardian import (
+    HASTE_M_S,
     PAD_M,
     Action,
     Guard,
@@ -271,14 +272,18 @@ class Guardian:
         self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
         loop = asyncio.get_running_loop()
         due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
-        fenced = kind.fence_by_command
+        fenced, slow = kind.fence_by_command, True
         while (aim_m := self._aim_m()) is not None and view.armed and loop.time() < due_s:
             try:
                 if fenced:  # outside of its own fence it takes no target, and turns round
                     with contextlib.suppress(CommandRefusedError):
                         await session.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
                     fenced = False
-                await self._aim(self._reporter.position(), aim_m)
+                await self._aim_or_point(self._reporter.position(), aim_m)
+                if slow:  # after the target: an ArduPilot forgets its speeds at the first one
+                    with contextlib.suppress(CommandRefusedError):
+                        await session.flight.descent_speed(HASTE_M_S)
+                    slow = False
             except CommandRefusedError:
                 return False
             except LinkError:
@@ -286,6 +291,17 @@ class Guardian:
                 continue
             await session.until(lambda: self._aim_m() is None, RETRY_S)
         return True
+
+    async def _aim_or_point(self, point: GridPoint, height_m: float) -> None:
+        """A target, if need be by a message where the command for it is refused."""
+        try:
+            await self._aim(point, height_m)
+        except CommandRefusedError:
+            kind = self._view.kind
+            if kind.streams_apart or self._view.mode != kind.follows:
+                raise
+            aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
+            self._session.flight.point_to(self._reporter.grid.position(aim), aim_m)
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
         """Into the mode that follows targets, and a target. Raises `LinkError`."""

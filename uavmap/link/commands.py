@@ -11,7 +11,7 @@ not answer. None of them changes the mode but those that are named for it: a pil
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -19,6 +19,10 @@ from missions.units import LatLon
 
 if TYPE_CHECKING:
     from uavmap.link.session import Session
+
+
+_PLACE_ALONE: Final = 0b1101_1111_1000
+"""The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
 
 def _never() -> bool:
@@ -50,8 +54,19 @@ class Commands(Protocol):
         """
         ...
 
+    def point_to(self, place: LatLon, height_m: float) -> None:
+        """The same as a target that nobody acknowledges, for a vehicle that refuses `fly_to`.
+
+        Ignored in any mode but that of streams.
+        """
+        ...
+
     async def speed(self, speed_m_s: float) -> None:
         """Fly to targets at a speed over ground (m/s), until the mode changes."""
+        ...
+
+    async def descent_speed(self, speed_m_s: float) -> None:
+        """Sink to targets at a speed (m/s), until the mode changes."""
         ...
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
@@ -108,9 +123,30 @@ class MavlinkCommands:
             kind.target_taken,
         )
 
+    def point_to(self, place: LatLon, height_m: float) -> None:
+        """SET_POSITION_TARGET_GLOBAL_INT, of a place alone."""
+        view = self._view
+        self._session.send(
+            mav.MAVLink_set_position_target_global_int_message(
+                0,
+                view.system_id,
+                view.autopilot_component,
+                mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+                _PLACE_ALONE,
+                round(place.lat_deg * 1e7),
+                round(place.lon_deg * 1e7),
+                height_m + view.ground_m(place),
+                *(0.0,) * 8,
+            )
+        )
+
     async def speed(self, speed_m_s: float) -> None:
         """MAV_CMD_DO_CHANGE_SPEED."""
         await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, speed_m_s, -1)
+
+    async def descent_speed(self, speed_m_s: float) -> None:
+        """MAV_CMD_DO_CHANGE_SPEED."""
+        await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 3, speed_m_s, -1)
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
         """MAV_CMD_NAV_LAND."""

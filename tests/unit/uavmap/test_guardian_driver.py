@@ -222,12 +222,37 @@ def test_who_hurries_lands_from_near_the_ground_and_does_not_break(autopilot: st
         begun_s = flight.vehicle.t_s
         flight.driver.guardian.take_over("land", "a test", hurry=True)
         await flight.until(lambda: flight.vehicle.truth.mode.name == "LAND")
-        assert 0.5 < flight.vehicle.truth.height_m < 1.2
+        assert 0.3 < flight.vehicle.truth.height_m < 1.2
         await flight.sees(Landed, within_s=20.0)
-        assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 5.0
+        assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 2.0
         assert not flight.vehicle.truth.crashed
+        assert not flight.seen(Crashed)
 
     fly(body, made)
+
+
+def test_who_hurries_needs_no_command_for_its_target() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION)
+        begun_s = flight.vehicle.t_s
+        flight.driver.guardian.take_over("land", "a test", hurry=True)
+        await flight.sees(Landed, within_s=20.0)
+        assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 3.0
+
+    fly(body)
+
+
+def test_who_hurries_sinks_as_fast_as_it_may_where_that_speed_is_refused() -> None:
+    async def body(flight: Flight) -> None:
+        await out(flight)
+        flight.vehicle.fail.reject(mav.MAV_CMD_DO_CHANGE_SPEED)
+        begun_s = flight.vehicle.t_s
+        flight.driver.guardian.take_over("land", "a test", hurry=True)
+        await flight.sees(Landed, within_s=30.0)
+        assert UP_M / 1.5 < flight.vehicle.t_s - begun_s < UP_M / 1.5 + 5.0
+
+    fly(body)
 
 
 def test_who_is_taken_by_its_pilot_in_a_hurry_is_the_pilots() -> None:
