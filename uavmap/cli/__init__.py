@@ -8,6 +8,7 @@ autopilot, whether the mission is complete or not; 130 interrupted.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import errno
 import os
 import sys
@@ -58,10 +59,10 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     options = parser().parse_args(arguments)
-    if isinstance(
-        sys.stdout, TextIOWrapper
-    ):  # a file's name may be no text: it is shown in escapes
-        sys.stdout.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stdout, TextIOWrapper):
+        # a file's name may be no text: it is shown in escapes
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = _told(_run(options))
     except* AircraftError as group:

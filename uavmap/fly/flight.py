@@ -287,7 +287,10 @@ class _Flight:
         automatic = self._plan.simulated or self._plan.auto_swap
         say = self._progress.say
         crew = Crew(say, automatic=automatic)
-        keeper = FrameKeeper(self._folder, say) if self._journal.meta.get(KEEP_FRAMES) else None
+        may_stop = self._plan.simulated
+        keeper = None
+        if self._journal.meta.get(KEEP_FRAMES):
+            keeper = FrameKeeper(self._folder, say, aside=not may_stop)
         vehicles = vehicles_of(
             self._plan, self._setting, links, crew, self._now_s, say, keeper, recall=self.recall
         )
@@ -304,10 +307,11 @@ class _Flight:
         service = Service(self._setting, self._journal, vehicles, self._state, observe, say)
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
-        # a simulated flight just stops when it is interrupted: nobody is in the air
-        may_stop = self._plan.simulated
         try:
             with contextlib.ExitStack() as hand:
+                if keeper is not None:
+                    hand.enter_context(keeper)
+                # a simulated flight just stops when it is interrupted: nobody is in the air
                 if not may_stop:
                     hand.enter_context(interrupts(service, say))
                     hand.enter_context(keyboard(Keys(service, say), crew, say))

@@ -9,9 +9,11 @@ Times are mission seconds. The quaternion turns the camera's axes to NED (`missi
 from __future__ import annotations
 
 import csv
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -34,6 +36,8 @@ COLUMNS: Final = (
     "qz",
     "hfov_deg",
 )
+WAITING: Final = 64
+"""So many pictures may wait to be written."""
 _PNG: Final = b"\x89PNG"
 
 
@@ -50,13 +54,20 @@ class KeptFrame(NamedTuple):
 class FrameKeeper:
     """Writes pictures and their poses; what the disk refuses is told once, and ends the keeping.
 
-    A flight that is repeated or gone on with keeps each picture once.
+    A flight that is repeated or gone on with keeps each picture once. `aside` writes in a thread of
+    its own, so that a slow disk never holds up what steers an aircraft; where it is slower than the
+    camera, pictures are left out, and how many is told at the end. It is a context, whose end waits
+    for what is still to be written.
     """
 
-    def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
+    def __init__(self, folder: Path, say: Callable[[str], None], *, aside: bool = False) -> None:
         self._folder = folder / FRAMES
         self._say = say
         self._over = False
+        self._error = ""
+        self._left_out = 0
+        self._room = threading.BoundedSemaphore(WAITING)
+        self._writer = ThreadPoolExecutor(1, "frames") if aside else None
         self._kept: set[str] = set()
         poses = self._folder / POSES
         if poses.is_file():
@@ -65,8 +76,41 @@ class FrameKeeper:
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Keep a picture: the file that came, or a JPEG of the pixels; its name follows from the
-        vehicle and the time."""
+        vehicle and the time. Call it from one thread."""
+        self._tell()
         if self._over:
+            return
+        if self._writer is None:
+            self._write(frame, picture)
+            self._tell()
+        elif self._room.acquire(blocking=False):
+            self._writer.submit(self._write, frame, picture).add_done_callback(
+                lambda _: self._room.release()
+            )
+        else:
+            self._left_out += 1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writer is not None:
+            self._writer.shutdown()
+        self._tell()
+        if self._left_out:
+            self._say(
+                f"{self._left_out} pictures were not kept: {self._folder} takes them slower than "
+                "the camera makes them"
+            )
+
+    def _tell(self) -> None:
+        if self._error and not self._over:
+            self._over = True
+            self._say(f"pictures are kept no longer: {self._folder}: {self._error}")
+
+    def _write(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """Into the folder, unless something has gone wrong before."""
+        if self._error:
             return
         if isinstance(picture, bytes):
             data = picture
@@ -81,8 +125,7 @@ class FrameKeeper:
             (self._folder / name).write_bytes(data)
             self._note(name, frame)
         except OSError as error:
-            self._over = True
-            self._say(f"pictures are kept no longer: {self._folder}: {error.strerror}")
+            self._error = error.strerror or str(error)
             return
         self._kept.add(name)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from PIL import Image
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import ImageError
-from missions.units import LatLon
+from missions.units import LatLon, Pose, Quaternion
 from tests.unit.uavmap.photographs import write_photo
 from tests.unit.uavmap.test_replay_robust import MISSION, shot
 from uavmap.cli import main
@@ -29,6 +30,7 @@ from uavmap.offline.sources.record import Picture, Refused
 from uavmap.offline.sources.srt import parse_srt
 from uavmap.offline.sources.tags import tags_of
 from uavmap.offline.sources.tlog import read_tlog
+from uavmap.record.frames import WAITING, FrameKeeper, KeptFrame, read_kept
 
 LOG = Path(__file__).resolve().parents[3] / "../shared/data/arducopter/flight-4.6.tlog"
 RNG = np.random.default_rng(5)
@@ -220,6 +222,50 @@ def test_a_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
 
     assert region(again) == region(flown)
     assert main(["resume", str(again)]) == 2
+
+
+def frame_at(t_s: float) -> KeptFrame:
+    return KeptFrame("", 1, t_s, Pose(LatLon(46.1, 7.2), 12.0, Quaternion(1.0, 0, 0, 0)), 80.0)
+
+
+@pytest.mark.parametrize("aside", [False, True])
+def test_each_picture_is_kept_once(aside: bool, tmp_path: Path) -> None:
+    said: list[str] = []
+    for _ in range(2):  # a flight, and the same one gone on with
+        with FrameKeeper(tmp_path, said.append, aside=aside) as keeper:
+            for t_s in (1.0, 2.0):
+                keeper.keep(frame_at(t_s), b"a picture")
+    assert [f.t_s for f in read_kept(tmp_path) if isinstance(f, KeptFrame)] == [1.0, 2.0]
+    assert said == []
+
+
+@pytest.mark.parametrize("aside", [False, True])
+def test_what_the_disk_refuses_is_told_once(aside: bool, tmp_path: Path) -> None:
+    (tmp_path / "frames").write_text("in the way")
+    said: list[str] = []
+    with FrameKeeper(tmp_path, said.append, aside=aside) as keeper:
+        for t_s in (1.0, 2.0):
+            keeper.keep(frame_at(t_s), b"a picture")
+    assert len(said) == 1
+    assert said[0].startswith(f"pictures are kept no longer: {tmp_path / 'frames'}")
+
+
+def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    free = threading.Event()
+    write_bytes = Path.write_bytes
+
+    def slowly(self: Path, data: bytes) -> int:
+        free.wait()
+        return write_bytes(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", slowly)
+    with FrameKeeper(tmp_path, said.append, aside=True) as keeper:
+        for number in range(WAITING + 7):
+            keeper.keep(frame_at(float(number)), b"a picture")
+        free.set()
+    assert len(list(read_kept(tmp_path))) == WAITING
+    assert said[0].startswith("7 pictures were not kept: ")
 
 
 # --- geo.txt -------------------------------------------------------------------------------------
