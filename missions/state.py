@@ -132,6 +132,8 @@ class VehicleState:
     """When it flew past the end of a leg without a stop."""
     landed_away_m: float = 0.0
     """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
+    was_down: bool = False
+    """It was down when the mission was resumed, and has not spoken since: is it still there?"""
     called_home: bool = False
     """Whether the operator wants it at home, and there to stay."""
     note: str = ""
@@ -159,7 +161,8 @@ class VehicleState:
     @property
     def away(self) -> bool:
         """Whether somebody has to look for it: not on the ground, or on the ground elsewhere."""
-        return not self.landed or bool(self.landed_away_m) or self.phase in (Phase.DOWN, Phase.LOST)
+        is_down = self.was_down or self.phase in (Phase.DOWN, Phase.LOST)
+        return is_down or not self.landed or bool(self.landed_away_m)
 
     @property
     def level_m(self) -> float:

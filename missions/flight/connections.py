@@ -32,12 +32,13 @@ def resume(setting: Setting, state: State) -> State:
             spare_pad=None,
             at_target=False,
             vertex=v.vertex or root,
-            cleared=v.phase is not Phase.DOWN,  # perhaps nobody has fetched it
+            cleared=v.phase is not Phase.DOWN and not v.was_down,
+            was_down=v.was_down or v.phase is Phase.DOWN,  # perhaps nobody has fetched it
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
             called_home=False,
-            note="",
+            note=v.note if v.was_down or v.phase is Phase.DOWN else "",
         )
         for number, v in state.vehicles.items()
     }
@@ -68,6 +69,7 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
         braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
         fruitless_sorties=0,
         frames_lost=0,
+        was_down=False,
         returns_by_itself=event.mode == "rtl",
         note="",
     )
@@ -102,10 +104,10 @@ def levelled(
 def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
     """A vehicle that has flown, and stands away from its pad now, is down there."""
     away_m = connected.position.distance_to(connected.home)
-    has_flown = not (before.landed and before.cleared)
+    has_flown = before.was_down or not (before.landed and before.cleared)
     # one that people put elsewhere starts with a new home; one beside a blocked pad is close
-    near = away_m <= (BESIDE_M if before.landed else PAD_M)
-    if not connected.landed or not has_flown or near:
+    beside_m = BESIDE_M if before.landed and not before.was_down else PAD_M
+    if not connected.landed or not has_flown or away_m <= beside_m:
         return connected
     note = f"it came down {away_m:.0f} m from its pad, and lies there still"
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)

@@ -13,9 +13,11 @@ import sys
 from typing import Any
 
 import missions.swath.planner  # noqa: F401 - what a command imports as it goes, too
-import uavmap.cli
 import uavmap.simulation  # noqa: F401
+from uavmap import cli
 from uavmap.__main__ import main
+
+cli.parser()  # imports every command
 
 _MOST_BYTES = 1 << 16
 _HANDED = 3

@@ -12,7 +12,7 @@ import pytest
 
 from tests.unit.test_pages import ROOT, command_lines
 from uavmap.cli import parser
-from uavmap.cli.common import AIRCRAFT_DOWN, INCOMPLETE
+from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
 from uavmap.link.urls import parse_url
 
 FOLDER = ROOT / "packaging" / "systemd"

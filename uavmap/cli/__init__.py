@@ -9,38 +9,51 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
 import errno
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from io import TextIOWrapper
+from typing import Any, Final
 
 from missions.errors import AircraftError, UavmapError, leaves
 from uavmap import __version__
-from uavmap.cli import (
-    animate,
-    camera,
-    check,
-    doctor,
-    export,
-    fly,
-    keys,
-    look,
-    replay,
-    resume,
-    simulate,
-    sitl,
-    strategies,
-    study,
-    tune,
-)
-from uavmap.cli.common import AIRCRAFT_DOWN, INTERRUPTED, complain
+from uavmap.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, USER_ERROR, complain
 
-USER_ERROR = 2
+COMMANDS: Final = {
+    "fly": "fly a mission, simulated or real",
+    "resume": "go on with an interrupted mission",
+    "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",
+    "camera": "make a device of this computer a MAVLink camera",
+    "sitl": "simulated vehicles on sockets, for any MAVLink client",
+    "replay": "map what recorded pictures show",
+    "look": "see what the detector says of one picture",
+    "tune": "learn a detector from a few painted pictures",
+    "animate": "show a flown mission as an animation, and its tree as a picture",
+    "check": "check a mission file and say what would be flown",
+    "export": "write a mission, or a mapped region, for a ground station",
+    "keys": "signing keys: make one, give it to a vehicle, take it back",
+    "simulate": "compare strategies on ROIs, without flying",
+    "strategies": "list the strategies: what each promises, and when to use it",
+    "study": "repeat a study of the papers: table, plot, page",
+}
+"""Each has a module of its name, which is imported when it is asked for: all take a second."""
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line."""
+class _Named:
+    """Where the module of a command puts its parser: under its name and with its line of help."""
+
+    def __init__(self, commands: Any) -> None:
+        self._commands = commands
+
+    def add_parser(self, name: str, **more: Any) -> Any:
+        return self._commands.add_parser(name, help=COMMANDS[name], **more)
+
+
+def parser(wanted: str | None = None) -> argparse.ArgumentParser:
+    """The command line, with the options of one command, or of all."""
     top = argparse.ArgumentParser(
         prog="uavmap",
         description="Map a region of unknown shape with one or more multicopters.",
@@ -48,17 +61,33 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (
-        fly, resume, doctor, camera, sitl, replay, look, tune, animate, check, export, keys,
-        simulate, strategies, study,
-    ):  # fmt: skip
-        module.add_parser(commands)
+    for name, line in COMMANDS.items():
+        if wanted in (None, name):
+            import_module(f"uavmap.cli.{name}").add_parser(_Named(commands))
+        else:
+            commands.add_parser(name, help=line)
     return top
+
+
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace | None:
+    """The options; None if there are none at all, and what one can do was shown."""
+    wanted = next((word for word in arguments if not word.startswith("-")), "")
+    top = parser(wanted)
+    if not arguments:
+        top.print_help()
+        return None
+    if wanted and wanted not in COMMANDS:
+        near = difflib.get_close_matches(wanted, COMMANDS, n=1)
+        meant = f"did you mean {near[0]}?" if near else "uavmap --help lists them"
+        top.error(f"there is no command {wanted!r}: {meant}")
+    return top.parse_args(arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
-    options = parser().parse_args(arguments)
+    options = _parsed(sys.argv[1:] if arguments is None else arguments)
+    if options is None:
+        return USER_ERROR
     if isinstance(sys.stdout, TextIOWrapper):
         # a file's name may be no text: it is shown in escapes
         with contextlib.suppress(OSError, ValueError):

@@ -33,7 +33,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "animate",
-        help="show a flown mission as an animation, and its tree as a picture",
         description="Make an animation and a picture of the tree from the journal of a mission.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -13,7 +13,8 @@ from uavmap.cameras.mount import Mount
 from uavmap.cameras.opening import Settings
 from uavmap.cameras.serving import CameraPlan, serve_camera
 from uavmap.cameras.spec import parse_camera
-from uavmap.cli.common import complain, number_type
+from uavmap.cli.common import number_type
+from uavmap.cli.endings import complain
 from uavmap.link.urls import parse_url
 
 _EXAMPLES = """\
@@ -35,7 +36,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "camera",
-        help="make a device of this computer a MAVLink camera",
         description="On a companion computer: make a camera, a stream or a folder a MAVLink camera "
         "of the aircraft, with the pose of each exposure from the autopilot's telemetry.",
         epilog=_EXAMPLES,

@@ -24,7 +24,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "check",
-        help="check a mission file and say what would be flown",
         description="Say what is wrong with a mission file, by key, or what it would fly.",
         epilog="examples:\n  uavmap check runway\n  uavmap check field.toml --json",
         formatter_class=argparse.RawDescriptionHelpFormatter,

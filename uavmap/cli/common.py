@@ -18,14 +18,12 @@ from rich.table import Table
 
 from missions.errors import JournalError, OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
+from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.fly.progress import PipeConsole
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 
-INCOMPLETE: Final = 3
-AIRCRAFT_DOWN: Final = 4
-INTERRUPTED: Final = 130
 RESULTS: Final = "results"
 DETECTOR_HELP: Final = (
     "a folder that `uavmap tune` has written, or a detector.toml: judge pictures by this detector, "
@@ -235,12 +233,6 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     if as_json:
         sys.stdout.write(text)
     return as_json
-
-
-def complain(line: str) -> None:
-    """A line of ours on standard error, if anybody reads it still."""
-    with contextlib.suppress(OSError):
-        print(f"uavmap: {line}", file=sys.stderr)
 
 
 def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:

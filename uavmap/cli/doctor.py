@@ -18,7 +18,8 @@ from missions.mission_file.schema import CameraSection
 from missions.state import Setting
 from uavmap.cameras.spec import HELP, CameraSpec, parse_camera
 from uavmap.cli.check import plan_lines
-from uavmap.cli.common import INCOMPLETE, speedup
+from uavmap.cli.common import speedup
+from uavmap.cli.endings import INCOMPLETE
 from uavmap.cli.link_options import add_key_option, key_file
 from uavmap.clock import ScaledClock
 from uavmap.clock import run as run_on
@@ -59,7 +60,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "doctor",
-        help="look at the installation, at a vehicle, and whether it could fly a mission",
         description="Say what is right, doubtful or wrong, and what to do about it.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -56,7 +56,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "export",
-        help="write a mission, or a mapped region, for a ground station",
         description="Write the search of a mission, or a survey of a mapped region, as a file for "
         "QGroundControl or Mission Planner.",
         epilog=_EXAMPLES,

@@ -13,14 +13,13 @@ from uavmap.cli.check import plan_lines
 from uavmap.cli.common import (
     DETECTOR_HELP,
     EXIT_CODES,
-    INCOMPLETE,
-    complain,
     report,
     results_folder,
     seed_number,
     speedup,
     vehicle_count,
 )
+from uavmap.cli.endings import INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.cameras_of import cameras_of
@@ -57,7 +56,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "fly",
-        help="fly a mission, simulated or real",
         description="Fly a mission: search the box, explore the region, come home, write the map.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,

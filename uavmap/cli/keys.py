@@ -42,7 +42,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "keys",
-        help="signing keys: make one, give it to a vehicle, take it back",
         description="MAVLink 2 signing: only who has the key is heard.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -46,7 +46,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "look",
-        help="see what the detector says of one picture",
         description="One recorded picture through the eyes of a mission.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -65,7 +65,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "replay",
-        help="map what recorded pictures show",
         description="Recorded pictures through the same detector and the same votes as a flight.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

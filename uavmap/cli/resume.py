@@ -34,7 +34,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "resume",
-        help="go on with an interrupted mission",
         description="Go on with the mission of a results folder from its last committed event.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,

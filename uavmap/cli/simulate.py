@@ -22,7 +22,6 @@ from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.animation import film_of_run
 from uavmap.cli.common import (
-    INTERRUPTED,
     make_folder,
     number_type,
     overwrite_nothing,
@@ -30,6 +29,7 @@ from uavmap.cli.common import (
     print_figures,
     seed_number,
 )
+from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.nonstop_options import add_nonstop_options, refuse_nonstop_options
 from uavmap.cli.pictures import (
     add_picture_options,
@@ -68,7 +68,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "simulate",
-        help="compare strategies on ROIs, without flying",
         description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

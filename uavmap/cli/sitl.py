@@ -33,7 +33,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "sitl",
-        help="simulated vehicles on sockets, for any MAVLink client",
         description="Simulated vehicles and cameras on loopback sockets, over a mission's world "
         "or without a mission.",
         epilog=_EXAMPLES,

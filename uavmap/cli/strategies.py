@@ -43,7 +43,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "strategies",
-        help="list the strategies: what each promises, and when to use it",
         description="The strategies that --strategy takes.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -40,7 +40,6 @@ def add_parser(commands: Any) -> None:
     names = "\n".join(f"  {study.name:16}{study.about}" for study in STUDIES.values())
     parser = commands.add_parser(
         "study",
-        help="repeat a study of the papers: table, plot, page",
         description=f"Repeat a study and set the paper's numbers beside ours:\n{names}",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

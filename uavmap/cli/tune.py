@@ -37,7 +37,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "tune",
-        help="learn a detector from a few painted pictures",
         description="Learn what the region looks like from examples, test it on pictures that it "
         "was not learned from, and write a detector for `replay` and `fly`.",
         epilog=_EXAMPLES,

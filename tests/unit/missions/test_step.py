@@ -429,15 +429,22 @@ def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
     assert service.state.over
 
 
-def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service) -> None:
+@pytest.mark.parametrize("field", [GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)])
+def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service, field: GridPoint) -> None:
     service.exploring()
-    field = GridPoint(20.0, 20.0)
     service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
     service.post(Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
     assert service.state.vehicles[1].phase is Phase.DOWN
     service.post(Resumed(200.0))
     fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
     assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
+
+
+def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, GridPoint(20.0, 20.0), "it fell"), Resumed(60.0), Resumed(90.0))
+    (line,) = aircraft_down(service.setting, service.state)
+    assert line.endswith("it is down: it fell")
 
 
 def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:

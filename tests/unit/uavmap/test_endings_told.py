@@ -16,7 +16,8 @@ from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
 from tests.unit.missions.test_step import HOME, Service
 from uavmap.cli import parser
-from uavmap.cli.common import AIRCRAFT_DOWN, INCOMPLETE, report
+from uavmap.cli.common import report
+from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
 from uavmap.fly.flight import _all_wait
 from uavmap.fly.progress import Terminal
 from uavmap.results.figures import aircraft_down

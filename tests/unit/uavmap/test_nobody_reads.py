@@ -12,7 +12,8 @@ import pytest
 from missions.events import GivenUp
 from missions.state import Setting, State
 from tests.small_missions import mission, square
-from uavmap.cli.common import AIRCRAFT_DOWN, INCOMPLETE, complain, report
+from uavmap.cli.common import report
+from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.fly.progress import Terminal
 
 SUMMARY: dict[str, Any] = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}

@@ -1,0 +1,52 @@
+"""The command before a command is chosen: quick, and of help."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from uavmap.cli import COMMANDS, main, parser
+
+HEAVY = {"cv2", "numpy", "pydantic", "pymavlink", "rich", "shapely"}
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["--version"], ["flyy"]])
+def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments: list[str]) -> None:
+    code = (
+        "import sys; from uavmap.cli import main\n"
+        f"try: main({arguments})\nexcept SystemExit: pass\n"
+        "print(sorted(sys.modules))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    imported = run.stdout.splitlines()[-1]
+    assert [name for name in HEAVY if f"'{name}'" in imported] == []
+
+
+def test_alone_it_shows_what_one_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "meant"), [("replya", "did you mean replay?"), ("q", "uavmap --help lists them")]
+)
+def test_a_misspelt_command_is_guessed(
+    wrong: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([wrong])
+    assert ended.value.code == 2
+    assert meant in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_each_command_has_its_options_alone_and_among_all(name: str) -> None:
+    alone, among_all = (
+        next(iter(made._subparsers._group_actions)).choices[name].format_help()  # type: ignore[union-attr, index]
+        for made in (parser(name), parser())
+    )
+    assert alone == among_all
+    assert "--help" in alone
