@@ -48,5 +48,6 @@ lock:
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 		--no-deps --group clients -o requirements-clients.txt
 
+# results are nobody's to delete but their owner's
 clean:
-	rm -rf .venv results
+	rm -rf .venv
