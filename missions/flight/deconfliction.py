@@ -57,6 +57,8 @@ def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: 
 def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> bool:
     """Whether the air that an order needs is free of all claims that bind the vehicle."""
     others = _claims_of_others(setting, state, vehicle, order)
+    if not others:
+        return True
     return is_free(_volume(setting, state, vehicle, order), others, *_apart(setting))
 
 
@@ -76,13 +78,18 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
 
     Who is in such air already may leave it.
     """
+    others = [
+        other
+        for other in state.vehicles.values()
+        if other.phase in UNTOLD and not other.landed and other.vehicle != vehicle.vehicle
+    ]
+    if not others:
+        return False
     apart, here = _apart(setting), _here(vehicle)
     volume = _volume(setting, state, vehicle, order)
     leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
     end = replace(volume, path=volume.path[-1:])
-    for other in state.vehicles.values():
-        if other.phase not in UNTOLD or other.landed or other.vehicle == vehicle.vehicle:
-            continue
+    for other in others:
         for claim in _untold_claims(setting, state, other):
             out = here.meets(claim, *apart) and (leaves or not end.meets(claim, *apart))
             if not out and volume.meets(claim, *apart):

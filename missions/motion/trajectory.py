@@ -13,6 +13,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 from missions.units import GridPoint
@@ -91,6 +92,9 @@ class Piece:
         )
 
 
+_BEGIN_S = attrgetter("begin_s")
+
+
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """Where a vehicle is at each moment from `begin_s` to `end_s`, mission seconds.
@@ -121,7 +125,7 @@ class Trajectory:
         moving with the drift.
         """
         t_s = max(t_s, self.begin_s)
-        index = bisect_right(self.pieces, t_s, key=lambda piece: piece.begin_s) - 1
+        index = bisect_right(self.pieces, t_s, key=_BEGIN_S) - 1
         piece = self.pieces[max(index, 0)]
         if t_s < self.end_s:
             found = piece.after(min(t_s - piece.begin_s, piece.duration_s))
