@@ -22,7 +22,8 @@ _TOLERANCE_M = 0.01
 _REMEMBERED = 1000
 """So many answers are kept: rules ask for the same way several times in one step of a mission."""
 
-K, V = TypeVar("K"), TypeVar("V")
+K = TypeVar("K")
+V = TypeVar("V")
 Way = tuple[GridPoint, ...]
 
 
