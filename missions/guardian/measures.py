@@ -87,12 +87,13 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         path = path if guard.action == "rtl" else ()
     fence, here = limits.fence, seen.position
     outside_m = 0.0 if fence.contains(here) else float(fence.outer.distance(Point(here)))
-    guard = replace(
-        guard,
-        outside_m=outside_m,
-        leaves_fence=outside_m > 0.0 or not fence.contains(_soon(guard, seen)),
-        outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
-    )
+    leaves = outside_m > 0.0 or not fence.contains(_soon(guard, seen))
+    outside_since_s = since(guard.outside_since_s, outside_m > 0.0, seen.t_s)
+    before = guard.outside_m, guard.leaves_fence, guard.outside_since_s
+    if (outside_m, leaves, outside_since_s) != before:
+        guard = replace(
+            guard, outside_m=outside_m, leaves_fence=leaves, outside_since_s=outside_since_s
+        )
     swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
     if guard.landing:  # straight down: whatever it moves is away
         swept = _speed_m_s(guard, seen) > swept_m_s and not seen.slews
