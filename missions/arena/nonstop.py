@@ -290,7 +290,7 @@ class Run:
         return all(
             path is not None
             and self.t_s >= path.end_s
-            and path.at(self.t_s).place.distance_to(self.ground.home) < 0.01
+            and path.place_at(self.t_s).distance_to(self.ground.home) < 0.01
             for path in self.paths
         )
 

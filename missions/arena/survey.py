@@ -199,7 +199,7 @@ def _shows(box: Box, paths: Sequence[Trajectory], ground: Ground) -> bool:
     camera, kin = ground.camera, ground.kinematics
     for path in paths:
         for tick in range(math.floor(path.end_s / camera.frame_s + 1e-9) + 1):
-            place = path.at(tick * camera.frame_s).place
+            place = path.place_at(tick * camera.frame_s)
             kernels.see(
                 place.east_m, place.north_m, kin.half_east_m, kin.half_north_m, ground.cell_m,
                 box.low.east, box.low.north, columns, rows, nothing, nothing, yes, no,

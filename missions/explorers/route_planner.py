@@ -184,7 +184,9 @@ class Sites:
         if metric.straight:
             legs = _straight(metric, cells)
         elif len(numbers) * len(ground.cells) < SOON_COUNTED:
-            legs = kernels.spread(ground.near, numbers)[:, numbers].astype(np.float64)
+            steps = kernels.spread(ground.near, numbers)
+            # rows first, as the other two have them: kernels are compiled for each order anew
+            legs = steps[:, numbers].astype(np.float64, order="C")
         else:
             height = ground.picture.size // ground.width
             legs = (table or StepTable()).between(

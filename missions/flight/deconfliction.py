@@ -18,6 +18,7 @@ from dataclasses import replace
 from missions.flight.lane_progress import lane_left
 from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import route_length_m
+from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
@@ -38,6 +39,10 @@ SILENT_AHEAD_S = 12.0
 """... and of the path of a silent vehicle the seconds after it was heard last: five until its link
 is called lost, one until its stream counts as ended, and what it takes to come to rest."""
 _AHEAD_STEP_S = 0.5
+_REMEMBERED = 256
+_PLACES: dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]] = {}
+"""Where paths lead: in one step of a mission everybody asks that of everybody else. A path is kept
+with its answer, so that no other can have its number."""
 UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
 """Phases of vehicles that, in the air, cannot be told to make way."""
 
@@ -57,6 +62,8 @@ def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: 
 def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> bool:
     """Whether the air that an order needs is free of all claims that bind the vehicle."""
     others = _claims_of_others(setting, state, vehicle, order)
+    if not others:
+        return True
     return is_free(_volume(setting, state, vehicle, order), others, *_apart(setting))
 
 
@@ -76,13 +83,18 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
 
     Who is in such air already may leave it.
     """
+    others = [
+        other
+        for other in state.vehicles.values()
+        if other.phase in UNTOLD and not other.landed and other.vehicle != vehicle.vehicle
+    ]
+    if not others:
+        return False
     apart, here = _apart(setting), _here(vehicle)
     volume = _volume(setting, state, vehicle, order)
     leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
     end = replace(volume, path=volume.path[-1:])
-    for other in state.vehicles.values():
-        if other.phase not in UNTOLD or other.landed or other.vehicle == vehicle.vehicle:
-            continue
+    for other in others:
         for claim in _untold_claims(setting, state, other):
             out = here.meets(claim, *apart) and (leaves or not end.meets(claim, *apart))
             if not out and volume.meets(claim, *apart):
@@ -195,10 +207,19 @@ def _points(setting: Setting, state: State, order: Order | None) -> tuple[GridPo
 def _next_places(order: FlyPath, t_s: float, ahead_s: float = AHEAD_S) -> tuple[GridPoint, ...]:
     """Where a path leads in the next seconds, until it could have come to rest."""
     path = order.trajectory
+    question = (id(path), t_s, ahead_s)  # to hash or compare whole paths would take as long
+    known = _PLACES.get(question)
+    if known is not None and known[0] is path:
+        return known[1]
     begin_s = max(t_s, path.begin_s)
     end_s = max(begin_s, min(begin_s + ahead_s, path.end_s))
     steps = max(1, round((end_s - begin_s) / _AHEAD_STEP_S))
-    return tuple(path.at(begin_s + (end_s - begin_s) * k / steps).place for k in range(steps + 1))
+    share_s = end_s - begin_s
+    places = tuple(path.place_at(begin_s + share_s * k / steps) for k in range(steps + 1))
+    if len(_PLACES) >= _REMEMBERED:
+        _PLACES.clear()
+    _PLACES[question] = path, places
+    return places
 
 
 def _last_places(order: FlyPath, silent: VehicleState) -> tuple[GridPoint, ...]:

@@ -37,7 +37,7 @@ def flyer_of(
     path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
     mine = path is not None and planned is path
     # at the end of a path it is where that ends, until it is seen to have arrived
-    place = vehicle.position if path is None else path.at(begin_s).place
+    place = vehicle.position if path is None else path.place_at(begin_s)
     if path is not None and not mine:  # of the search: planned in the fixed frame
         path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
     flown = kinematics(setting, vehicle)

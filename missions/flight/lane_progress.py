@@ -89,7 +89,7 @@ def _is_behind(lane: Lane, rows: int, cell_m: float, vehicle: VehicleState, t_s:
     near_m = PASSED_M + (rows - 1) / 2 * cell_m
     ahead = list(lane)
     for k in range(math.floor(max(t_s - path.begin_s, 0.0) / STEP_S) + 1):
-        near = path.at(path.begin_s + k * STEP_S).place.distance_to(ahead[0]) <= near_m
+        near = path.place_at(path.begin_s + k * STEP_S).distance_to(ahead[0]) <= near_m
         if near:
             ahead.pop(0)
         if not ahead:

@@ -109,7 +109,7 @@ def allowed(fence: Fence, path: Trajectory) -> bool:
 def _places(path: Trajectory) -> list[GridPoint]:
     steps = max(1, round((path.end_s - path.begin_s) / _STEP_S))
     step_s = (path.end_s - path.begin_s) / steps
-    return [path.at(path.begin_s + k * step_s).place for k in range(steps + 1)]
+    return [path.place_at(path.begin_s + k * step_s) for k in range(steps + 1)]
 
 
 def _inside(fence: Fence, places: list[GridPoint]) -> NDArray[np.bool_]:

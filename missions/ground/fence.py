@@ -10,6 +10,7 @@ import heapq
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import shapely
 from shapely.geometry import LineString, Point, Polygon
@@ -18,6 +19,12 @@ from shapely.ops import nearest_points
 from missions.units import GridPoint
 
 _TOLERANCE_M = 0.01
+_REMEMBERED = 1000
+"""So many answers are kept: rules ask for the same way several times in one step of a mission."""
+
+K = TypeVar("K")
+V = TypeVar("V")
+Way = tuple[GridPoint, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +43,8 @@ class Fence:
     _seen: dict[tuple[GridPoint, GridPoint], bool] = field(default_factory=dict)
     """Which corners see each other, as far as anybody has asked."""
     _shrunk: dict[float, shapely.Geometry] = field(default_factory=dict)
+    _allowed: dict[GridPoint, bool] = field(default_factory=dict)
+    _ways: dict[tuple[GridPoint, GridPoint], Way | None] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -68,13 +77,18 @@ class Fence:
 
     def contains(self, point: GridPoint) -> bool:
         """Whether a point is inside the fence itself, margin or not."""
-        return bool(self.outer.covers(Point(point)))
+        return bool(shapely.intersects_xy(self.outer, point.east_m, point.north_m))
 
     def allows(self, point: GridPoint) -> bool:
         """Whether a leg may end here."""
-        # a point that was computed to lie on the edge may miss it by a rounding
-        at = Point(point)
-        return bool(self.inner.covers(at)) or bool(self.inner.dwithin(at, _TOLERANCE_M))
+        found = self._allowed.get(point)
+        if found is None:
+            # a point that was computed to lie on the edge may miss it by a rounding
+            found = bool(shapely.intersects_xy(self.inner, point.east_m, point.north_m)) or bool(
+                self.inner.dwithin(Point(point), _TOLERANCE_M)
+            )
+            _remember(self._allowed, point, found)
+        return found
 
     def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
         """Whether a straight leg stays inside the margin."""
@@ -85,12 +99,17 @@ class Fence:
         forgiven = self.shrunk(-_TOLERANCE_M)
         return bool(shapely.covers(forgiven, leg)) and self.allows(start) and self.allows(end)
 
-    def route(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
+    def route(self, start: GridPoint, end: GridPoint) -> Way | None:
         """The shortest way to `end` inside the margin: the points to fly to, `end` the last.
 
         A start outside the margin (blown there) goes to the nearest allowed point first. None
         when `end` cannot be reached.
         """
+        if (start, end) not in self._ways:
+            _remember(self._ways, (start, end), self._route(start, end))
+        return self._ways[start, end]
+
+    def _route(self, start: GridPoint, end: GridPoint) -> Way | None:
         if not self.allows(end):
             return None
         if not self.allows(start):
@@ -100,7 +119,7 @@ class Fence:
             return None if onward is None else (entry, *onward)
         return self._shortest(start, end)
 
-    def route_near(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
+    def route_near(self, start: GridPoint, end: GridPoint) -> Way | None:
         """The way to an `end` in the margin: to the nearest place that is allowed, then straight.
 
         None when that place cannot be reached, or `end` lies outside of the fence.
@@ -111,13 +130,13 @@ class Fence:
         way = self.route(start, GridPoint(float(near.x), float(near.y)))
         return None if way is None else (*way, end)
 
-    def _shortest(self, start: GridPoint, end: GridPoint) -> tuple[GridPoint, ...] | None:
+    def _shortest(self, start: GridPoint, end: GridPoint) -> Way | None:
         """A* over the corners that see each other."""
         if self.allows_leg(start, end):
             return (end,)
         counter = itertools.count()
         # at least so far in all, so far until here, the place, the way to it
-        queue: list[tuple[float, int, float, GridPoint, tuple[GridPoint, ...]]] = [
+        queue: list[tuple[float, int, float, GridPoint, Way]] = [
             (start.distance_to(end), next(counter), 0.0, start, ())
         ]
         done: set[GridPoint] = set()
@@ -144,6 +163,13 @@ class Fence:
         if (one, other) not in self._seen:
             self._seen[one, other] = self._seen[other, one] = self.allows_leg(one, other)
         return self._seen[one, other]
+
+
+def _remember(answers: dict[K, V], question: K, answer: V) -> None:
+    """Keep an answer; the oldest are forgotten all at once."""
+    if len(answers) >= _REMEMBERED:
+        answers.clear()
+    answers[question] = answer
 
 
 def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:

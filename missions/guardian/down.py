@@ -30,7 +30,9 @@ def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | 
     expected = landing or (returning and at_home) or not guard.was_up
     expected = expected or guard.task.doing in ("ground", "climb")
     lies = low(seen) and (guard.was_up or seen.airborne)
-    guard = replace(guard, low_since_s=since(guard.low_since_s, lies, seen.t_s))
+    low_since_s = since(guard.low_since_s, lies, seen.t_s)
+    if low_since_s != guard.low_since_s:
+        guard = replace(guard, low_since_s=low_since_s)
     if lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None

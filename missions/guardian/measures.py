@@ -86,13 +86,15 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     path = _goal(guard, seen) if place is None else (place,)
     if guard.action == "land" or not path or task.doing in ("land", "ground"):
         path = path if guard.action == "rtl" else ()
-    outside_m = float(limits.fence.outer.distance(Point(seen.position)))
-    guard = replace(
-        guard,
-        outside_m=outside_m,
-        leaves_fence=outside_m > 0.0 or not limits.fence.outer.covers(_soon(guard, seen)),
-        outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
-    )
+    fence, here = limits.fence, seen.position
+    outside_m = 0.0 if fence.contains(here) else float(fence.outer.distance(Point(here)))
+    leaves = outside_m > 0.0 or not fence.contains(_soon(guard, seen))
+    outside_since_s = since(guard.outside_since_s, outside_m > 0.0, seen.t_s)
+    before = guard.outside_m, guard.leaves_fence, guard.outside_since_s
+    if (outside_m, leaves, outside_since_s) != before:
+        guard = replace(
+            guard, outside_m=outside_m, leaves_fence=leaves, outside_since_s=outside_since_s
+        )
     swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
     if guard.landing:  # straight down: whatever it moves is away
         swept = _speed_m_s(guard, seen) > swept_m_s and not seen.slews
@@ -136,13 +138,14 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     )
 
 
-def _soon(guard: Guard, seen: Seen) -> Point:
+def _soon(guard: Guard, seen: Seen) -> GridPoint:
     """Where it will be in `LEAVES_S` if it moves on as since the last look."""
-    (east_m, north_m), before = seen.position, guard.last_position
+    before = guard.last_position
     if before is None or guard.last_s is None or seen.t_s <= guard.last_s:
-        return Point(east_m, north_m)
+        return seen.position
     share = LEAVES_S / (seen.t_s - guard.last_s)
-    return Point(
+    east_m, north_m = seen.position
+    return GridPoint(
         east_m + share * (east_m - before.east_m), north_m + share * (north_m - before.north_m)
     )
 

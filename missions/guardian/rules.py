@@ -56,18 +56,18 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     if seen.mode == "other" and seen.armed and not is_down:
         free = guard.released()
         return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
-    guard = replace(
-        guard,
-        was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
-        at_height=guard.at_height or near_height(guard.task, seen),
-    )
+    # most looks change little of it: what stays as it was is not written anew
+    was_up = guard.was_up or (seen.airborne and seen.height_m > UP_M)
+    at_height = guard.at_height or near_height(guard.task, seen)
+    if (was_up, at_height) != (guard.was_up, guard.at_height):
+        guard = replace(guard, was_up=was_up, at_height=at_height)
     guard, verdict = crashed(limits, guard, seen)
     if verdict is not None or guard.down or not seen.airborne:
         return replace(guard, last_s=seen.t_s, last_position=seen.position), verdict
     guard = measured(limits, guard, seen)
-    guard = replace(
-        guard, spent_since_s=since(guard.spent_since_s, _is_spent(limits, seen), seen.t_s)
-    )
+    spent_since_s = since(guard.spent_since_s, _is_spent(limits, seen), seen.t_s)
+    if spent_since_s != guard.spent_since_s:
+        guard = replace(guard, spent_since_s=spent_since_s)
     verdict = _last_reserve(limits, guard, seen) or _trouble(limits, guard, seen)
     guard = replace(guard, last_s=seen.t_s, last_position=seen.position)
     if verdict is None:

@@ -13,6 +13,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 from missions.units import GridPoint
@@ -67,18 +68,24 @@ class Piece:
         """From end to end, along it."""
         return self.way_m(self.duration_s)
 
+    def place_after(self, time_s: float) -> tuple[float, float]:
+        """East and north of where it is `time_s` after this piece began, 0 to `duration_s`."""
+        way_m = self.way_m(time_s)
+        begin, bend = self.heading_rad, self.curvature_1_m
+        if bend == 0.0:
+            return self.east_m + way_m * math.cos(begin), self.north_m + way_m * math.sin(begin)
+        heading = begin + bend * way_m
+        return (
+            self.east_m + (math.sin(heading) - math.sin(begin)) / bend,
+            self.north_m - (math.cos(heading) - math.cos(begin)) / bend,
+        )
+
     def after(self, time_s: float) -> Motion:
         """The motion `time_s` after this piece began, 0 to `duration_s`."""
         speed = max(self.speed_m_s + self.accel_m_s2 * time_s, 0.0)
-        way_m = self.way_m(time_s)
-        begin, bend = self.heading_rad, self.curvature_1_m
-        heading = begin + bend * way_m
-        if bend == 0.0:
-            east = self.east_m + way_m * math.cos(begin)
-            north = self.north_m + way_m * math.sin(begin)
-        else:
-            east = self.east_m + (math.sin(heading) - math.sin(begin)) / bend
-            north = self.north_m - (math.cos(heading) - math.cos(begin)) / bend
+        bend = self.curvature_1_m
+        east, north = self.place_after(time_s)
+        heading = self.heading_rad + bend * self.way_m(time_s)
         cos, sin = math.cos(heading), math.sin(heading)
         along, across = self.accel_m_s2, speed * speed * bend
         return Motion(
@@ -89,6 +96,9 @@ class Piece:
             along * cos - across * sin,
             along * sin + across * cos,
         )
+
+
+_BEGIN_S = attrgetter("begin_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,9 +131,8 @@ class Trajectory:
         moving with the drift.
         """
         t_s = max(t_s, self.begin_s)
-        index = bisect_right(self.pieces, t_s, key=lambda piece: piece.begin_s) - 1
-        piece = self.pieces[max(index, 0)]
         if t_s < self.end_s:
+            piece = self._piece(t_s)
             found = piece.after(min(t_s - piece.begin_s, piece.duration_s))
         else:
             last = self.pieces[-1].after(self.pieces[-1].duration_s)
@@ -137,6 +146,22 @@ class Trajectory:
             found.a_east_m_s2,
             found.a_north_m_s2,
         )
+
+    def place_at(self, t_s: float) -> GridPoint:
+        """`at(t_s).place`, and nothing but that, which is quicker."""
+        t_s = max(t_s, self.begin_s)
+        if t_s < self.end_s:
+            piece = self._piece(t_s)
+            east, north = piece.place_after(min(t_s - piece.begin_s, piece.duration_s))
+        else:
+            last = self.pieces[-1]
+            east, north = last.place_after(last.duration_s)
+        drift_east, drift_north = self.drift_m_s
+        return GridPoint(east + drift_east * t_s, north + drift_north * t_s)
+
+    def _piece(self, t_s: float) -> Piece:
+        """The piece under way."""
+        return self.pieces[max(bisect_right(self.pieces, t_s, key=_BEGIN_S) - 1, 0)]
 
 
 class _Stretch(NamedTuple):

@@ -10,17 +10,22 @@ import select
 import signal
 import socket
 import sys
+from pathlib import Path
 from typing import Any
 
-import missions.swath.planner  # noqa: F401 - what a command imports as it goes, too
-import uavmap.simulation  # noqa: F401
+from missions.swath.warm_up import warm_up
 from uavmap import cli
 from uavmap.__main__ import main
+from uavmap.mission_source import load_source
+from uavmap.simulation import make_vehicles
 
 cli.parser()  # imports every command
 
 _MOST_BYTES = 1 << 16
 _HANDED = 3
+_ANY_MISSION = Path(__file__).resolve().parents[1] / "data" / "speck.toml"
+_SEED = 1
+"""Of a simulated flight that is not told another."""
 
 
 def _serve(control: socket.socket) -> dict[str, Any] | None:
@@ -67,7 +72,16 @@ def _tell_ends(ends: dict[int, int]) -> None:
                 told.send(str(status).encode())
 
 
+def _prepare() -> None:
+    """Have in memory what nearly every flight would load or compute anew: the planner's kernels,
+    and the patterns of the ground, which depend on the seed only."""
+    warm_up()
+    world = make_vehicles(load_source(str(_ANY_MISSION)).parse(), _SEED)[0].world
+    assert world.ground_texture.size == world.roi_texture.size
+
+
 def _run() -> int:
+    _prepare()
     gc.collect()
     gc.freeze()
     asked = _serve(socket.socket(fileno=int(sys.argv[1])))

@@ -110,16 +110,27 @@ def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATI
 
 
 # --- journals --------------------------------------------------------------------------------
-def bodies(folder: Path) -> list[str]:
-    """The texts of the events that are on the disk by now."""
+def _asked(folder: Path, question: str, *values: object) -> list[tuple[Any, ...]]:
+    """What a journal answers by now; nothing while there is none."""
     path = folder / "journal.db"
     if not path.exists():
         return []
     with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
         try:
-            return [body for (body,) in database.execute("SELECT body FROM events ORDER BY seq")]
+            return database.execute(question, values).fetchall()
         except sqlite3.OperationalError:  # the file is there, its tables are not yet
             return []
+
+
+def bodies(folder: Path, after: int = 0) -> list[str]:
+    """The texts of the events that are on the disk by now, but for the first so many."""
+    question = "SELECT body FROM events ORDER BY seq LIMIT -1 OFFSET ?"
+    return [body for (body,) in _asked(folder, question, after)]
+
+
+def written(folder: Path) -> int:
+    """How many events are on the disk by now."""
+    return sum(count for (count,) in _asked(folder, "SELECT count(*) FROM events"))
 
 
 def events(folder: Path, *kinds: str) -> list[dict[str, Any]]:
@@ -142,9 +153,7 @@ def stop_after(
     process: Process, folder: Path, count: int, number: signal.Signals
 ) -> Finished | None:
     """Send a signal once a journal holds so many events; None after a SIGKILL."""
-    wait_until(
-        lambda: len(bodies(folder)) >= count or process.poll() is not None, f"{count} events"
-    )
+    wait_until(lambda: written(folder) >= count or process.poll() is not None, f"{count} events")
     assert process.poll() is None, f"over before event {count}: {process.communicate()}"
     process.send_signal(number)
     if number is signal.SIGKILL:

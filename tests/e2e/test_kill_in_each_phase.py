@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.events import from_json
 from missions.orders import FlyTo, Land, Look, Order, Sweep, TakeOff
-from missions.state import Setting, State
-from missions.step import step
+from tests.e2e.journey import Journey
 from tests.e2e.preloaded import Process
 from tests.e2e.rig import (
     PATIENCE_S,
@@ -24,30 +22,10 @@ from tests.e2e.rig import (
     simulator,
     started,
 )
-from uavmap.mission_source import load_source
 
 SPEEDUP = 20.0
 POLL_S = 0.01
 PHASES: tuple[type[Order], ...] = (TakeOff, Sweep, FlyTo, Look, Land)
-
-
-class Journey:
-    """The state that a growing journal tells."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        self._folder = folder
-        self._setting = Setting.of(load_source(mission(name)).parse())
-        self._state = State.initial(self._setting)
-        self._read = 0
-
-    def vehicle(self) -> tuple[Order | None, float]:
-        """What vehicle 1 carries out, and how high it is."""
-        found = bodies(self._folder)
-        for body in found[self._read :]:
-            self._state, _ = step(self._setting, self._state, from_json(body))
-        self._read = len(found)
-        vehicle = self._state.vehicles[1]
-        return vehicle.order, vehicle.height_m
 
 
 def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
@@ -55,8 +33,8 @@ def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
     due_s = time.monotonic() + PATIENCE_S
 
     def there() -> bool:
-        order, height_m = journey.vehicle()
-        return isinstance(order, phase) and height_m > 1.0
+        vehicle = journey.vehicle()
+        return isinstance(vehicle.order, phase) and vehicle.height_m > 1.0
 
     while not there():
         assert process.poll() is None, f"over before {phase.__name__}: {process.communicate()}"

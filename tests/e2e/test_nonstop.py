@@ -17,6 +17,7 @@ from missions.orders import FlyPath, Look, Order
 from missions.state import Setting, State
 from missions.step import step
 from tests.e2e.conftest import Flight
+from tests.e2e.journey import Journey
 from tests.e2e.rig import (
     ROOT,
     Finished,
@@ -186,14 +187,14 @@ def stopped_on_a_path(
     name: str, urls: list[str], folder: Path, number: signal.Signals, speedup: float, frames: int
 ) -> Finished | None:
     """A flight that is sent a signal on a path, once so many frames were judged."""
+    journey = Journey(folder, name, strategy="swath")
     with started(*fly_arguments(name, urls, folder, speedup)) as process:
 
         def there() -> bool:
             if process.poll() is not None:
                 return True
-            lines = bodies(folder)
-            seen = sum('"kind":"frame_seen"' in line for line in lines)
-            return seen > frames and isinstance(orders_of(name, lines)[-1][0], FlyPath)
+            order = journey.vehicle().order
+            return journey.frames > frames and isinstance(order, FlyPath)
 
         wait_until(there, "a path")
         assert process.poll() is None, process.communicate()

@@ -88,12 +88,13 @@ class FolderWatch:
         try:
             with os.scandir(self.folder) as entries:
                 for entry in entries:
+                    if self._known.get(entry.name, ...) is None:
+                        sizes[entry.name] = 0  # no need to ask the disk again
+                        continue
                     suffix = os.path.splitext(entry.name)[1].lower()
                     if suffix not in SUFFIXES or entry.name.startswith("."):
                         continue
-                    if self._known.get(entry.name, ...) is None:
-                        sizes[entry.name] = 0  # no need to ask the disk again
-                    elif entry.is_file():
+                    if entry.is_file():
                         sizes[entry.name] = entry.stat().st_size
         except FileNotFoundError:
             if not self.folder.is_dir():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,12 @@ def flown(scenario: Scenario) -> Fleet:
     return flight
 
 
+@functools.cache
+def undisturbed(seed: int) -> Fleet:
+    """The flight of a small mission, once for all who look at it."""
+    return flown(random_scenario(seed))
+
+
 def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
     """Everything that can be reached was looked from, and nothing else is on the map."""
     state = flight.state
@@ -43,11 +51,10 @@ def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_mission_ends_with_a_whole_map_and_everybody_safe(seed: int) -> None:
-    scenario = random_scenario(seed)
-    flight = flown(scenario)
+    flight = undisturbed(seed)
     assert flight.faults == []
     assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
-    map_is_whole(flight, scenario)
+    map_is_whole(flight, random_scenario(seed))
 
 
 @pytest.mark.parametrize("seed", DRIFT_SEEDS)
@@ -64,7 +71,7 @@ def test_the_batteries_are_swapped_somewhere() -> None:
     """The scenarios would say nothing about batteries if one were always enough."""
     swaps = [
         sum(isinstance(order, TakeOff) for _, _, order in flight.orders) - len(flight.vehicles)
-        for flight in (flown(random_scenario(seed)) for seed in (6, 9, 16))
+        for flight in map(undisturbed, (6, 9, 16))
     ]
     assert all(count > 0 for count in swaps)
 
@@ -74,7 +81,7 @@ def test_the_reserve_check_can_fail() -> None:
     scenario = random_scenario(11)
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
-    farthest_s = next(t_s for t_s, _, order in flown(scenario).orders if isinstance(order, Hold))
+    farthest_s = next(t_s for t_s, _, order in undisturbed(11).orders if isinstance(order, Hold))
     flight.run(until=lambda f: f.t_s >= farthest_s)
     flight.vehicles[1].hover_w = 1800.0
     flight.run(until=lambda f: bool(f.faults))
@@ -170,7 +177,7 @@ def belief_of(events: list[Event], empty: Belief) -> Belief:
 
 @pytest.mark.parametrize("seed", [0, 2, 14])
 def test_the_same_frames_in_any_order_make_the_same_map(seed: int) -> None:
-    flight = flown(random_scenario(seed))
+    flight = undisturbed(seed)
     mission = flight.setting.mission
     empty = Belief(mission.votes.frames, mission.votes.positive)
     events = list(flight.events)
@@ -179,7 +186,7 @@ def test_the_same_frames_in_any_order_make_the_same_map(seed: int) -> None:
 
 
 def test_the_same_scenario_twice_gives_the_same_events_and_orders() -> None:
-    once, again = flown(random_scenario(14)), flown(random_scenario(14))
+    once, again = undisturbed(14), flown(random_scenario(14))
     assert once.events == again.events
     assert once.orders == again.orders
     assert fold(once.setting, once.events) == once.state

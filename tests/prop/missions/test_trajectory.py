@@ -38,6 +38,7 @@ def test_a_path_is_continuous_and_keeps_its_limits(
     plan = rounded_path(corners, 7.0, speed_m_s=speed_m_s, cut_m=cut_m, drift_m_s=drift)
     for a_s, b_s in itertools.pairwise(times(plan)):
         a, b = plan.at(a_s), plan.at(b_s)
+        assert plan.place_at(a_s) == a.place
         # the mean velocity between lies between what is told at both ends, but for the curvature
         for moved, first, last in (
             (b.east_m - a.east_m, a.v_east_m_s, b.v_east_m_s),
@@ -48,6 +49,8 @@ def test_a_path_is_continuous_and_keeps_its_limits(
         assert math.hypot(a.v_east_m_s - drift[0], a.v_north_m_s - drift[1]) <= speed_m_s + 1e-6
         assert math.hypot(*a[4:]) <= ACCELERATION_M_S2 + 1e-6
     first, last = plan.at(plan.begin_s - 5.0), plan.at(plan.end_s + 3.0)
+    assert plan.place_at(plan.begin_s - 5.0) == first.place
+    assert plan.place_at(plan.end_s + 3.0) == last.place
     begin = (corners[0].east_m + 7.0 * drift[0], corners[0].north_m + 7.0 * drift[1])
     assert first.place == pytest.approx(begin)
     later_s = plan.end_s + 3.0

@@ -1,0 +1,34 @@
+"""What the journal of a flight under way tells: only what is new in it is read, and folded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from missions.events import FrameSeen, from_json
+from missions.state import Setting, State, VehicleState
+from missions.step import step
+from tests.e2e.rig import bodies, mission
+from uavmap.mission_source import load_source
+
+
+class Journey:
+    """The state that a growing journal tells."""
+
+    def __init__(self, folder: Path, name: str, **changed: Any) -> None:
+        """`changed` are the fields of the mission that the command line has changed."""
+        self._folder = folder
+        self._setting = Setting.of(load_source(mission(name)).parse().model_copy(update=changed))
+        self._state = State.initial(self._setting)
+        self._read = 0
+        self.frames = 0
+        """How many frames were judged."""
+
+    def vehicle(self) -> VehicleState:
+        """What is known of vehicle 1."""
+        found = bodies(self._folder, self._read)
+        for event in map(from_json, found):
+            self._state, _ = step(self._setting, self._state, event)
+            self.frames += isinstance(event, FrameSeen)
+        self._read += len(found)
+        return self._state.vehicles[1]
