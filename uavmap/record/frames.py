@@ -8,7 +8,10 @@ Times are mission seconds. The quaternion turns the camera's axes to NED (`missi
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -35,6 +38,8 @@ COLUMNS: Final = (
     "hfov_deg",
 )
 _PNG: Final = b"\x89PNG"
+ROOM_MIB: Final = 64
+"""So much of the disk is left to the journal, without which the mission ends."""
 
 
 class KeptFrame(NamedTuple):
@@ -50,7 +55,8 @@ class KeptFrame(NamedTuple):
 class FrameKeeper:
     """Writes pictures and their poses; what the disk refuses is told once, and ends the keeping.
 
-    A flight that is repeated or gone on with keeps each picture once.
+    So does a disk that is nearly full (`ROOM_MIB`), and a list of poses that cannot be read. A
+    flight that is repeated or gone on with keeps each picture once.
     """
 
     def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
@@ -59,9 +65,17 @@ class FrameKeeper:
         self._over = False
         self._kept: set[str] = set()
         poses = self._folder / POSES
-        if poses.is_file():
-            with poses.open(encoding="utf-8", newline="") as file:
-                self._kept = {row.get("frame", "") for row in csv.DictReader(file)}
+        try:
+            if poses.is_file():
+                with poses.open(encoding="utf-8", newline="") as file:
+                    self._kept = {row.get("frame", "") for row in csv.DictReader(file)}
+        except (OSError, UnicodeDecodeError, csv.Error):
+            self._end(f"{poses} cannot be read; move {self._folder} away")
+
+    def _end(self, reason: str) -> None:
+        """Keep nothing more."""
+        self._over = True
+        self._say(f"pictures are kept no longer: {reason}")
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Keep a picture: the file that came, or a JPEG of the pixels; its name follows from the
@@ -76,19 +90,27 @@ class FrameKeeper:
         name = f"{frame.vehicle}-{frame.t_s:010.3f}.{ending}"
         if name in self._kept:
             return
+        path, poses = self._folder / name, self._folder / POSES
+        written = 0
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            (self._folder / name).write_bytes(data)
+            written = poses.stat().st_size if poses.exists() else 0
+            if shutil.disk_usage(self._folder).free < len(data) + ROOM_MIB * 2**20:
+                self._end(f"{self._folder}: less than {ROOM_MIB} MiB are left on the disk")
+                return
+            path.write_bytes(data)
             self._note(name, frame)
         except OSError as error:
-            self._over = True
-            self._say(f"pictures are kept no longer: {self._folder}: {error.strerror}")
+            with contextlib.suppress(OSError):  # no half of a picture, no half of a line
+                path.unlink(missing_ok=True)
+                os.truncate(poses, written)
+            self._end(f"{self._folder}: {error.strerror}")
             return
         self._kept.add(name)
 
     def _note(self, name: str, frame: KeptFrame) -> None:
         path, pose = self._folder / POSES, frame.pose
-        new = not path.exists()
+        new = not path.exists() or not path.stat().st_size
         with path.open("a", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             if new:
