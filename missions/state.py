@@ -371,9 +371,9 @@ class State:
     """ROI cells that nobody could look from: beyond the fence or out of reach."""
     memory: Memory | None = None
     """What the explorer asked to be given at its next decision."""
-    last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int]] | None = None
-    """Robots that were told to wait, with the tree and the positions then: they are not asked again
-    until one of these changes."""
+    last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int], float] | None = None
+    """Robots that were told to wait, with the tree, the positions and the time then: they are not
+    asked again until one of the first two changes."""
     undecided: frozenset[Cell] = frozenset()
     """Cells that were looked from, where votes on the cell or on a neighbour are missing."""
     found_s: float | None = None

@@ -16,6 +16,7 @@ from enum import StrEnum
 
 from missions.errors import StrategyError
 from missions.explorers import Decision, Explorer, Situation
+from missions.explorers.interface import refuse_impossible
 from missions.explorers.metric import Metric
 from missions.mapping.tree import Tree
 from missions.units import Cell
@@ -199,6 +200,7 @@ class _Arena:
             at = {r: mind.heard[r][1] for r in sorted(mind.heard) if r in present}
             situation = Situation(mind.tree, at, asked, mind.memory, self.metric)
             decision = self.explorer.decide(situation)
+            refuse_impossible(self.explorer.name, situation, decision)
             moved |= self._go(mind, group, decision)
         return moved
 
@@ -216,7 +218,6 @@ class _Arena:
         heard = dict(mind.heard)
         moves = {r: cell for r, cell in decision.moves.items() if cell is not None}
         for robot, cell in moves.items():
-            self._check(mind.tree, robot, cell)
             start = self.at[robot]
             heard[robot] = (self.t, cell)
             leg_t = self.metric.leg(start, cell)
@@ -230,13 +231,6 @@ class _Arena:
         for robot in self.minds if self.comms is Comms.SHARED else group:
             self.minds[robot] = after
         return bool(moves)
-
-    def _check(self, tree: Tree, robot: int, cell: Cell) -> None:
-        start = self.at[robot]
-        if cell not in tree or cell == start:
-            raise StrategyError(f"{self.explorer.name}: robot {robot} moves from {start} to {cell}")
-        if not self.metric.straight and cell not in start.neighbours():
-            raise StrategyError(f"{self.explorer.name}: robot {robot} jumps from {start} to {cell}")
 
     def _arrive(self) -> None:
         """Let time pass until somebody arrives; who arrives looks, and tells who is there."""

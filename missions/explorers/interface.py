@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from missions.errors import StrategyError
 from missions.explorers.metric import Metric
 from missions.mapping.tree import Tree
 from missions.units import Cell
@@ -84,3 +85,34 @@ class Explorer(Protocol):
     def decide(self, situation: Situation) -> Decision:
         """Where each of `situation.robots` moves."""
         ...
+
+
+def refuse_impossible(name: str, situation: Situation, decision: Decision) -> None:
+    """Raise `StrategyError` where a strategy moves a robot as none can.
+
+    That is a robot that was not asked, a cell that is not in the tree or is where the robot is
+    already, and, unless the metric is `straight`, a cell that is no neighbour.
+
+    >>> where = Situation(Tree.rooted(Cell(0, 0)), {1: Cell(0, 0)}, (1,))
+    >>> refuse_impossible("mine", where, Decision({1: None}))
+    >>> refuse_impossible("mine", where, Decision({1: Cell(0, 1)}))
+    Traceback (most recent call last):
+    missions.errors.StrategyError: mine: robot 1 moves from (0, 0) to (0, 1), which is not known
+    """
+    for robot, cell in decision.moves.items():
+        if robot not in situation.robots:
+            raise StrategyError(f"{name}: robot {robot} is moved, and was not asked")
+        if cell is None:
+            continue
+        start = situation.at[robot]
+        way = f"from {_told(start)} to {_told(cell)}"
+        if cell not in situation.tree:
+            raise StrategyError(f"{name}: robot {robot} moves {way}, which is not known")
+        if cell == start:
+            raise StrategyError(f"{name}: robot {robot} moves {way}, where it is")
+        if not situation.metric.straight and cell not in start.neighbours():
+            raise StrategyError(f"{name}: robot {robot} jumps {way}")
+
+
+def _told(cell: Cell) -> str:
+    return f"({cell.east}, {cell.north})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Container
+from collections.abc import Callable, Collection, Container
 from dataclasses import replace
 
 from missions.flight.strip import Strip
@@ -23,13 +23,28 @@ PASSED_M = 2.0 * LANE_CUTS_M[0]
 """A path passes the end of a lane so near by, or of the rows beside it: it cuts the corner."""
 
 
-def lane_seen(vehicle: VehicleState, grid: Grid, vantage: Cell, t_s: float) -> VehicleState:
-    """The vehicle after a frame over `vantage` was judged: it counts for the lane it flies."""
+def lane_seen(
+    vehicle: VehicleState,
+    grid: Grid,
+    rows: int,
+    vantage: Cell,
+    judged: Callable[[Cell], bool],
+    t_s: float,
+) -> VehicleState:
+    """The vehicle after a frame over `vantage` was judged: it counts for the lane it flies.
+
+    Only if all `rows` of the lane are judged there: a camera that leans in the wind, or is off the
+    lane, shows what lies beside it. `judged` says of which cells that holds from this vantage.
+    """
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
     lane = vehicle.lanes[0]
     place = grid.to_fixed(grid.centre_of(vantage), t_s)
     if offset_m(lane, place) > BESIDE_CELLS * grid.cell_m:
+        return vehicle
+    strip = Strip.of(grid, lane, rows, t_s)
+    column = vantage.east if strip.eastward else vantage.north
+    if not all(judged(strip.cell(column, row)) for row in strip.rows):
         return vehicle
     return replace(vehicle, lane_seen_m=(*vehicle.lane_seen_m, round(along_m(lane, place), 2)))
 

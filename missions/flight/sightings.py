@@ -33,7 +33,7 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
             vehicle = replace(vehicle, fruitless_sorties=0)
         return _seen_in_passing(setting, state, vehicle, event, votes)
     if state.tree is None:
-        vehicle = lane_seen(vehicle, setting.grid, event.vantage, event.t_s)
+        vehicle = _on_its_lane(setting, state.belief, vehicle, event, event.vantage)
     state = state.with_vehicle(vehicle)
     if isinstance(vehicle.order, Look) and vehicle.order.cell == event.vantage:
         if state.belief.fully_voted(event.vantage):
@@ -47,6 +47,18 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
                 vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
             return state.with_vehicle(replace(vehicle, candidate=hint))
     return state
+
+
+def _on_its_lane(
+    setting: Setting, belief: Belief, vehicle: VehicleState, event: FrameSeen, vantage: Cell
+) -> VehicleState:
+    """What a frame of a search means for the lane that its vehicle flies."""
+    shown = {vote.cell for vote in event.votes}
+
+    def judged(cell: Cell) -> bool:
+        return cell in shown or belief.tally(cell, vantage).total > 0
+
+    return lane_seen(vehicle, setting.grid, setting.lane_rows, vantage, judged, event.t_s)
 
 
 def _seen_in_passing(

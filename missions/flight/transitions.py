@@ -196,6 +196,8 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if flown.empty_passes < MOST_EMPTY_PASSES:
         return flown
     note = "the camera is silent: no frame of its lanes was judged"
+    if event.t_s - vehicle.judged_s < MOST_SILENT_S:
+        note = "its frames do not show the rows of its lanes: it leans, or is blown off them"
     return replace(flown, return_reason=ReturnReason.FAULT, note=note)
 
 

@@ -33,7 +33,7 @@ from missions.guardian import (
 from missions.guardian.down import low
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
-from uavmap.fly.over_ground import aim_over_ground
+from uavmap.fly.over_ground import aim_over_ground, leg_over_ground_s
 from uavmap.fly.reporter import Reporter
 from uavmap.link.session import Session
 
@@ -386,7 +386,7 @@ class Guardian:
                 return
         for corner in self._corners():
             here = reporter.position()
-            leg_s = energy.leg_s(here.distance_to(corner)) + CORNER_S
+            leg_s = leg_over_ground_s(self._view, energy, here, corner) + CORNER_S
             self.told(self._towards(here, corner, height_m, leg_s))
             if not await self._reach(corner, height_m):
                 return

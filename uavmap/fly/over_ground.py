@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from missions.energy import CLIMB_SPEED_M_S, EnergyModel
 from missions.units import GridPoint
 from uavmap.link.view import VehicleView
 
@@ -27,6 +28,17 @@ def aim_over_ground(
     if view.ground is None:
         return target, height_m
     return view.ground.terrain.told(here, view.height_m, target, height_m)
+
+
+def leg_over_ground_s(
+    view: VehicleView, energy: EnergyModel, here: GridPoint, target: GridPoint
+) -> float:
+    """About how long a leg takes, in seconds, from rest to rest; on steep ground it is slow."""
+    level_s = energy.leg_s(here.distance_to(target))
+    if view.ground is None:
+        return level_s
+    climb_m = view.ground.terrain.ups_and_downs_m((here, target), energy.speed_m_s, CLIMB_SPEED_M_S)
+    return level_s + climb_m / CLIMB_SPEED_M_S
 
 
 def at_height(view: VehicleView, height_m: float) -> bool:

@@ -8,7 +8,10 @@ Times are mission seconds. The quaternion turns the camera's axes to NED (`missi
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import os
+import shutil
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -39,6 +42,8 @@ COLUMNS: Final = (
 WAITING: Final = 64
 """So many pictures may wait to be written."""
 _PNG: Final = b"\x89PNG"
+ROOM_MIB: Final = 64
+"""So much of the disk is left to the journal, without which the mission ends."""
 
 
 class KeptFrame(NamedTuple):
@@ -54,7 +59,8 @@ class KeptFrame(NamedTuple):
 class FrameKeeper:
     """Writes pictures and their poses; what the disk refuses is told once, and ends the keeping.
 
-    A flight that is repeated or gone on with keeps each picture once. `aside` writes in a thread of
+    So does a disk that is nearly full (`ROOM_MIB`), and a list of poses that cannot be read. A
+    flight that is repeated or gone on with keeps each picture once. `aside` writes in a thread of
     its own, so that a slow disk never holds up what steers an aircraft; where it is slower than the
     camera, pictures are left out, and how many is told at the end. It is a context, whose end waits
     for what is still to be written.
@@ -70,9 +76,13 @@ class FrameKeeper:
         self._writer = ThreadPoolExecutor(1, "frames") if aside else None
         self._kept: set[str] = set()
         poses = self._folder / POSES
-        if poses.is_file():
-            with poses.open(encoding="utf-8", newline="") as file:
-                self._kept = {row.get("frame", "") for row in csv.DictReader(file)}
+        try:
+            if poses.is_file():
+                with poses.open(encoding="utf-8", newline="") as file:
+                    self._kept = {row.get("frame", "") for row in csv.DictReader(file)}
+        except (OSError, UnicodeDecodeError, csv.Error):
+            self._error = f"{poses} cannot be read; move {self._folder} away"
+        self._tell()
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Keep a picture: the file that came, or a JPEG of the pixels; its name follows from the
@@ -106,7 +116,7 @@ class FrameKeeper:
     def _tell(self) -> None:
         if self._error and not self._over:
             self._over = True
-            self._say(f"pictures are kept no longer: {self._folder}: {self._error}")
+            self._say(f"pictures are kept no longer: {self._error}")
 
     def _write(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Into the folder, unless something has gone wrong before."""
@@ -120,18 +130,27 @@ class FrameKeeper:
         name = f"{frame.vehicle}-{frame.t_s:010.3f}.{ending}"
         if name in self._kept:
             return
+        path, poses = self._folder / name, self._folder / POSES
+        written = 0
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            (self._folder / name).write_bytes(data)
+            written = poses.stat().st_size if poses.exists() else 0
+            if shutil.disk_usage(self._folder).free < len(data) + ROOM_MIB * 2**20:
+                self._error = f"{self._folder}: less than {ROOM_MIB} MiB are left on the disk"
+                return
+            path.write_bytes(data)
             self._note(name, frame)
         except OSError as error:
-            self._error = error.strerror or str(error)
+            with contextlib.suppress(OSError):  # no half of a picture, no half of a line
+                path.unlink(missing_ok=True)
+                os.truncate(poses, written)
+            self._error = f"{self._folder}: {error.strerror or error}"
             return
         self._kept.add(name)
 
     def _note(self, name: str, frame: KeptFrame) -> None:
         path, pose = self._folder / POSES, frame.pose
-        new = not path.exists()
+        new = not path.exists() or not path.stat().st_size
         with path.open("a", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             if new:

@@ -12,12 +12,13 @@ from missions.events import (
     BatterySwapped,
     Connected,
     Landed,
+    LiftedOff,
     LinkLost,
     OrderFailed,
     Overridden,
     Tracked,
 )
-from missions.flight.return_home import energy_of
+from missions.flight.return_home import energy_of, has_energy_for
 from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, TakeOff
 from missions.state import Phase, ReturnReason
 from missions.units import Cell, GridPoint
@@ -258,3 +259,37 @@ def test_a_battery_that_counts_as_fresh_is_not_asked_for_again() -> None:
     for _ in range(3):
         made.post(BatterySwapped(1, 1.0, 12.9))
     assert not isinstance(made.order(), AwaitBattery)
+
+
+def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> None:
+    """An autopilot sets its home where it is armed."""
+    made = service()
+    made.connect()
+    moved = GridPoint(6.0, -8.0)
+    made.post(LiftedOff(1, 8.0))
+    made.post(Airborne(1, 15.0, home=moved))
+    assert made.state.vehicles[1].pad == moved
+    made.state = replace(made.state, recalled=True)
+    for _ in range(12):  # it comes to rest first
+        made.now_s += 1.0
+        made.track(1, GridPoint(10.0, 20.0))
+    order = made.order()
+    assert isinstance(order, FlyTo)
+    assert order.route[-1].distance_to(moved) < 0.1
+
+
+def test_who_is_higher_than_its_layer_turns_back_for_the_longer_descent() -> None:
+    """As when a pilot gives it back high up."""
+
+    made = service()
+    made.exploring()
+    here = made.state.vehicles[1]
+
+    def enough(height_m: float, remaining_wh: float) -> bool:
+        it = replace(here, height_m=height_m, remaining_wh=remaining_wh)
+        return has_energy_for(made.setting, it, it.position, hover_s=3.0)
+
+    least_wh = next(wh / 10 for wh in range(90, 400) if enough(12.0, wh / 10))
+    # 60 m at 0.5 m/s are 2 minutes, of 300 W and 15 % more
+    assert not enough(72.0, least_wh + 11.0)
+    assert enough(72.0, least_wh + 12.0)
