@@ -53,6 +53,7 @@ class Judged:
         vantage: The cell over which its votes count.
         cells: Shape (n, 2): columns and rows of the cells that it shows.
         shares: Shape (n,): how much of each is ROI; -1 where it is not in the picture.
+        weights: Shape (n,): what that weighs, 0 to 1; 1 where votes are counted.
         camera: The pinhole that it was judged with.
         marks: The detector's, as `packed`.
         patch: What is compared to find pictures upside down.
@@ -63,6 +64,7 @@ class Judged:
     vantage: Cell
     cells: Cells
     shares: NDArray[np.float64]
+    weights: NDArray[np.float64]
     camera: Camera
     marks: bytes
     patch: Patch | None
@@ -92,10 +94,12 @@ class Judge:
         some = np.ascontiguousarray(frame.image[::_EVERY])
         self._refuse_implausible(some)
         marks = marks_of(self.detector, frame.image)
+        shares, weights = self._weighed(self.laid(frame.camera, placed, t_s), marks, cells)
         return Judged(
             vantage,
             cells,
-            self.laid(frame.camera, placed, t_s).shares(marks, cells),
+            shares,
+            weights,
             frame.camera,
             packed(marks),
             self.search.patch(frame),
@@ -108,7 +112,14 @@ class Judge:
     ) -> NDArray[np.float64]:
         """The shares of a picture that turns out to be stored upside down."""
         upright = unpacked(marks, camera.height_px, camera.width_px, upside_down=True)
-        return self.laid(camera, placed, t_s).shares(upright, cells)
+        return self._weighed(self.laid(camera, placed, t_s), upright, cells)[0]
+
+    def _weighed(
+        self, laid: Laid, marks: Marks, cells: Cells
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if self.mission.by_evidence:
+            return laid.weighed(marks, cells)
+        return laid.shares(marks, cells), np.ones(len(cells))
 
     def laid(self, camera: Camera, placed: Placed, t_s: float) -> Laid:
         """The picture on the mission's ground."""
@@ -134,7 +145,9 @@ class Judge:
                 f"{placed.pose.height_m:.0f} m; {LEAST_PIXELS_A_CELL:g} are needed"
             )
         view, margin_m = self.mission.detector.view, self.mission.camera.pose_error_m
-        cells = self.laid(camera, placed, t_s).cells(view, margin_m)
+        cells = self.laid(camera, placed, t_s).cells(
+            view, margin_m, partly=self.mission.by_evidence
+        )
         vantage = WHOLE_AREA
         if view == "cross":
             vantage = self.grid.cell_at(placed.pose.position, t_s)

@@ -5,8 +5,9 @@
 The first pass reads tags only, and decides which pictures can be used. The second decodes each
 picture once, at the size that the mission works with, on all cores. What a picture says about
 cells waits on disk until all were seen: which are upside down, or blurred, shows beside the others
-only. Under the view "all" the pictures are one look over the whole area: the first `votes.frames`
-that show a cell decide on it, in the order in which they were taken.
+only. What decides on a cell is the weighed mean of what all pictures say (`votes.recorded`,
+`missions.mapping.evidence`), or as in a flight the count of the first `votes.frames` that show it,
+in the order in which they were taken.
 
 A bad picture is refused with its reason, and never ends the run.
 """
@@ -20,7 +21,8 @@ from statistics import median
 from typing import Any, Final
 
 from missions.errors import ImageError
-from missions.events import FrameLost, FrameSeen, Tracked, Vote
+from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
+from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 from uavmap.fly.progress import Progress
@@ -118,15 +120,19 @@ class Looked:
 
     def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
-        votes = Votes(self.setting.mission.votes.frames, self.setting.mission.votes.positive)
-        journal.append_all(self._events(votes))
+        mission = self.setting.mission
+        votes = Votes(mission.votes.frames, mission.votes.positive)
+        evidence = Evidence() if mission.by_evidence else None
+        journal.append_all(self._events(votes, evidence))
+        decided = votes if evidence is None else evidence
         mapped = Replayed(
-            votes.cells(),
-            frozenset(votes.roi),
-            votes.undecided,
+            decided.cells(),
+            frozenset(votes.roi) if evidence is None else evidence.roi(mission.detector.share),
+            decided.undecided,
             [(s.t_s, s.placed.pose.position, s.placed.pose.height_m) for s in self._used],
             len(self._rows()) - len(self._used) - self.gathered.copies,
             self.gathered.copies,
+            {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()},
         )
         summary = write_replay(folder, self.setting, mapped)
         write_pictures(self._rows(), folder / FILE)
@@ -143,8 +149,10 @@ class Looked:
     def _used(self) -> list[Shot]:
         return [shot for shot in self.shots if not shot.reason]
 
-    def _events(self, votes: Votes) -> Iterator[Tracked | FrameSeen | FrameLost]:
-        """What happened, as a journal tells it; the votes are counted on the way."""
+    def _events(
+        self, votes: Votes, evidence: Evidence | None
+    ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
+        """What happened, as a journal tells it; the votes are counted, or weighed, on the way."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
         for number, shot in enumerate(self.shots):
             point = grid.fixed(shot.placed.pose.position)
@@ -154,15 +162,22 @@ class Looked:
             if shot.reason:
                 yield FrameLost(VEHICLE, shot.t_s, shot.reason)
                 continue
-            vantage, cells, shares, _ = self.spool.get(number)
+            kept = self.spool.get(number)
+            rated = kept.shares >= 0.0
             said = tuple(
                 Vote(Cell(*cell), part >= share, round(part, 3))
-                for cell, part in zip(cells.tolist(), shares.tolist(), strict=True)
-                if part >= 0.0
+                for cell, part in zip(
+                    kept.cells[rated].tolist(), kept.shares[rated].tolist(), strict=True
+                )
             )
             shot.cells = len(said)
-            votes.add(vantage, said)
-            yield FrameSeen(VEHICLE, shot.t_s, vantage, said)
+            yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said)
+            if evidence is None:
+                votes.add(kept.vantage, said)
+                continue
+            weights = tuple(round(weight, 3) for weight in kept.weights[rated].tolist())
+            evidence.add(said, weights)
+            yield Weighed(VEHICLE, shot.t_s, weights)
 
     def _rows(self) -> list[PictureRow]:
         """A row for each picture and each file that is none, by name."""
@@ -301,7 +316,8 @@ def _judge_all(
         else:
             judge.search.add(said.patch)
             shot.camera = said.camera
-            spool.put(number, Said(said.vantage, said.cells, said.shares, said.marks))
+            marks, weights = said.marks, said.weights
+            spool.put(number, Said(said.vantage, said.cells, said.shares, marks, weights))
         if number % every == every - 1 or number + 1 == len(shots):
             progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
 

@@ -120,10 +120,11 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def mapped(
-    photos: Path, good: Path, out: Path
+    photos: Path, good: Path, out: Path, *more: str
 ) -> tuple[int, dict[str, dict[str, str]], dict[str, object]]:
     """The exit code, the rows of pictures.csv by name, and the summary."""
-    code = main(["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)])
+    line = ["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)]
+    code = main([*line, *more])
     with (out / "pictures.csv").open(encoding="utf-8", newline="") as file:
         rows = {row["picture"]: row for row in csv.DictReader(file)}
     return code, rows, json.loads((out / "summary.json").read_text("utf-8"))
