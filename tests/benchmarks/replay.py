@@ -31,7 +31,7 @@ from uavmap.offline.sources.opening import open_source
 from uavmap.offline.sources.photo_file import decoded, read_photo
 from uavmap.offline.sources.record import Picture, Refused
 from uavmap.offline.spool import Spool
-from uavmap.offline.workers import in_order, worker_count
+from uavmap.offline.workers import Threads, in_order, worker_count
 
 WIDTH_PX = 1000
 
@@ -115,7 +115,7 @@ def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
-        look_at_all(gathered, setting, spool, Silent(), Options(workers=workers))
+        look_at_all(gathered, setting, spool, Silent(), Options(Threads(workers)))
     return time.perf_counter() - begun, time.process_time() - used
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -72,6 +72,13 @@ class Judged:
     sharpness: float
 
 
+class Task(NamedTuple):
+    """A picture to be judged, and the mission time at which it was taken."""
+
+    placed: Placed
+    t_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Judge:
     """How the pictures of a replay are judged."""
@@ -86,6 +93,19 @@ class Judge:
     def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lenses: Lenses) -> Judge:
         """The judge that a mission file describes."""
         return cls(mission, grid, detector_of(mission), search, lenses)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """What it is made of travels to a worker, and not what was seen so far."""
+        search = UprightSearch(self.grid, self.search.pitch_m)
+        made = (self.mission, self.grid, self.detector, search, Lenses(self.lenses.given))
+        return Judge, made
+
+    def said(self, task: Task) -> Judged | str:
+        """What a picture says, or why it is no evidence."""
+        try:
+            return self.judged(*task)
+        except ImageError as error:
+            return str(error)
 
     def judged(self, placed: Placed, t_s: float) -> Judged:
         """What a picture says. Raises `ImageError`: why it is no evidence."""

@@ -34,7 +34,7 @@ from uavmap.offline.refinement import (
 )
 from uavmap.offline.registration_report import FILE, lines, report
 from uavmap.offline.sources.record import Measured, Picture
-from uavmap.offline.workers import in_order, worker_count
+from uavmap.offline.workers import Crew, Threads, in_order, worker_count
 from uavmap.results import summary
 from vision.lens import Lens
 from vision.registration import WIDTH_PX, Features, Registration, extract, thumbnail
@@ -80,7 +80,7 @@ def refined(
     mission: Mission | None = None,
     *,
     lens: Lens | None = None,
-    workers: int | None = None,
+    crew: Crew | None = None,
 ) -> RefinedSet | None:
     """Register the pictures of a set; None over a terrain, where they keep the poses of their tags.
 
@@ -90,7 +90,7 @@ def refined(
         mission: What is to be mapped, where that is known: it tells the angle of view of pictures
             that do not.
         lens: A calibration for all pictures.
-        workers: How many threads; None: one a core. The result is the same.
+        crew: Who looks at the pictures; None: threads here, one a core. The result is the same.
     """
     if mission is not None and mission.ground is not None:
         progress.say(
@@ -101,8 +101,9 @@ def refined(
     placed = [p for p in gathered.pictures if _has_place(p)]
     every = max(1, len(placed) // 10)
     refinement = Refinement()
-    workers = workers or worker_count()
-    answers = in_order(lenses.features, placed, workers)
+    crew = crew or Threads()
+    sent = (crew.sent(picture, WIDTH_PX) for picture in placed)
+    answers = crew.in_order(lenses.features, sent)
     for number, (picture, looked) in enumerate(zip(placed, answers, strict=True), start=1):
         if looked is not None:
             features, hfov_rad = looked
@@ -110,7 +111,8 @@ def refined(
             refinement.features.append(features)
         if number % every == 0 or number == len(placed):
             progress.say(f"compared {number} of {len(placed)}: {picture.name}")
-    many = partial(in_order, workers=workers)
+    threads = crew.count if isinstance(crew, Threads) else None
+    many = partial(in_order, workers=threads or worker_count())
     result, found = refinement.run(_told(progress), many)
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}

@@ -15,7 +15,7 @@ A bad picture is refused with its reason, and never ends the run.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -29,14 +29,14 @@ from uavmap.fly.progress import Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.gathering import Gathered, gather
-from uavmap.offline.judging import Judge, Judged
+from uavmap.offline.judging import Judge, Task
 from uavmap.offline.lenses import Lenses
 from uavmap.offline.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Said, Spool
 from uavmap.offline.tally import Votes
-from uavmap.offline.workers import in_order, worker_count
+from uavmap.offline.workers import Crew, Threads
 from uavmap.record.journal import Journal
 from uavmap.results.replay_results import Replayed, write_replay
 from vision.camera import Camera
@@ -69,13 +69,13 @@ class Options:
     """How a replay is done.
 
     Attributes:
-        workers: How many threads; None: one a core. The results are the same.
+        crew: Who looks at the pictures. The results are the same.
         lens: A calibration of the camera, instead of what tags say.
         any_day: Whether pictures of other days than most are used.
         refine: Whether poses are refined where pictures overlap.
     """
 
-    workers: int | None = None
+    crew: Crew = field(default_factory=Threads)
     lens: Lens | None = None
     any_day: bool = False
     refine: bool = False
@@ -96,9 +96,7 @@ def replay(
     options = options or Options()
     gathered = gather(open_source(images))
     if options.refine:
-        better = refined(
-            gathered, progress, setting.mission, lens=options.lens, workers=options.workers
-        )
+        better = refined(gathered, progress, setting.mission, lens=options.lens, crew=options.crew)
         if better is not None:
             better.write(folder)
             gathered = better.gathered
@@ -255,7 +253,7 @@ def look_at_all(
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
     judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
-    _judge_all(judge, shots, spool, progress, options.workers or worker_count())
+    _judge_all(judge, shots, spool, progress, options.crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
     progress.end()
@@ -290,19 +288,13 @@ def _timed(placed: Sequence[Placed]) -> list[Shot]:
 
 
 def _judge_all(
-    judge: Judge, shots: Sequence[Shot], spool: Spool, progress: Progress, workers: int
+    judge: Judge, shots: Sequence[Shot], spool: Spool, progress: Progress, crew: Crew
 ) -> None:
     """Decode and judge every picture; what each says is put on the spool."""
-
-    def judged(shot: Shot) -> Judged | str:
-        try:
-            return judge.judged(shot.placed, shot.t_s)
-        except ImageError as error:
-            return str(error)
-
     seen: dict[bytes, int] = {}
     every = max(1, len(shots) // 10)
-    answers = in_order(judged, shots, workers)
+    tasks = (_task(shot, judge, crew) for shot in shots)
+    answers = crew.in_order(judge.said, tasks)
     for number, (shot, said) in enumerate(zip(shots, answers, strict=True)):
         if isinstance(said, str):
             shot.reason = said
@@ -320,6 +312,11 @@ def _judge_all(
             spool.put(number, Said(said.vantage, said.cells, said.shares, marks, weights))
         if number % every == every - 1 or number + 1 == len(shots):
             progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
+
+
+def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:
+    picture = crew.sent(shot.placed.picture, judge.mission.camera.width_px)
+    return Task(replace(shot.placed, picture=picture), shot.t_s)
 
 
 def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:
