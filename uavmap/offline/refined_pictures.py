@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.mission_file.schema import Mission
+from missions.state import Setting
 from uavmap.fly.progress import Progress
 from uavmap.offline.gathering import Gathered
 from uavmap.offline.pixels import eight_bits
@@ -81,26 +82,23 @@ def refined(
     *,
     lens: Lens | None = None,
     crew: Crew | None = None,
-) -> RefinedSet | None:
-    """Register the pictures of a set; None over a terrain, where they keep the poses of their tags.
+) -> RefinedSet:
+    """Register the pictures of a set, over the ground of the mission where it is not flat.
 
     Args:
         gathered: The set, as tagged.
         progress: Hears how far it is, and what was done.
-        mission: What is to be mapped, where that is known: it tells the angle of view of pictures
-            that do not.
+        mission: What is to be mapped, where that is known: it tells the ground, and the angle of
+            view of pictures that do not.
         lens: A calibration for all pictures.
         crew: Who looks at the pictures; None: threads here, one a core. The result is the same.
     """
-    if mission is not None and mission.ground is not None:
-        progress.say(
-            "over a terrain poses are as tagged: registration takes the ground for a plane"
-        )
-        return None
     lenses = _Lenses(lens, HFOV_DEG if mission is None else mission.camera.hfov_deg)
     placed = [p for p in gathered.pictures if _has_place(p)]
     every = max(1, len(placed) // 10)
     refinement = Refinement()
+    if mission is not None and mission.ground is not None:
+        refinement.grid, refinement.terrain = Setting.of(mission).grid, mission.ground
     crew = crew or Threads()
     sent = (crew.sent(picture, WIDTH_PX) for picture in placed)
     answers = crew.in_order(lenses.features, sent)

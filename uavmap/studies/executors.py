@@ -97,13 +97,12 @@ def _processes(trial: Trial, jobs: Sequence[Any], workers: int) -> Generator[Bat
 
 def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
     client = dask_client(address, ANSWER_S, import_module)
-    from distributed import as_completed as ended  # noqa: PLC0415 - an extra, and it is there
-
+    distributed: Any = import_module("distributed")
     with client:
         threads = max(1, sum(client.nthreads().values()))
         waiting = client.map(_run, [trial] * len(jobs), _batches(jobs, threads), pure=False)
         try:
-            for future in ended(waiting, loop=client.loop):
+            for future in distributed.as_completed(waiting, loop=client.loop):
                 yield future.result()
         finally:
             client.cancel(waiting)
