@@ -21,6 +21,7 @@ from uavmap.cli.common import (
 )
 from uavmap.detector_source import detector_text
 from uavmap.fly.progress import Terminal
+from uavmap.kept_detector import keep_detector, with_relative_model
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.cluster import Cluster
@@ -146,11 +147,12 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
         looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
         looked.refuse_empty()
         make_folder(folder)
+        keep_detector(mission.detector, source.text, folder)
         try:
             if better is not None:
                 better.write(folder)
             if given is None:
-                write_text(folder / MISSION_FILE, source.text)
+                write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
                 progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
                 summary = looked.written(journal, folder, progress)
