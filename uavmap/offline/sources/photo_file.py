@@ -205,5 +205,6 @@ def _record(name: str, content: FileContent, size: tuple[int, int], tags: Tags) 
         pitch_deg=tags.pitch_deg,
         roll_deg=tags.roll_deg,
         lens=tags.lens,
+        lens_from=tags.lens_from,
         notes=tuple(tags.notes),
     )
