@@ -147,7 +147,8 @@ def _memory(path: Path, most: int) -> None:
         print(f"{count} pictures: {wall:.0f} s, peak {peak_mb():.0f} MB", flush=True)
 
 
-def _fuzz(path: Path, count: int) -> None:
+def fuzz_pictures(path: Path, count: int) -> None:
+    """Print what becomes of damaged copies, and the memory that it took."""
     data, outcomes = path.read_bytes(), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         for bad in mutations(data, count):
@@ -166,7 +167,7 @@ def main() -> int:
     elif options.what == "memory":
         _memory(options.path, options.count)
     else:
-        _fuzz(options.path, options.count)
+        fuzz_pictures(options.path, options.count)
     return 0
 
 
