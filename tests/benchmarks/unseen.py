@@ -42,8 +42,8 @@ def drill(seed: int, folder: Path) -> Counts:
     """One set, learned and mapped."""
     rng = np.random.default_rng(seed)
     photos, painted = folder / "photos", folder / "painted"
-    for made in (photos, painted):
-        made.mkdir()
+    for new in (photos, painted):
+        new.mkdir()
     names = brighton.names()
     chosen = set(rng.choice(names, PAINTED, replace=False).tolist())
     for name in names:
@@ -54,9 +54,12 @@ def drill(seed: int, folder: Path) -> Counts:
             truth = brighton.truth(name).astype(np.uint8) * 255
             cv2.imwrite(str(painted / f"{name}.png"), cut(truth, part, (500, 281)))
     eyes, out = folder / "eyes", folder / "map"
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        uavmap(["tune", str(photos), "--examples", str(painted), "--out", str(eyes)])
-        uavmap(["replay", str(photos), "--detector", str(eyes), "--out", str(out)])
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        learned = uavmap(["tune", str(photos), "--examples", str(painted), "--out", str(eyes)])
+        made = uavmap(["replay", str(photos), "--detector", str(eyes), "--out", str(out)])
+    if learned or made:
+        raise SystemExit(f"seed {seed}: the drill has failed\n{said.getvalue()}")
     return counted(out)
 
 

@@ -19,6 +19,7 @@ from tests.benchmarks.detectors import judged
 from tests.small_missions import START, ring, square
 from tests.unit.uavmap.test_replay import GEOD, GRID, HEIGHT, ROI, UP_M, WIDTH, paint, painted
 from uavmap.cli import main
+from uavmap.kept_detector import KEPT
 from uavmap.mission_source import load_source
 from uavmap.offline.tune.examples import Example, load_examples
 from uavmap.offline.tune.metrics import total
@@ -276,7 +277,7 @@ def test_what_was_learned_maps_without_a_mission_file(
     assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
     made = load_source(str(out / "mission.toml")).parse()
     assert (made.detector.name, made.detector.view) == ("learned", "all")
-    assert made.detector.model == str((tuned / "eyes" / MODEL).resolve())
+    assert made.detector.model == str((out / KEPT / MODEL).resolve())  # its copy
     features = json.loads((out / "map.geojson").read_text())["features"]
     cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
     west, east, south, north = ROI
