@@ -342,3 +342,13 @@ def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
         assert any(region for region, _ in seen)
         assert any(surround for _, surround in seen)
     assert sorted(judged) == list(range(len(kinds)))
+
+
+def test_trees_answer_alike_where_many_values_lie_on_their_borders() -> None:
+    """Of few levels, as in a dark picture: each threshold is a value that many places have."""
+    rng = np.random.default_rng(2)
+    levels = np.log(rng.integers(1, 40, (6000, 2)) / 7.0).astype(np.float32)
+    levels += rng.choice([0.0, 1e-7, 3e-7], (6000, 2)).astype(np.float32)
+    labels = levels[:, 0] > levels[:, 1]
+    parts = fit_trees(levels, labels, 1)  # holds its answers against the learner's by itself
+    assert any(at not in (0.0, round(at, 6)) for tree in parts.trees for at in tree.at_most)
