@@ -96,8 +96,12 @@ class Evidence:
 
     @property
     def undecided(self) -> int:
-        """Cells on which too little weighs to decide."""
-        return sum(sums.weight < LEAST_WEIGHT * _STEPS for sums in self._cells.values())
+        """How many cells have too little weight to be decided."""
+        return len(self.undecided_cells())
+
+    def undecided_cells(self) -> set[Cell]:
+        """Those cells."""
+        return {cell for cell, s in self._cells.items() if s.weight < LEAST_WEIGHT * _STEPS}
 
 
 def evidence_of(events: Iterable[Event]) -> Evidence | None:
