@@ -103,6 +103,17 @@ class FrameSeen:
 
 
 @dataclass(frozen=True, slots=True)
+class Weighed:
+    """What the votes of the picture just judged weigh, 0 to 1 each, in their order: of a recorded
+    one, whose cells are decided by evidence (`missions.mapping.evidence`)."""
+
+    vehicle: int
+    t_s: float
+    weights: tuple[float, ...]
+    kind: Literal["weighed"] = "weighed"
+
+
+@dataclass(frozen=True, slots=True)
 class FrameLost:
     """A picture that was asked for is missing or cannot be read."""
 
@@ -296,6 +307,7 @@ VehicleEvent = (
     | Tracked
     | Arrived
     | FrameSeen
+    | Weighed
     | FrameLost
     | LookEnded
     | Landed

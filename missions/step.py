@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from missions.events import Event, Told
+from missions.events import Event, Told, Weighed
 from missions.flight.dispatch import assign
 from missions.flight.operator import explained
 from missions.flight.transitions import apply
@@ -28,6 +28,8 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
     """
     if isinstance(event, Told):  # words move nobody, and no plan depends on when they came
         return explained(state, event), ()
+    if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans by it
+        return state, ()
     after = assign(setting, apply(setting, state, event))
     orders = tuple(
         (number, vehicle.order)

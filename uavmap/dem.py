@@ -8,7 +8,6 @@ lattice along the mission's grid, relative to the height at the start, and kept 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,11 +20,11 @@ from missions.errors import MissionFileError
 from missions.ground.grid import Grid
 from missions.ground.terrain import encoded
 from missions.mission_file.places import positions_near
-from missions.mission_file.schema import Mission, parse_fields, parse_toml
+from missions.mission_file.schema import Mission, parse_fields
 from missions.mission_file.terrain_section import MOST_POINTS
 from missions.units import GridPoint, LatLon
 from uavmap.elevation_model import Floats, heights_at, metres_a_unit, opened, spacing_m
-from uavmap.inlined import inlined
+from uavmap.inlined import inlined, named_file
 
 LEAST_STEP_M: Final = 2.0
 """Between two points of the lattice: what is finer is no ground that a vehicle follows."""
@@ -100,11 +99,10 @@ def with_terrain(text: str, source: str, folder: Path) -> str:
     A text without a path there is returned as it is. Paths are relative to `folder`. Raises
     `MissionFileError`, naming the mission file (`source`), the key, the value and the remedy.
     """
-    table = parse_toml(text, source).get("terrain")
-    name = table.get("dem") if isinstance(table, Mapping) else None
-    if not isinstance(name, str):
+    found = named_file(text, source, "terrain", "dem")
+    if found is None:
         return text
-    where = f"{source}: {_KEY} = {name!r}"
+    name, where = found
     # the other values first: where the fence is says what of the ground is needed
     rest = inlined(text, where, "terrain", "dem", _NOTHING)
     mission = parse_fields(rest, source)

@@ -9,11 +9,26 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections.abc import Mapping
 from typing import Any, Final
 
 from missions.errors import MissionFileError
+from missions.mission_file.schema import parse_toml
 
 _STRING: Final = r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
+
+
+def named_file(text: str, source: str, section: str, key: str) -> tuple[str, str] | None:
+    """The name of a file that stands at `section.key`, and how a fault there begins.
+
+    None where no text stands there. Raises `MissionFileError` for what is no TOML.
+
+    >>> named_file('[terrain]\\ndem = "a.tif"', "x.toml", "terrain", "dem")
+    ('a.tif', "x.toml: terrain.dem = 'a.tif'")
+    """
+    table = parse_toml(text, source).get(section)
+    name = table.get(key) if isinstance(table, Mapping) else None
+    return (name, f"{source}: {section}.{key} = {name!r}") if isinstance(name, str) else None
 
 
 def inlined(

@@ -26,7 +26,7 @@ def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Det
     Raises `MissionFileError` without the extra, and for what is wrong with the files.
     """
     settings = _settings(path.with_suffix(".toml"))
-    run = _run_of(data)
+    run: Run = _Session(data)
     return build_detector("onnx", OnnxDetector, {"run": run, "settings": settings, **parameters})
 
 
@@ -43,31 +43,40 @@ def _settings(path: Path) -> OnnxSettings:
         raise MissionFileError(f"{path}: not a TOML file: {error}") from None
 
 
-def _run_of(data: bytes) -> Run:
-    try:
-        import onnxruntime  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise MissionFileError(
-            "a segmentation model needs onnxruntime; install uavmap[onnx]"
-        ) from None
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 4
-    options.intra_op_num_threads = 1  # the other cores have other vehicles' pictures
-    try:
-        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # the runtime has no common class of its errors
-        raise MissionFileError(f"not a model that onnxruntime reads ({_first(error)})") from None
-    inputs = session.get_inputs()
-    if len(inputs) != 1:
-        raise MissionFileError(f"the model has {len(inputs)} inputs; one is expected: pictures")
+class _Session:
+    """A model made ready. A copy that travels (pickle) takes the bytes and makes it ready anew."""
 
-    def run(batch: NDArray[np.float32]) -> NDArray[Any]:
+    def __init__(self, data: bytes) -> None:
         try:
-            return np.asarray(session.run(None, {inputs[0].name: batch})[0])
+            import onnxruntime  # noqa: PLC0415 - an extra
+        except ImportError:
+            raise MissionFileError(
+                "a segmentation model needs onnxruntime; install uavmap[onnx]"
+            ) from None
+        options = onnxruntime.SessionOptions()
+        options.log_severity_level = 4
+        options.intra_op_num_threads = 1  # the other cores have other vehicles' pictures
+        try:
+            session = onnxruntime.InferenceSession(
+                data, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # the runtime has no common class of its errors
+            raise MissionFileError(
+                f"not a model that onnxruntime reads ({_first(error)})"
+            ) from None
+        inputs = session.get_inputs()
+        if len(inputs) != 1:
+            raise MissionFileError(f"the model has {len(inputs)} inputs; one is expected: pictures")
+        self._data, self._session, self._input = data, session, inputs[0].name
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _Session, (self._data,)
+
+    def __call__(self, batch: NDArray[np.float32]) -> NDArray[Any]:
+        try:
+            return np.asarray(self._session.run(None, {self._input: batch})[0])
         except Exception as error:
             raise ImageError(f"the model cannot judge a tile ({_first(error)})") from None
-
-    return run
 
 
 def _first(error: Exception) -> str:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import MissionFileError
-from missions.mission_file.schema import MAX_PRIOR_PLACES, parse_toml
-from uavmap.inlined import inlined
+from missions.mission_file.schema import MAX_PRIOR_PLACES
+from uavmap.inlined import inlined, named_file
 from uavmap.text_files import read_text
 
 LARGEST_BYTES: Final = 4_000_000
@@ -31,11 +31,10 @@ def with_prior(text: str, source: str, folder: Path) -> str:
     A text without a path there is returned as it is. Paths are relative to `folder`. Raises
     `MissionFileError`, naming the mission file (`source`), the key, the value and the remedy.
     """
-    search = parse_toml(text, source).get("search")
-    name = search.get("prior") if isinstance(search, Mapping) else None
-    if not isinstance(name, str):
+    found = named_file(text, source, "search", "prior")
+    if found is None:
         return text
-    where = f"{source}: {_KEY} = {name!r}"
+    name, where = found
     try:
         content = read_text(folder / name, LARGEST_BYTES)
     except OSError as error:

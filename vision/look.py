@@ -224,6 +224,22 @@ def shares_of(
 ) -> list[float]:
     """The part of each cell that is ROI; -1 for a cell too little of which is in the picture.
 
+    The arguments are those of `seen_shares`.
+    """
+    shares, seen = seen_shares(marks, matrix, grid, cells, most_samples)
+    found: list[float] = np.where(seen >= SEEN_SHARE, shares, -1.0).tolist()
+    return found
+
+
+def seen_shares(
+    marks: Marks,
+    matrix: NDArray[np.float64],
+    grid: Grid,
+    cells: Sequence[Cell] | NDArray[np.intp],
+    most_samples: int = _SAMPLES,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of each cell the part that is ROI, of what is seen of it, and the part that is seen.
+
     Args:
         marks: Of a detector, shape (rows, columns): uint8, 255 where it sees ROI, else 0; or
             float32, a probability from 0 to 1, whose mean is the share.
@@ -256,9 +272,7 @@ def shares_of(
     roi, outside = _counted(block, samples) if marks.dtype == np.uint8 else _summed(block, samples)
     seen = samples * samples - outside
     at = (north - columns_rows[:, 1], columns_rows[:, 0] - west)
-    enough = seen[at] >= SEEN_SHARE * samples * samples
-    shares: list[float] = np.where(enough, roi[at] / np.maximum(seen[at], 1), -1.0).tolist()
-    return shares
+    return roi[at] / np.maximum(seen[at], 1), seen[at] / (samples * samples)
 
 
 def _counted(block: MatLike, samples: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

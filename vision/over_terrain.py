@@ -88,14 +88,23 @@ class OverTerrain:
     ) -> list[float]:
         """The part of each cell that is ROI; -1 for a cell too little of which is in the picture.
 
+        The arguments are those of `seen_shares`.
+        """
+        shares, seen = self.seen_shares(marks, cells)
+        found: list[float] = np.where(seen >= seen_share, shares, -1.0).tolist()
+        return found
+
+    def seen_shares(self, marks: Marks, cells: tuple[Cell, ...]) -> tuple[Floats, Floats]:
+        """Of each cell the part that is ROI, of what is seen of it, and the part that is seen.
+
         `marks` is a mask (uint8, 0 and 255) or a probability (float32, 0 to 1). All cells lie
         in front of the camera.
         """
         corners = np.array([self._grid.corners_of(cell) for cell in cells], dtype=np.float64)
         pixels, _ = self.project(corners)
         square = (_CORNERS * SAMPLES - 0.5).astype(np.float32)
-        found = []
-        for quad in pixels.astype(np.float32):
+        shares, parts = np.zeros(len(cells)), np.zeros(len(cells))
+        for number, quad in enumerate(pixels.astype(np.float32)):
             to_pixel = cv2.getPerspectiveTransform(square, quad)
             part = cv2.warpPerspective(
                 marks,
@@ -111,5 +120,6 @@ class OverTerrain:
                 roi = float(np.count_nonzero(part == 255))
             else:
                 roi = float(part.sum(where=inside, dtype=np.float64))
-            found.append(roi / seen if seen >= seen_share * SAMPLES * SAMPLES else -1.0)
-        return found
+            shares[number] = roi / max(seen, 1)
+            parts[number] = seen / (SAMPLES * SAMPLES)
+        return shares, parts

@@ -237,6 +237,10 @@ class Votes(Section):
 
     frames: Annotated[Count, Field(ge=1, le=100)] = 5
     positive: Annotated[Count, Field(ge=1, le=100)] = 3
+    recorded: Literal["evidence", "count"] | None = None
+    """How recorded pictures decide on a cell. `evidence`: by the mean of what all of them saw,
+    weighed; `count`: by the first `frames`, as in the paper and in every flight. Left out: by
+    evidence under the view "all", by counting under "cross"."""
 
     @model_validator(mode="after")
     def _enough_frames(self) -> Votes:
@@ -317,6 +321,13 @@ class Mission(Section):
     ] = (VehicleSection(),)
     terrain: TerrainSection | None = None
     sim: Sim = Sim()
+
+    @property
+    def by_evidence(self) -> bool:
+        """Whether cells of recorded pictures are decided by evidence; flights count votes."""
+        if self.votes.recorded is None:
+            return self.detector.view == "all"
+        return self.votes.recorded == "evidence"
 
     @property
     def surveyed(self) -> Terrain | None:

@@ -4,6 +4,9 @@ Half of them for an ArduCopter, half for a PX4. A vehicle in the air gets noise,
 unknown messages and messages for others; one on the ground gets besides these messages of every
 type with the worst values. The exit status is 1 when anything raised or changed, or memory grew by
 more than a megabyte.
+
+`python -m tests.benchmarks.fuzz --picture FILE [COUNT]`: copies of a photograph with damage, for
+the reader of recorded pictures; the exit status is 1 when one raised anything but its own refusal.
 """
 
 from __future__ import annotations
@@ -11,12 +14,14 @@ from __future__ import annotations
 import itertools
 import math
 import sys
+from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import World, WorldSpec
+from tests.benchmarks.replay import fuzz_pictures
 from tests.hostile import bombard
 
 _HOME = LatLon(48.0, 11.0)
@@ -74,4 +79,7 @@ def main(size: int) -> int:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["--picture"]:
+        fuzz_pictures(Path(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1000)
+        sys.exit(0)
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000_000))

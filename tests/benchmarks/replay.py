@@ -31,7 +31,7 @@ from uavmap.offline.sources.opening import open_source
 from uavmap.offline.sources.photo_file import decoded, read_photo
 from uavmap.offline.sources.record import Picture, Refused
 from uavmap.offline.spool import Spool
-from uavmap.offline.workers import in_order, worker_count
+from uavmap.offline.workers import Threads, in_order, worker_count
 
 WIDTH_PX = 1000
 
@@ -115,7 +115,7 @@ def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
-        look_at_all(gathered, setting, spool, Silent(), Options(workers=workers))
+        look_at_all(gathered, setting, spool, Silent(), Options(Threads(workers)))
     return time.perf_counter() - begun, time.process_time() - used
 
 
@@ -147,7 +147,8 @@ def _memory(path: Path, most: int) -> None:
         print(f"{count} pictures: {wall:.0f} s, peak {peak_mb():.0f} MB", flush=True)
 
 
-def _fuzz(path: Path, count: int) -> None:
+def fuzz_pictures(path: Path, count: int) -> None:
+    """Print what becomes of damaged copies, and the memory that it took."""
     data, outcomes = path.read_bytes(), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         for bad in mutations(data, count):
@@ -166,7 +167,7 @@ def main() -> int:
     elif options.what == "memory":
         _memory(options.path, options.count)
     else:
-        _fuzz(options.path, options.count)
+        fuzz_pictures(options.path, options.count)
     return 0
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 from shapely.geometry.base import BaseGeometry
 
-from missions.events import Connected, Event, FrameSeen, Tracked
+from missions.events import Connected, Event, FrameSeen, Tracked, Weighed
 from missions.ground.grid import Grid
+from missions.mapping.evidence import Evidence, evidence_of
 from missions.state import Setting, State
 from missions.step import step
 from missions.units import Cell
@@ -16,7 +17,7 @@ from uavmap.animation.film import Change, Film, Fix, Place, Unit
 from uavmap.results.figures import LIFT_OFF_M
 from uavmap.results.model import State as CellState
 from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
-from uavmap.results.write_results import cell_state
+from uavmap.results.write_results import cell_state, weighed_state
 
 
 def film_of_flight(
@@ -37,9 +38,12 @@ def film_of_flight(
         recorded: whether the journal is of photographs, of which no vehicle is known.
     """
     grid = setting.grid
-    log = _Log(setting, State.initial(setting), recorded)
+    events = list(events)
+    weighed = Evidence() if evidence_of(events) else None
+    log = _Log(setting, State.initial(setting), recorded, evidence=weighed)
     for event in events:
         log.take_in(event)
+    log.end()
     roi: frozenset[Cell] = frozenset()
     if truth is not None:
         shares = shares_of(cells_near(truth, grid), truth, grid)
@@ -68,6 +72,9 @@ class _Log:
     changes: list[Change] = field(default_factory=list)
     tracks: dict[int, list[Fix]] = field(default_factory=dict)
     shown: dict[Cell, CellState] = field(default_factory=dict)
+    evidence: Evidence | None = None
+    """Of recorded pictures that are weighed."""
+    seen: FrameSeen | None = None
 
     def take_in(self, event: Event) -> None:
         """Note what an event changes."""
@@ -77,14 +84,31 @@ class _Log:
             place = _place(self.setting.grid, event, self.t_s)
             fix = Fix(self.t_s, place, event.height_m >= LIFT_OFF_M)
             self.tracks.setdefault(event.vehicle, []).append(fix)
-        cells = {vote.cell for vote in event.votes} if isinstance(event, FrameSeen) else set()
+        if isinstance(event, FrameSeen):
+            self.seen = event
+        cells: set[Cell] = set()
+        if isinstance(event, Weighed) and self.evidence is not None and self.seen is not None:
+            self.evidence.add(self.seen.votes, event.weights)
+            cells = {vote.cell for vote in self.seen.votes}
+        elif isinstance(event, FrameSeen) and self.evidence is None:
+            cells = {vote.cell for vote in event.votes}
         if self.state.tree is not None and self.state.tree is not before.tree:
             cells |= self.state.tree.vertices.keys()
         for cell in sorted(cells):
             self._note(cell)
 
+    def end(self) -> None:
+        """Beliefs begin with what is usual in the whole set, which its last picture tells."""
+        if self.evidence is not None:
+            for cell in self.evidence.cells():
+                self._note(cell)
+
     def _note(self, cell: Cell) -> None:
-        now, tree = cell_state(cell, self.state, recorded=self.recorded), self.state.tree
+        if self.evidence is None:
+            now = cell_state(cell, self.state, recorded=self.recorded)
+        else:
+            now = weighed_state(cell, self.evidence, self.setting.mission.detector.share)
+        tree = self.state.tree
         if self.shown.get(cell) != now:
             self.shown[cell] = now
             parent = tree.parent(cell) if tree is not None and cell in tree else None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.errors import MissionFileError, OutputError, UavmapError
+from missions.mapping.evidence import evidence_of
 from missions.mission_file.schema import Mission
 from missions.state import Setting
 from missions.units import LatLon
@@ -226,9 +227,10 @@ def _of_results(
     with Journal.open(folder / JOURNAL) as journal:
         recorded = "replay" in journal.meta
         setting = Setting.of(FlightPlan.read(journal).mission())
-        state, found = figures(setting, list(journal.events()))
+        events = list(journal.events())
+    state, found = figures(setting, events)
     mission = setting.mission
-    data = map_data(setting, state, found, None, recorded=recorded)
+    data = map_data(setting, state, found, None, recorded=recorded, evidence=evidence_of(events))
     if not data.roi_cells:
         raise UavmapError(f"{folder}: no region was mapped; there is nothing to survey")
     vehicle = _chosen(options, mission) or 0

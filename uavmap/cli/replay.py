@@ -21,14 +21,17 @@ from uavmap.cli.common import (
 )
 from uavmap.detector_source import detector_text
 from uavmap.fly.progress import Terminal
+from uavmap.kept_detector import keep_detector, with_relative_model
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
+from uavmap.offline.cluster import Cluster
 from uavmap.offline.derived import DETECTOR, derived
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.refined_pictures import RefinedSet, refined
 from uavmap.offline.replay import Options, look_at_all
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
+from uavmap.offline.workers import Crew, Threads
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.atomic import write_text
@@ -45,6 +48,7 @@ examples:
   uavmap replay photos/ --mission field.toml --out field-map --calibration camera.yaml
   uavmap replay photos/ --mission field.toml --detector my-field
   uavmap replay photos/ --refine off
+  uavmap replay archive/ --scheduler tcp://10.0.0.5:8786
 
 PATH is a folder with its subfolders, or one file. Pictures are JPEG, PNG or TIFF of 8 or 16 bits.
 Positions come from EXIF, heights and angles from XMP as drones write them, or all of them from a
@@ -88,11 +92,17 @@ def add_parser(commands: Any) -> None:
         type=utc_seconds,
         help="when a video with a .tlog beside it begins: 2024-05-01T10:11:12.5Z",
     )
-    parser.add_argument(
+    who = parser.add_mutually_exclusive_group()
+    who.add_argument(
         "--workers",
         metavar="N",
         type=worker_count,
         help="how many pictures are looked at at once (default: one a core); the map is the same",
+    )
+    who.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask cluster that looks at the pictures: tcp://HOST:PORT; the map is the same",
     )
     parser.add_argument(
         "--refine",
@@ -106,6 +116,13 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay."""
+    if options.scheduler is None:
+        return _replay(options, Threads(options.workers))
+    with Cluster(options.scheduler) as cluster:
+        return _replay(options, cluster)
+
+
+def _replay(options: argparse.Namespace, crew: Crew) -> int:
     progress = Terminal()
     given = None if options.mission is None else load_source(options.mission, options.detector)
     asked = None if given is None else given.parse()  # say what is wrong before pictures are read
@@ -116,7 +133,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:  # said before pictures are read, which may take long
         refuse_unwritable(results_folder(options.out, ""))
     gathered = gather(open_source(Path(options.path), options.video_start))
-    better = _refined(gathered, lens, given, options, progress)
+    better = _refined(gathered, lens, given, options, progress, crew)
     gathered = gathered if better is None else better.gathered
     source = given or _derived(gathered, lens, detector, any_day=options.any_day)
     mission = source.parse()
@@ -126,15 +143,16 @@ def run(options: argparse.Namespace) -> int:
         for line in _shown(source):
             progress.say(line)
     with Spool() as spool:
-        how = Options(options.workers, lens, options.any_day, better is not None)
+        how = Options(crew, lens, options.any_day, better is not None)
         looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
         looked.refuse_empty()
         make_folder(folder)
+        keep_detector(mission.detector, source.text, folder)
         try:
             if better is not None:
                 better.write(folder)
             if given is None:
-                write_text(folder / MISSION_FILE, source.text)
+                write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
                 progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
                 summary = looked.written(journal, folder, progress)
@@ -152,12 +170,13 @@ def _refined(
     given: MissionSource | None,
     options: argparse.Namespace,
     progress: Terminal,
+    crew: Crew,
 ) -> RefinedSet | None:
     """The set with the poses that its overlaps give; None where those of the tags are wanted."""
     if options.refine == "off":
         return None
     mission = None if given is None else given.parse()
-    return refined(gathered, progress, mission, lens=lens, workers=options.workers)
+    return refined(gathered, progress, mission, lens=lens, crew=crew)
 
 
 def _derived(

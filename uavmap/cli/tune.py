@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import OutputError
-from uavmap.cli.common import make_folder, number_type, overwrite_nothing, seed_number
+from uavmap.cli.common import number_type, overwrite_nothing, refuse_unwritable, seed_number
 from uavmap.fly.progress import PipeConsole, Terminal
 from uavmap.offline.tune.paint import paint
 from uavmap.offline.tune.run import FILES, Wishes, tune
@@ -42,7 +42,7 @@ def add_parser(commands: Any) -> None:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("images", metavar="IMAGES", help="a folder of pictures (JPEG, PNG)")
+    parser.add_argument("images", metavar="IMAGES", help="a folder of pictures (JPEG, PNG, TIFF)")
     parser.add_argument(
         "--examples",
         metavar="DIR",
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
         raise OutputError("--out is missing; name a folder for the detector")
     out = Path(options.out)
     overwrite_nothing(out, FILES)
-    make_folder(out)
+    refuse_unwritable(out)
     wishes = Wishes(
         options.seed,
         options.width,

@@ -33,6 +33,7 @@ from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
+from uavmap.kept_detector import drop_detector, keep_detector
 from uavmap.link.urls import parse_url
 from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, Driver, FlightPlan
 from uavmap.record.frames import FrameKeeper
@@ -75,6 +76,11 @@ def fly(
     for url in plan.forward:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+        try:
+            keep_detector(setting.mission.detector, plan.mission_text, folder)
+        except OutputError:
+            journal.discard()
+            raise
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
         flight.preflight = preflight
         if preflight is not None and preflight.keep_fence:
@@ -87,6 +93,7 @@ def fly(
             if not len(journal):  # nobody answered: nothing has begun
                 journal.discard()
                 (folder / TLOG).unlink(missing_ok=True)
+                drop_detector(folder)
                 with contextlib.suppress(OSError):
                     folder.rmdir()
             raise

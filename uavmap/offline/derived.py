@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import PurePath
 from statistics import median
@@ -64,8 +65,7 @@ def derived(
     pixels = min(PIXELS_A_CELL, math.floor(optics.pixels_per_cell(height_m, cell_m)))
     start, box, fence = _places(placed, optics, height_m)
     frames, positive = _votes(placed, optics, start)
-    told = lens is not None or any(p.picture.lens for p in placed)
-    guess = "" if told else "  # a guess: no picture tells its angle of view; see --calibration"
+    view_from = _view_from(placed, gathered, lens)
     name = PurePath(gathered.source).stem or "pictures"
     clean = "".join(c if c.isalnum() or c in "-_ " else "-" for c in name).strip(" .")[:60]
     return f"""\
@@ -83,7 +83,7 @@ cell_m = {cell_m:g}
 [flight]
 altitude_m = {height_m:.1f}
 [camera]
-hfov_deg = {math.degrees(optics.hfov_rad):.2f}{guess}
+hfov_deg = {math.degrees(optics.hfov_rad):.2f}  # {view_from}
 width_px = {optics.width_px}
 height_px = {optics.height_px}
 mounting = "gimbal"
@@ -116,6 +116,20 @@ def _optics(placed: Sequence[Placed], lens: Lens | None) -> Optics:
     shape = float(median([p.picture.height_px / p.picture.width_px for p in placed]))
     width_px = min(WIDTH_PX, int(median([float(p.picture.width_px) for p in placed])))
     return Optics(hfov_rad, max(16, width_px), max(16, round(width_px * shape)))
+
+
+def _view_from(placed: Sequence[Placed], gathered: Gathered, lens: Lens | None) -> str:
+    """Where the angle of view comes from, for the line that tells it."""
+    if lens is not None:
+        return "from the calibration"
+    told = Counter(p.picture.lens_from for p in placed if p.picture.lens_from)
+    if told:
+        name, count = min(told.items(), key=lambda item: (-item[1], item[0]))
+        whence = f"from {name} of {count} of {len(placed)} pictures"
+    else:
+        whence = "a guess: no picture tells its angle of view; see --calibration"
+    refined = any(p.picture.name in gathered.refined for p in placed)
+    return f"{whence}, corrected by overlaps" if refined else whence
 
 
 def _places(

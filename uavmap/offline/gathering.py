@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from missions.errors import ImageError
+from uavmap.offline.copies import different
 from uavmap.offline.sources.record import Picture, PictureSource, Refused
 
 
@@ -17,7 +17,7 @@ class Gathered:
     Attributes:
         source: What to call it.
         pictures: Different pictures, in the order in which they were taken; those that do not say
-            when come last, by name.
+            when come last.
         refused: What should be a picture and is none, or is one that is there already.
         copies: How many of `refused` are copies of another picture.
         left_out: What else lies there, a line a kind.
@@ -64,35 +64,5 @@ def gather(source: PictureSource) -> Gathered:
         raise ImageError(
             f"{source.name}: no picture can be read: {first.name}: {first.reason}{more}"
         )
-    pictures.sort(key=_when)
-    different, copies = _different(pictures)
-    return Gathered(source.name, different, (*refused, *copies), len(copies), left_out)
-
-
-def _when(picture: Picture) -> tuple[bool, float, str]:
-    return picture.taken_s is None, picture.taken_s or 0.0, picture.name
-
-
-def _different(pictures: Sequence[Picture]) -> tuple[tuple[Picture, ...], tuple[Refused, ...]]:
-    """The pictures without those whose content was there before; the others' names.
-
-    Only pictures of the same size can be the same, so that few are read for it.
-    """
-    sizes: dict[int, int] = defaultdict(int)
-    for picture in pictures:
-        sizes[picture.content.size_bytes] += 1
-    first: dict[str, str] = {}
-    different, copies = [], []
-    for picture in pictures:
-        if sizes[picture.content.size_bytes] > 1:
-            try:
-                digest = picture.content.digest()
-            except ImageError as error:
-                copies.append(Refused(picture.name, str(error)))
-                continue
-            if digest in first:
-                copies.append(Refused(picture.name, f"the same file as {first[digest]}"))
-                continue
-            first[digest] = picture.name
-        different.append(picture)
-    return tuple(different), tuple(copies)
+    kept, copies = different(pictures)
+    return Gathered(source.name, kept, (*refused, *copies), len(copies), left_out)

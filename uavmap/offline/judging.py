@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -39,7 +39,7 @@ WHITE_SHARE: Final = 0.6
 """A picture with more of it at the upper end of the levels is over-exposed."""
 DARK_SHARE: Final = 0.95
 _WHITE, _DARK = 250, 12
-_EVERY = 4  # what is asked of all of a picture is asked of every so many rows
+_EVERY = 12  # what is asked of all of a picture is asked of every so many rows
 
 WHOLE_AREA: Final = Cell(0, 0)
 """The vantage of all pictures under the view "all": one look over the whole area."""
@@ -53,6 +53,7 @@ class Judged:
         vantage: The cell over which its votes count.
         cells: Shape (n, 2): columns and rows of the cells that it shows.
         shares: Shape (n,): how much of each is ROI; -1 where it is not in the picture.
+        weights: Shape (n,): what that weighs, 0 to 1; 1 where votes are counted.
         camera: The pinhole that it was judged with.
         marks: The detector's, as `packed`.
         patch: What is compared to find pictures upside down.
@@ -63,6 +64,7 @@ class Judged:
     vantage: Cell
     cells: Cells
     shares: NDArray[np.float64]
+    weights: NDArray[np.float64]
     camera: Camera
     marks: bytes
     patch: Patch | None
@@ -70,35 +72,63 @@ class Judged:
     sharpness: float
 
 
+class Task(NamedTuple):
+    """A picture to be judged, and the mission time at which it was taken."""
+
+    placed: Placed
+    t_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """How the pictures of a replay are judged."""
+    """How the pictures of a replay are judged.
+
+    `compare`: whether pictures upside down are looked for; registration has found them already
+    where it has placed all.
+    """
 
     mission: Mission
     grid: Grid
     detector: Detector
     search: UprightSearch
     lenses: Lenses = field(default_factory=Lenses)
+    compare: bool = True
 
     @classmethod
     def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lenses: Lenses) -> Judge:
         """The judge that a mission file describes."""
         return cls(mission, grid, detector_of(mission), search, lenses)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """What it is made of travels to a worker, and not what was seen so far."""
+        search = UprightSearch(self.grid, self.search.pitch_m)
+        lenses = Lenses(self.lenses.given)
+        made = (self.mission, self.grid, self.detector, search, lenses, self.compare)
+        return Judge, made
+
+    def said(self, task: Task) -> Judged | str:
+        """What a picture says, or why it is no evidence."""
+        try:
+            return self.judged(*task)
+        except ImageError as error:
+            return str(error)
+
     def judged(self, placed: Placed, t_s: float) -> Judged:
         """What a picture says. Raises `ImageError`: why it is no evidence."""
         frame = self.frame(placed, t_s)
         vantage, cells = self._asked(frame.camera, placed, t_s)
-        some = np.ascontiguousarray(frame.image[::_EVERY])
+        some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
         self._refuse_implausible(some)
         marks = marks_of(self.detector, frame.image)
+        shares, weights = self._weighed(self.laid(frame.camera, placed, t_s), marks, cells)
         return Judged(
             vantage,
             cells,
-            self.laid(frame.camera, placed, t_s).shares(marks, cells),
+            shares,
+            weights,
             frame.camera,
             packed(marks),
-            self.search.patch(frame),
+            self.search.patch(frame) if self.compare else None,
             hashlib.blake2b(some.data, digest_size=16).digest(),
             sharpness(frame.image),
         )
@@ -108,7 +138,14 @@ class Judge:
     ) -> NDArray[np.float64]:
         """The shares of a picture that turns out to be stored upside down."""
         upright = unpacked(marks, camera.height_px, camera.width_px, upside_down=True)
-        return self.laid(camera, placed, t_s).shares(upright, cells)
+        return self._weighed(self.laid(camera, placed, t_s), upright, cells)[0]
+
+    def _weighed(
+        self, laid: Laid, marks: Marks, cells: Cells
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if self.mission.by_evidence:
+            return laid.weighed(marks, cells)
+        return laid.shares(marks, cells), np.ones(len(cells))
 
     def laid(self, camera: Camera, placed: Placed, t_s: float) -> Laid:
         """The picture on the mission's ground."""
@@ -134,7 +171,9 @@ class Judge:
                 f"{placed.pose.height_m:.0f} m; {LEAST_PIXELS_A_CELL:g} are needed"
             )
         view, margin_m = self.mission.detector.view, self.mission.camera.pose_error_m
-        cells = self.laid(camera, placed, t_s).cells(view, margin_m)
+        cells = self.laid(camera, placed, t_s).cells(
+            view, margin_m, partly=self.mission.by_evidence
+        )
         vantage = WHOLE_AREA
         if view == "cross":
             vantage = self.grid.cell_at(placed.pose.position, t_s)

@@ -28,6 +28,10 @@ class Lenses:
     _plans: dict[Lens, Straightening] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """A lock does not travel, and plans are made anew."""
+        return Lenses, (self.given,)
+
     def lens(self, picture: Picture, mission: Mission) -> Lens:
         """The lens of the picture at its full size."""
         lens = self.given or picture.lens

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.mission_file.schema import Mission
+from missions.state import Setting
 from uavmap.fly.progress import Progress
 from uavmap.offline.gathering import Gathered
 from uavmap.offline.pixels import eight_bits
@@ -34,7 +35,7 @@ from uavmap.offline.refinement import (
 )
 from uavmap.offline.registration_report import FILE, lines, report
 from uavmap.offline.sources.record import Measured, Picture
-from uavmap.offline.workers import in_order, worker_count
+from uavmap.offline.workers import Crew, Threads, in_order, worker_count
 from uavmap.results import summary
 from vision.lens import Lens
 from vision.registration import WIDTH_PX, Features, Registration, extract, thumbnail
@@ -80,29 +81,27 @@ def refined(
     mission: Mission | None = None,
     *,
     lens: Lens | None = None,
-    workers: int | None = None,
-) -> RefinedSet | None:
-    """Register the pictures of a set; None over a terrain, where they keep the poses of their tags.
+    crew: Crew | None = None,
+) -> RefinedSet:
+    """Register the pictures of a set, over the ground of the mission where it is not flat.
 
     Args:
         gathered: The set, as tagged.
         progress: Hears how far it is, and what was done.
-        mission: What is to be mapped, where that is known: it tells the angle of view of pictures
-            that do not.
+        mission: What is to be mapped, where that is known: it tells the ground, and the angle of
+            view of pictures that do not.
         lens: A calibration for all pictures.
-        workers: How many threads; None: one a core. The result is the same.
+        crew: Who looks at the pictures; None: threads here, one a core. The result is the same.
     """
-    if mission is not None and mission.ground is not None:
-        progress.say(
-            "over a terrain poses are as tagged: registration takes the ground for a plane"
-        )
-        return None
     lenses = _Lenses(lens, HFOV_DEG if mission is None else mission.camera.hfov_deg)
     placed = [p for p in gathered.pictures if _has_place(p)]
     every = max(1, len(placed) // 10)
     refinement = Refinement()
-    workers = workers or worker_count()
-    answers = in_order(lenses.features, placed, workers)
+    if mission is not None and mission.ground is not None:
+        refinement.grid, refinement.terrain = Setting.of(mission).grid, mission.ground
+    crew = crew or Threads()
+    sent = (crew.sent(picture, WIDTH_PX) for picture in placed)
+    answers = crew.in_order(lenses.features, sent)
     for number, (picture, looked) in enumerate(zip(placed, answers, strict=True), start=1):
         if looked is not None:
             features, hfov_rad = looked
@@ -110,7 +109,8 @@ def refined(
             refinement.features.append(features)
         if number % every == 0 or number == len(placed):
             progress.say(f"compared {number} of {len(placed)}: {picture.name}")
-    many = partial(in_order, workers=workers)
+    threads = crew.count if isinstance(crew, Threads) else None
+    many = partial(in_order, workers=threads or worker_count())
     result, found = refinement.run(_told(progress), many)
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}

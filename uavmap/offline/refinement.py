@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.ground.geodesy import LocalPlane
-from missions.units import LatLon, Pose, Quaternion
+from missions.ground.grid import Grid
+from missions.ground.terrain import Terrain
+from missions.units import GridPoint, LatLon, Pose, Quaternion
 from vision.camera import rotation
 from vision.registration import (
     Features,
@@ -22,6 +24,7 @@ from vision.registration import (
     Prior,
     Refined,
     Registration,
+    Relief,
     View,
     extract,
     register,
@@ -114,6 +117,10 @@ class Refinement:
 
     tags: list[Tags] = field(default_factory=list)
     features: list[Features] = field(default_factory=list)
+    grid: Grid | None = None
+    terrain: Terrain | None = None
+    """The ground in the metres of `grid`, where it is known not to be flat; then heights are above
+    the ground at the grid's start."""
 
     def add(self, tags: Tags, image: NDArray[np.uint8]) -> None:
         """Take in a picture (rows, columns[, 3]); only its features are kept."""
@@ -127,8 +134,9 @@ class Refinement:
         if not self.tags:
             return Registration((), (), (), None, None), {}
         plane = LocalPlane(_middle([t.position for t in self.tags]))
-        views = [_view(t, f, plane) for t, f in zip(self.tags, self.features, strict=True)]
-        result = register(views, say, many)
+        relief = self._relief(plane)
+        views = [_view(t, f, plane, relief) for t, f in zip(self.tags, self.features, strict=True)]
+        result = register(views, say, many, relief)
         return result, {
             tags.name: _found(refined, tags, features, plane, result)
             for tags, features, refined in zip(
@@ -136,6 +144,13 @@ class Refinement:
             )
             if refined is not None
         }
+
+    def _relief(self, plane: LocalPlane) -> Relief | None:
+        if self.terrain is None or self.grid is None:
+            return None
+        grid = self.grid
+        start_m = self.terrain.height_m(GridPoint(0.0, 0.0))
+        return Relief.of(self.terrain, start_m, lambda e, n: grid.fixed(plane.to_wgs84(e, n)))
 
 
 def _middle(positions: Sequence[LatLon]) -> LatLon:
@@ -150,7 +165,7 @@ def _focal_px(tags: Tags, features: Features) -> float:
     return features.width_px / 2.0 / math.tan(tags.hfov_rad / 2.0)
 
 
-def _view(tags: Tags, features: Features, plane: LocalPlane) -> View:
+def _view(tags: Tags, features: Features, plane: LocalPlane, relief: Relief | None) -> View:
     east_m, north_m = plane.to_plane(tags.position)
     focal_px = _focal_px(tags, features)
     tilt, tilt_sigma = (0.0, 0.0), UNKNOWN_TILT_RAD
@@ -176,6 +191,7 @@ def _view(tags: Tags, features: Features, plane: LocalPlane) -> View:
         yaw,
         tilt,
         tilt_sigma,
+        0.0 if relief is None else float(relief.at(np.array([[east_m, north_m]]))[0]),
     )
 
 

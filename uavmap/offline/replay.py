@@ -5,8 +5,9 @@
 The first pass reads tags only, and decides which pictures can be used. The second decodes each
 picture once, at the size that the mission works with, on all cores. What a picture says about
 cells waits on disk until all were seen: which are upside down, or blurred, shows beside the others
-only. Under the view "all" the pictures are one look over the whole area: the first `votes.frames`
-that show a cell decide on it, in the order in which they were taken.
+only. What decides on a cell is the weighed mean of what all pictures say (`votes.recorded`,
+`missions.mapping.evidence`), or as in a flight the count of the first `votes.frames` that show it,
+in the order in which they were taken.
 
 A bad picture is refused with its reason, and never ends the run.
 """
@@ -14,27 +15,28 @@ A bad picture is refused with its reason, and never ends the run.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
 from missions.errors import ImageError
-from missions.events import FrameLost, FrameSeen, Tracked, Vote
+from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
+from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 from uavmap.fly.progress import Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.gathering import Gathered, gather
-from uavmap.offline.judging import Judge, Judged
+from uavmap.offline.judging import Judge, Task
 from uavmap.offline.lenses import Lenses
 from uavmap.offline.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Said, Spool
 from uavmap.offline.tally import Votes
-from uavmap.offline.workers import in_order, worker_count
+from uavmap.offline.workers import Crew, Threads
 from uavmap.record.journal import Journal
 from uavmap.results.replay_results import Replayed, write_replay
 from vision.camera import Camera
@@ -67,13 +69,13 @@ class Options:
     """How a replay is done.
 
     Attributes:
-        workers: How many threads; None: one a core. The results are the same.
+        crew: Who looks at the pictures. The results are the same.
         lens: A calibration of the camera, instead of what tags say.
         any_day: Whether pictures of other days than most are used.
         refine: Whether poses are refined where pictures overlap.
     """
 
-    workers: int | None = None
+    crew: Crew = field(default_factory=Threads)
     lens: Lens | None = None
     any_day: bool = False
     refine: bool = False
@@ -94,9 +96,7 @@ def replay(
     options = options or Options()
     gathered = gather(open_source(images))
     if options.refine:
-        better = refined(
-            gathered, progress, setting.mission, lens=options.lens, workers=options.workers
-        )
+        better = refined(gathered, progress, setting.mission, lens=options.lens, crew=options.crew)
         if better is not None:
             better.write(folder)
             gathered = better.gathered
@@ -118,15 +118,19 @@ class Looked:
 
     def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
-        votes = Votes(self.setting.mission.votes.frames, self.setting.mission.votes.positive)
-        journal.append_all(self._events(votes))
+        mission = self.setting.mission
+        votes = Votes(mission.votes.frames, mission.votes.positive)
+        evidence = Evidence() if mission.by_evidence else None
+        journal.append_all(self._events(votes, evidence))
+        decided = votes if evidence is None else evidence
         mapped = Replayed(
-            votes.cells(),
-            frozenset(votes.roi),
-            votes.undecided,
+            decided.cells(),
+            frozenset(votes.roi) if evidence is None else evidence.roi(mission.detector.share),
+            decided.undecided,
             [(s.t_s, s.placed.pose.position, s.placed.pose.height_m) for s in self._used],
             len(self._rows()) - len(self._used) - self.gathered.copies,
             self.gathered.copies,
+            {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()},
         )
         summary = write_replay(folder, self.setting, mapped)
         write_pictures(self._rows(), folder / FILE)
@@ -143,8 +147,10 @@ class Looked:
     def _used(self) -> list[Shot]:
         return [shot for shot in self.shots if not shot.reason]
 
-    def _events(self, votes: Votes) -> Iterator[Tracked | FrameSeen | FrameLost]:
-        """What happened, as a journal tells it; the votes are counted on the way."""
+    def _events(
+        self, votes: Votes, evidence: Evidence | None
+    ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
+        """What happened, as a journal tells it; the votes are counted, or weighed, on the way."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
         for number, shot in enumerate(self.shots):
             point = grid.fixed(shot.placed.pose.position)
@@ -154,15 +160,22 @@ class Looked:
             if shot.reason:
                 yield FrameLost(VEHICLE, shot.t_s, shot.reason)
                 continue
-            vantage, cells, shares, _ = self.spool.get(number)
+            kept = self.spool.get(number)
+            rated = kept.shares >= 0.0
             said = tuple(
                 Vote(Cell(*cell), part >= share, round(part, 3))
-                for cell, part in zip(cells.tolist(), shares.tolist(), strict=True)
-                if part >= 0.0
+                for cell, part in zip(
+                    kept.cells[rated].tolist(), kept.shares[rated].tolist(), strict=True
+                )
             )
             shot.cells = len(said)
-            votes.add(vantage, said)
-            yield FrameSeen(VEHICLE, shot.t_s, vantage, said)
+            yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said)
+            if evidence is None:
+                votes.add(kept.vantage, said)
+                continue
+            weights = tuple(round(weight, 3) for weight in kept.weights[rated].tolist())
+            evidence.add(said, weights)
+            yield Weighed(VEHICLE, shot.t_s, weights)
 
     def _rows(self) -> list[PictureRow]:
         """A row for each picture and each file that is none, by name."""
@@ -240,7 +253,9 @@ def look_at_all(
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
     judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
-    _judge_all(judge, shots, spool, progress, options.workers or worker_count())
+    placed_all = all(entry.picture.name in gathered.refined for entry in placed)
+    judge = replace(judge, compare=not placed_all)
+    _judge_all(judge, shots, spool, progress, options.crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
     progress.end()
@@ -275,19 +290,13 @@ def _timed(placed: Sequence[Placed]) -> list[Shot]:
 
 
 def _judge_all(
-    judge: Judge, shots: Sequence[Shot], spool: Spool, progress: Progress, workers: int
+    judge: Judge, shots: Sequence[Shot], spool: Spool, progress: Progress, crew: Crew
 ) -> None:
     """Decode and judge every picture; what each says is put on the spool."""
-
-    def judged(shot: Shot) -> Judged | str:
-        try:
-            return judge.judged(shot.placed, shot.t_s)
-        except ImageError as error:
-            return str(error)
-
     seen: dict[bytes, int] = {}
     every = max(1, len(shots) // 10)
-    answers = in_order(judged, shots, workers)
+    tasks = (_task(shot, judge, crew) for shot in shots)
+    answers = crew.in_order(judge.said, tasks)
     for number, (shot, said) in enumerate(zip(shots, answers, strict=True)):
         if isinstance(said, str):
             shot.reason = said
@@ -301,9 +310,15 @@ def _judge_all(
         else:
             judge.search.add(said.patch)
             shot.camera = said.camera
-            spool.put(number, Said(said.vantage, said.cells, said.shares, said.marks))
+            marks, weights = said.marks, said.weights
+            spool.put(number, Said(said.vantage, said.cells, said.shares, marks, weights))
         if number % every == every - 1 or number + 1 == len(shots):
             progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
+
+
+def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:
+    picture = crew.sent(shot.placed.picture, judge.mission.camera.width_px)
+    return Task(replace(shot.placed, picture=picture), shot.t_s)
 
 
 def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:

@@ -22,6 +22,7 @@ class Said(NamedTuple):
     cells: NDArray[np.intp]
     shares: NDArray[np.float64]
     marks: bytes
+    weights: NDArray[np.float64]
 
 
 class _Kept(NamedTuple):
@@ -52,8 +53,9 @@ def _temporary() -> IO[bytes]:
 class Spool:
     """What pictures say by a number, in a file that vanishes with this object.
 
+    >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
     >>> with Spool() as spool:
-    ...     spool.put(7, Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks"))
+    ...     spool.put(7, said)
     ...     found = spool.get(7)
     >>> found.cells.tolist(), found.shares.tolist(), found.marks
     ([[1, 2]], [0.5], b'marks')
@@ -74,7 +76,8 @@ class Spool:
         with _told():
             offset = self._file.seek(0, 2)
             self._file.write(np.ascontiguousarray(said.cells, dtype=np.int32).tobytes())
-            self._file.write(np.ascontiguousarray(said.shares, dtype=np.float64).tobytes())
+            for numbers in (said.shares, said.weights):
+                self._file.write(np.ascontiguousarray(numbers, dtype=np.float64).tobytes())
             self._file.write(said.marks)
         self._kept[number] = _Kept(offset, len(said.cells), len(said.marks), said.vantage)
 
@@ -84,5 +87,5 @@ class Spool:
         with _told():
             self._file.seek(offset)  # what waits in the buffer goes to the disk
         cells = np.frombuffer(self._file.read(8 * count), np.int32).reshape(count, 2)
-        shares = np.frombuffer(self._file.read(8 * count), np.float64)
-        return Said(vantage, cells.astype(np.intp), shares, self._file.read(marks))
+        shares, weights = (np.frombuffer(self._file.read(8 * count), np.float64) for _ in "12")
+        return Said(vantage, cells.astype(np.intp), shares, self._file.read(marks), weights)

@@ -7,12 +7,42 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import cv2
 
+from uavmap.offline.sources.record import Picture
+
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
+
+
+class Crew(Protocol):
+    """Who looks at pictures: threads here, or a cluster (`uavmap.offline.cluster`)."""
+
+    def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
+        """`work` of every item, in their order; what it raises is raised here."""
+        ...
+
+    def sent(self, picture: Picture, max_width_px: int) -> Picture:
+        """The picture as the one who looks at it can have it, at least so wide."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Threads:
+    """Threads of this process; None: one a core."""
+
+    count: int | None = None
+
+    def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
+        """See `Crew.in_order`."""
+        return in_order(work, items, self.count or worker_count())
+
+    def sent(self, picture: Picture, max_width_px: int) -> Picture:
+        """See `Crew.sent`: as it is, on this computer."""
+        return picture
 
 
 def worker_count() -> int:

@@ -16,6 +16,7 @@ from missions.mission_file.checks import check
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
 from uavmap import __version__
+from uavmap.kept_detector import with_kept_detector
 from uavmap.mission_source import MissionSource
 from uavmap.notices import ready_planner, tell_if_uncompiled
 
@@ -143,8 +144,12 @@ class FlightPlan:
             raise JournalError(f"{path} holds no flight plan; it cannot go on") from None
         if not math.isfinite(plan.epoch_utc_s) or not 0 < (plan.speedup or 1.0) < math.inf:
             raise JournalError(f"{path} holds no flight plan; it cannot go on")
-        # the plan itself never changes: the checksums of the events begin with it
-        return replace(plan, rehomed=plan.rehomed or meta.get(REHOMED) == "true")
+        # the plan on disk never changes: the checksums of the events begin with it
+        return replace(
+            plan,
+            mission_text=with_kept_detector(plan.mission_text, path.parent),
+            rehomed=plan.rehomed or meta.get(REHOMED) == "true",
+        )
 
 
 _ADAPTER: Final[TypeAdapter[FlightPlan]] = TypeAdapter(FlightPlan)

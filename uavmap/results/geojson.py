@@ -38,7 +38,8 @@ def encode(data: MapData) -> str:
 
     Features by their property `kind`:
 
-    * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames).
+    * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames); of recorded
+      pictures that were weighed `belief`, 0 to 1.
     * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`. Its geometry is
       null for a map without a region.
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
@@ -67,6 +68,7 @@ def _cells(data: MapData) -> Iterator[Feature]:
                 "state": row.state,
                 "positive": row.positive,
                 "votes": row.votes,
+                **({} if row.belief is None else {"belief": round(row.belief, 3)}),
             },
         }
 

@@ -34,6 +34,8 @@ class CellRow:
     state: State
     positive: int
     votes: int
+    belief: float | None = None
+    """How much of it is believed to be region, 0 to 1, where recorded pictures are weighed."""
 
     @property
     def is_roi(self) -> bool:

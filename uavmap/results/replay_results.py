@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ class Replayed:
         taken: Of each picture that is used: seconds since the first, place, height in metres.
         refused: How many different pictures are not used.
         copies: How many files are copies of another one.
+        belief: Of each cell, how much of it is believed to be region, 0 to 1; empty where votes
+            are counted.
     """
 
     cells: Mapping[Cell, tuple[int, int]]
@@ -37,6 +39,7 @@ class Replayed:
     taken: Sequence[tuple[float, LatLon, float]]
     refused: int
     copies: int
+    belief: Mapping[Cell, float] = field(default_factory=dict)
 
     @property
     def pictures(self) -> int:
@@ -68,7 +71,13 @@ def replay_map(setting: Setting, replayed: Replayed) -> MapData:
         grid=grid,
         t_s=max((t_s for t_s, _, _ in replayed.taken), default=0.0),
         cells=tuple(
-            CellRow(cell, "explored" if cell in replayed.roi else "non-roi", positive, votes)
+            CellRow(
+                cell,
+                "explored" if cell in replayed.roi else "non-roi",
+                positive,
+                votes,
+                replayed.belief.get(cell),
+            )
             for cell, (positive, votes) in replayed.cells.items()
         ),
         tracks=(Track(1, tuple(replayed.taken)),) if replayed.taken else (),
@@ -100,6 +109,7 @@ def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
         "cells_roi_m2": round(roi * cell_m2, 1),
         "cells_undecided": replayed.undecided,
         "pictures_per_cell": _per_cell(replayed),
+        "decided_by": "evidence" if setting.mission.by_evidence else "count",
         "iou_cells": None,
     }
 

@@ -9,6 +9,7 @@ from typing import Any
 from shapely.geometry.base import BaseGeometry
 
 from missions.events import Event
+from missions.mapping.evidence import Evidence
 from missions.mapping.tree import Tree
 from missions.mission_file.schema import positions
 from missions.state import Setting, State
@@ -28,11 +29,21 @@ def map_data(
     truth: BaseGeometry | None,
     *,
     recorded: bool = False,
+    evidence: Evidence | None = None,
 ) -> MapData:
-    """What the map writers need. In `recorded` imagery whatever was judged was also seen whole."""
+    """What the map writers need. In `recorded` imagery whatever was judged was also seen whole;
+    `evidence` is what decides there, where votes are not counted."""
     mission, grid = setting.mission, setting.grid
+    share = mission.detector.share
     rows = tuple(
-        CellRow(cell, cell_state(cell, state, recorded=recorded), tally.positive, tally.total)
+        CellRow(
+            cell,
+            cell_state(cell, state, recorded=recorded)
+            if evidence is None
+            else weighed_state(cell, evidence, share),
+            tally.positive,
+            tally.total,
+        )
         for cell, tally in state.belief.cells().items()
     )
     tracks = tuple(
@@ -70,6 +81,11 @@ def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
     if tree is None or cell not in tree:
         return "unexplored"
     return tree.state(cell).value
+
+
+def weighed_state(cell: Cell, evidence: Evidence, share: float) -> CellState:
+    """What the map says of a cell that is decided by evidence."""
+    return "explored" if evidence.is_roi(cell, share) else "non-roi"
 
 
 def write_results(

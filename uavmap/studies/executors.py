@@ -12,7 +12,7 @@ from importlib import import_module
 from multiprocessing import active_children, get_context
 from typing import Any, Final, TextIO
 
-from missions.errors import StudyError
+from uavmap.dask_client import dask_client
 
 SHARES: Final = 16
 """Batches a worker: few enough to cost little, many enough to end together."""
@@ -96,16 +96,8 @@ def _processes(trial: Trial, jobs: Sequence[Any], workers: int) -> Generator[Bat
 
 
 def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise StudyError("--scheduler needs Dask: pip install 'uavmap[cluster]'") from None
-    if not _is_address(address):  # Dask would wait for half a minute, and then complain at length
-        raise StudyError(f"--scheduler {address!r}: expected tcp://HOST:PORT")
-    try:
-        client = distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise StudyError(f"--scheduler {address}: no Dask scheduler answers ({error})") from None
+    client = dask_client(address, ANSWER_S, import_module)
+    distributed: Any = import_module("distributed")
     with client:
         threads = max(1, sum(client.nthreads().values()))
         waiting = client.map(_run, [trial] * len(jobs), _batches(jobs, threads), pure=False)
@@ -114,13 +106,6 @@ def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
                 yield future.result()
         finally:
             client.cancel(waiting)
-
-
-def _is_address(text: str) -> bool:
-    scheme, _, rest = text.rpartition("://")
-    host, _, port = rest.rpartition(":")
-    whole = port.isascii() and port.isdigit() and len(port) < 6 and 0 < int(port) < 65536
-    return scheme in ("", "tcp", "tls") and bool(host) and whole
 
 
 class Progress:

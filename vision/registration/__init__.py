@@ -5,6 +5,7 @@ picture -> thumbnail -> extract -> View (features and tags) -> register -> Regis
 
 from vision.registration.features import WIDTH_PX, extract, thumbnail
 from vision.registration.registering import Many, register
+from vision.registration.relief import Relief
 from vision.registration.result import Agreement, Net, Registration
 from vision.registration.views import Features, Prior, Refined, View
 
@@ -17,6 +18,7 @@ __all__ = [
     "Prior",
     "Refined",
     "Registration",
+    "Relief",
     "View",
     "extract",
     "register",

@@ -1,4 +1,4 @@
-"""Bundle adjustment of views over flat ground: all poses at once, by Levenberg-Marquardt.
+"""Bundle adjustment of views over known ground: all poses at once, by Levenberg-Marquardt.
 
 What is made small: tie points of one picture, taken through the ground into the other, against
 where they are there (pixels), beside what the tags say. Ground points are no unknowns, so the
@@ -63,9 +63,8 @@ def _stepped(solution: Solution, steps: Floats, shared: Floats) -> Solution:
     groups = len(shared) - SHARED
     cameras = moved(solution.cameras, steps, shared[:groups])
     # nobody takes a picture from below the ground
-    cameras.centre_m[:, 2] = np.maximum(
-        cameras.centre_m[:, 2], 0.2 * solution.cameras.centre_m[:, 2]
-    )
+    least_m = 0.2 * solution.cameras.above_m()
+    cameras.centre_m[:, 2] += np.maximum(least_m - cameras.above_m(), 0.0)
     return Solution(cameras, solution.shared + shared[groups:], solution.middle_m, math.inf)
 
 

@@ -1,4 +1,6 @@
-"""From pixels to flat ground and back, for many points at once, with derivatives.
+"""From pixels to the ground and back, for many points at once, with derivatives.
+
+The ground is flat, or a `Relief` that the cameras carry with them.
 
 A camera is a place (east, north, up), three axes, and a focal length. A small turn is a vector in
 camera axes: right, down, forward; positive by the right-hand rule.
@@ -11,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vision.registration.relief import Relief
 from vision.registration.views import Floats, Ints
 
 UNKNOWNS = 6
@@ -21,16 +24,24 @@ _LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon say noth
 
 @dataclass
 class Cameras:
-    """Many cameras. `groups` says which share the focal length `focal_px[group]`."""
+    """Many cameras. `groups` says which share the focal length `focal_px[group]`; `relief` is what
+    they see, None for flat ground at the height 0."""
 
     centre_m: Floats
     axes: Floats
     focal_px: Floats
     groups: Ints
+    relief: Relief | None = None
 
     def copy(self) -> Cameras:
         """Independent arrays."""
-        return Cameras(self.centre_m.copy(), self.axes.copy(), self.focal_px.copy(), self.groups)
+        arrays = (self.centre_m.copy(), self.axes.copy(), self.focal_px.copy())
+        return Cameras(*arrays, self.groups, self.relief)
+
+    def above_m(self) -> Floats:
+        """How high each is above the ground below it."""
+        high: Floats = self.centre_m[:, 2]
+        return high if self.relief is None else high - self.relief.at(self.centre_m[:, :2])
 
     def focal(self, views: Ints) -> Floats:
         """The focal length of each of `views`."""
@@ -113,7 +124,7 @@ def skew(v: Floats) -> Floats:
 def to_ground(cameras: Cameras, views: Ints, pixels: Floats) -> Floats:
     """Where rays meet the ground: metres (east, north). NaN for those that do not look down."""
     rays = _rays(cameras, views, pixels)[1]
-    return _where(cameras.centre_m[views], rays)
+    return _where(cameras, cameras.centre_m[views], rays)[0]
 
 
 def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats]:
@@ -124,20 +135,33 @@ def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats
     return inner, np.einsum("nij,nj->ni", cameras.axes[views], inner)
 
 
-def _where(centre: Floats, rays: Floats) -> Floats:
+def _where(cameras: Cameras, centre: Floats, rays: Floats) -> tuple[Floats, Floats]:
+    """Where rays meet the ground, (n, 2), and how far below the camera that is."""
     down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
-    place: Floats = centre[:, :2] + (centre[:, 2] / down)[:, None] * rays[:, :2]
-    return place
+    along = rays[:, :2] / down[:, None]
+    below = centre[:, 2]
+    if cameras.relief is not None:
+        below = below - cameras.relief.met(centre, along)
+    place: Floats = centre[:, :2] + below[:, None] * along
+    return place, below
 
 
 def to_pixels(cameras: Cameras, views: Ints, ground: Floats) -> Floats:
     """Pixels from the middle of the picture, of ground points; NaN behind the camera."""
     centre = cameras.centre_m[views]
-    offset = np.concatenate([ground - centre[:, :2], -centre[:, 2:]], axis=1)
+    offset = _offset(cameras, ground, centre)
     p = np.einsum("nji,nj->ni", cameras.axes[views], offset)
     depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
     pixels: Floats = cameras.focal(views)[:, None] * p[:, :2] / depth[:, None]
     return pixels
+
+
+def _offset(cameras: Cameras, ground: Floats, centre: Floats) -> Floats:
+    """From cameras to ground points, (n, 3)."""
+    up = -centre[:, 2]
+    if cameras.relief is not None:
+        up = up + cameras.relief.at(ground)
+    return np.column_stack([ground - centre[:, :2], up])
 
 
 @dataclass
@@ -159,8 +183,7 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
     """Take pixels of `source` views to the ground, and into the `target` views."""
     inner, rays = _rays(cameras, source, pixels)
     down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
-    height = cameras.centre_m[source, 2]
-    place = _where(cameras.centre_m[source], rays)
+    place, height = _where(cameras, cameras.centre_m[source], rays)
     # the ground point by a change of the ray: (n, 2, 3)
     count = len(pixels)
     by_ray = np.zeros((count, 2, 3))
@@ -173,9 +196,15 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
     ground[:, :, 2] = rays[:, :2] / down[:, None]
     ground[:, :, 3:] = np.einsum("nij,njk->nik", by_ray, by_turn)
     ground_focal = np.einsum("nij,nj->ni", by_ray, by_log_focal)
+    rise = None if cameras.relief is None else cameras.relief.rise(place)
+    if rise is not None:  # where the ground rises, a ray that goes on meets it sooner
+        along = rays[:, :2] / down[:, None]
+        sooner = np.linalg.inv(np.eye(2) + np.einsum("ni,nj->nij", _known(along), rise))
+        ground = np.einsum("nij,njk->nik", sooner, ground)
+        ground_focal = np.einsum("nij,nj->ni", sooner, ground_focal)
 
     centre, axes = cameras.centre_m[target], cameras.axes[target]
-    p = np.einsum("nji,nj->ni", axes, np.concatenate([place - centre[:, :2], -centre[:, 2:]], 1))
+    p = np.einsum("nji,nj->ni", axes, _offset(cameras, place, centre))
     depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
     focal = cameras.focal(target)
     found = focal[:, None] * p[:, :2] / depth[:, None]
@@ -183,16 +212,24 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
     by_p[:, 0, 0] = by_p[:, 1, 1] = focal / depth
     by_p[:, :, 2] = -found / depth[:, None]
     by_offset = np.einsum("nij,nkj->nik", by_p, axes)  # by_p @ axes.T
+    by_place = by_offset[:, :, :2]
+    if rise is not None:
+        by_place = by_place + by_offset[:, :, 2:] * rise[:, None, :]
     by_target = np.empty((count, 2, UNKNOWNS))
     by_target[:, :, :3] = -by_offset
     by_target[:, :, 3:] = np.einsum("nij,njk->nik", by_p, skew(p))
     return Transfer(
         found,
-        np.einsum("nij,njk->nik", by_offset[:, :, :2], ground),
+        np.einsum("nij,njk->nik", by_place, ground),
         by_target,
-        np.einsum("nij,nj->ni", by_offset[:, :, :2], ground_focal),
+        np.einsum("nij,nj->ni", by_place, ground_focal),
         found,
     )
+
+
+def _known(values: Floats) -> Floats:
+    """Zero for what is not known: what becomes of it is not known either way."""
+    return np.where(np.isfinite(values), values, 0.0)
 
 
 def moved(cameras: Cameras, steps: Floats, log_focal: Floats) -> Cameras:
@@ -202,4 +239,5 @@ def moved(cameras: Cameras, steps: Floats, log_focal: Floats) -> Cameras:
         np.einsum("nij,njk->nik", cameras.axes, turned(steps[:, 3:])),
         cameras.focal_px * np.exp(log_focal),
         cameras.groups,
+        cameras.relief,
     )

@@ -175,9 +175,9 @@ def _log_scale(
 ) -> tuple[float, float]:
     """The logarithm of the net's scale, by geotags and by tagged heights, and its uncertainty."""
     told = [
-        math.log(v.height_m.value / v.focal_px.value / abs(c))
+        math.log((v.height_m.value - v.ground_m) / v.focal_px.value / abs(c))
         for v, c in zip(views, scale, strict=True)
-        if v.height_m is not None and abs(c) > 0.0
+        if v.height_m is not None and abs(c) > 0.0 and v.height_m.value > v.ground_m
     ]
     if not told:
         return by_tags, sigma

@@ -22,6 +22,7 @@ from vision.registration.net import (
     laid,
 )
 from vision.registration.problem import Solution, Tags, Ties
+from vision.registration.relief import Relief
 from vision.registration.result import (
     CONTRADICTED,
     NO_HEADING,
@@ -67,6 +68,7 @@ def register(
     views: Sequence[View],
     say: Callable[[int, int], None] = lambda done, all_: None,
     many: Many = map,
+    relief: Relief | None = None,
 ) -> Registration:
     """Refine the poses of views by their overlaps.
 
@@ -76,9 +78,10 @@ def register(
         views: The pictures' features and tags.
         say: Is told how many of how many possible overlaps were looked at.
         many: How these are looked at: one after the other, or several at once.
+        relief: The ground, where it is known not to be flat.
     """
     order = sorted(range(len(views)), key=lambda k: views[k].name)
-    found = _Registering([views[k] for k in order])
+    found = _Registering([views[k] for k in order], relief)
     found.run(say, many)
     back = sorted(range(len(order)), key=lambda at: order[at])
     nets = [replace(n, members=tuple(sorted(order[m] for m in n.members))) for n in found.nets]
@@ -94,8 +97,8 @@ def register(
 class _Registering:
     """A registration under way; views are sorted by name."""
 
-    def __init__(self, views: list[View]) -> None:
-        self.views = views
+    def __init__(self, views: list[View], relief: Relief | None) -> None:
+        self.views, self.relief = views, relief
         self.refined: list[Refined | None] = [None] * len(views)
         self.left: list[str | None] = [NO_OVERLAP] * len(views)
         self.nets: list[Net] = []
@@ -144,7 +147,7 @@ class _Registering:
             return self._leave(members, NO_HEADING)
         if on_ground.scale_sigma > MOST_SCALE_SIGMA:
             return self._leave(members, NO_SCALE)
-        tags, start, cameras = _start(views, on_ground)
+        tags, start, cameras = _start(views, on_ground, self.relief)
         solution = adjust(start, Ties.of(local), tags, HUBER_PX[:-1])
         misses = pair_medians_px(solution.cameras, local)
         limit = max(_WRONG_PAIR_PX, _WRONG_PAIR_TIMES * float(np.median(misses)))
@@ -242,7 +245,7 @@ class _Registering:
         )
 
 
-def _start(views: list[View], net: Laid) -> tuple[Tags, Cameras, list[str]]:
+def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, Cameras, list[str]]:
     """The tags of a net as arrays, its first poses, and the cameras that took it."""
     cameras = sorted({v.camera for v in views})
     groups = np.array([cameras.index(v.camera) for v in views])
@@ -270,11 +273,14 @@ def _start(views: list[View], net: Laid) -> tuple[Tags, Cameras, list[str]]:
         focal_sigma=np.array(sigma),
     )
     height = np.abs(net.scale) * np.array([v.focal_px.value for v in views])
+    place = np.stack([net.place.real, net.place.imag], axis=1)
+    level = np.zeros(len(views)) if relief is None else relief.at(place)
     start = Cameras(
-        np.stack([net.place.real, net.place.imag, height], axis=1),
+        np.column_stack([place, height + level]),
         np.array([tilted_axes(float(y), (t[0], t[1])) for y, t in zip(yaw, tilt, strict=True)]),
         focal,
         groups,
+        relief,
     )
     return tags, start, cameras
 
@@ -299,4 +305,4 @@ def _as_tagged(tags: Tags, solved: Cameras) -> Cameras | None:
         for y, t in zip(tags.yaw_rad, tags.tilt, strict=True)
     ]
     centre = np.column_stack([tags.place_m, tags.height_m])
-    return Cameras(centre, np.array(axes), tags.focal_px, solved.groups)
+    return Cameras(centre, np.array(axes), tags.focal_px, solved.groups, solved.relief)

@@ -17,6 +17,9 @@ from vision.registration.views import Floats
 SLOPE_SIGMA: Final = 0.05
 """Standard deviation of the slope of the ground, in one direction, a tangent."""
 
+KNOWN_SLOPE_SIGMA: Final = 1e-4
+"""The same where an elevation model tells how the ground falls."""
+
 _PRIOR_HUBER = 2.0  # standard deviations of a tag, beyond which it pulls no stronger
 _UNKNOWN_HEIGHT = 0.5  # a height that no tag tells is that of the others, within this share
 
@@ -83,8 +86,9 @@ def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     rows.by_shared[:, 0, SLOPE] = -away * each[:, None]
     cost = rows.add(normal, told)
     unknown = _rows(len(centre), 1)
-    middle = float(np.median(centre[:, 2]))
-    unknown.off[:, 0] = (centre[:, 2] / middle - 1.0) / _UNKNOWN_HEIGHT
+    above_m = solution.cameras.above_m()
+    middle = float(np.median(above_m))
+    unknown.off[:, 0] = (above_m / middle - 1.0) / _UNKNOWN_HEIGHT
     unknown.by_view[:, 0, 2] = 1.0 / middle / _UNKNOWN_HEIGHT
     return cost + unknown.add(normal, ~told)
 
@@ -122,7 +126,8 @@ def _add_tilts(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 def _add_shared(normal: Normal, solution: Solution, tags: Tags) -> float:
     values = np.concatenate([np.log(solution.cameras.focal_px / tags.focal_px), solution.shared])
-    common = [HEIGHT_BIAS, YAW_BIAS_RAD, SLOPE_SIGMA, SLOPE_SIGMA]
+    slope = SLOPE_SIGMA if solution.cameras.relief is None else KNOWN_SLOPE_SIGMA
+    common = [HEIGHT_BIAS, YAW_BIAS_RAD, slope, slope]
     sigmas = np.concatenate([tags.focal_sigma, common])
     index = np.arange(len(values))
     normal.corner[index, index] += 1.0 / sigmas**2

@@ -54,11 +54,13 @@ class View:
         east_m: the geotag, metres true east.
         north_m: the geotag, metres true north.
         position_sigma_m: standard deviation of either, without what all tags have in common.
-        height_m: above the ground.
+        height_m: above the ground; over a relief, above the level that its heights are counted
+            from.
         yaw_rad: true bearing of the picture's upper edge.
         tilt: where straight down lies, as the ray (right, down) over forward, in camera axes:
             (0, 0) looks straight down.
         tilt_sigma: standard deviation of either, radians.
+        ground_m: the height of the ground below, of a relief.
     """
 
     name: str
@@ -72,6 +74,7 @@ class View:
     yaw_rad: Prior | None = None
     tilt: tuple[float, float] = (0.0, 0.0)
     tilt_sigma: float = 0.12
+    ground_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,6 +43,7 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         GridPoint: points,
         Cell: cells,
         Cell | None: st.none() | cells,
+        tuple[float, ...]: st.lists(finite, max_size=6).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
     }
     hints = typing.get_type_hints(kind)

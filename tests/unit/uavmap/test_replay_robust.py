@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from uavmap.offline import spool
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import gather
 from uavmap.offline.sources.folder import Folder
+from vision.lens import Lens
 
 MISSION = f"""
 start.position = [{START.lat_deg}, {START.lon_deg}]
@@ -71,6 +73,25 @@ def blurred(path: Path) -> None:
     shot(path, 9, image=Image.fromarray(soft))
 
 
+def jpeg_bomb(path: Path) -> None:
+    """A small picture whose frame header claims 60,000 x 60,000 pixels."""
+    shot(path, 9)
+    data = bytearray(path.read_bytes())
+    at = 2
+    while data[at + 1] not in (0xC0, 0xC2):  # from segment to segment, to the frame
+        at += 2 + int.from_bytes(data[at + 2 : at + 4])
+    data[at + 5 : at + 9] = (60_000).to_bytes(2) * 2
+    path.write_bytes(bytes(data))
+
+
+def tiff_bomb(path: Path) -> None:
+    """A directory that claims as many, and no pixels."""
+    tags = ((256, 60_000), (257, 60_000), (258, 8), (259, 1), (262, 1), (273, 8), (279, 1))
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+    head = b"II*\0" + struct.pack("<IH", 8, len(tags))
+    path.write_bytes(head + entries + bytes(40))
+
+
 def video(path: Path) -> None:
     path.write_bytes(b"\0\0\0\x18ftypmp42\0\0\0\0mp42isom" + bytes(4000))
 
@@ -108,6 +129,36 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "a bomb": (lambda p: p.write_bytes(png(60_000, 60_000)), "too many"),
 }
 
+AS_TAGGED: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a JPEG bomb": (jpeg_bomb, "too many pixels"),
+    "a TIFF bomb": (tiff_bomb, "too many pixels"),
+    "uniform": (
+        lambda p: shot(p, 9, image=Image.new("RGB", (WIDTH, HEIGHT), (90, 120, 80))),
+        "uniform",
+    ),
+    "near the horizon": (
+        lambda p: shot(p, 9, xmp=xmp(GimbalPitchDegree="-20")),
+        "20 deg below the horizon",
+    ),
+    "20 km off": (lambda p: shot(p, 9, gps=geotag(20_000.0, 12.0)), "20 km from"),
+    "no date and no heading": (
+        lambda p: shot(
+            p,
+            9,
+            taken=None,
+            xmp=dji(RelativeAltitude="+40", GimbalYawDegree=None, FlightYawDegree=None),
+        ),
+        "no heading",
+    ),
+}
+
+GOOD: dict[str, Callable[[Path], object]] = {
+    "gray": lambda p: shot(p, 9, image=paint(14.0, 12.0, 0.0, seed=9).convert("L")),
+    "CMYK": lambda p: shot(p, 9, image=paint(14.0, 12.0, 0.0, seed=9).convert("CMYK")),
+    "large": lambda p: shot(p, 9, image=paint(14.0, 12.0, 0.0, seed=9).resize((3000, 2250))),
+    "without a date": lambda p: shot(p, 9, taken=None),
+}
+
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -120,10 +171,11 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def mapped(
-    photos: Path, good: Path, out: Path
+    photos: Path, good: Path, out: Path, *more: str
 ) -> tuple[int, dict[str, dict[str, str]], dict[str, object]]:
     """The exit code, the rows of pictures.csv by name, and the summary."""
-    code = main(["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)])
+    line = ["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)]
+    code = main([*line, *more])
     with (out / "pictures.csv").open(encoding="utf-8", newline="") as file:
         rows = {row["picture"]: row for row in csv.DictReader(file)}
     return code, rows, json.loads((out / "summary.json").read_text("utf-8"))
@@ -146,14 +198,15 @@ def alone(good: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (tmp_path / "out" / "map.geojson").read_bytes()
 
 
-@pytest.mark.parametrize("case", BAD)
+@pytest.mark.parametrize("case", {**BAD, **AS_TAGGED})
 def test_a_bad_picture_is_named_and_the_others_make_their_map(
     case: str, good: Path, alone: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    make, reason = BAD[case]
+    make, reason = {**BAD, **AS_TAGGED}[case]
     photos = folder_of(good, tmp_path)
     make(photos / "bad.jpg")
-    code, rows, summary = mapped(photos, good, tmp_path / "out")
+    more = ("--refine", "off") if case in AS_TAGGED else ()
+    code, rows, summary = mapped(photos, good, tmp_path / "out", *more)
     assert code == 0
     assert reason in rows["bad.jpg"]["reason"]
     assert [rows[f"{n}.jpg"]["used"] for n in range(3)] == ["yes"] * 3
@@ -161,6 +214,15 @@ def test_a_bad_picture_is_named_and_the_others_make_their_map(
     assert (tmp_path / "out" / "map.geojson").read_bytes() == alone
     said = capsys.readouterr().err
     assert [line for line in said.splitlines() if line.startswith("bad.jpg: ")]
+
+
+@pytest.mark.parametrize("case", GOOD)
+def test_a_picture_of_an_unusual_kind_is_mapped(case: str, good: Path, tmp_path: Path) -> None:
+    photos = folder_of(good, tmp_path)
+    GOOD[case](photos / "more.jpg")
+    code, rows, _ = mapped(photos, good, tmp_path / "out", "--refine", "off")
+    assert code == 0
+    assert [row["used"] for row in rows.values()] == ["yes"] * 4, rows
 
 
 def test_what_is_no_picture_is_told_a_kind_a_line(
@@ -258,6 +320,13 @@ def test_an_angle_of_view_that_nobody_tells_is_called_a_guess(good: Path, tmp_pa
         shot(photos / f"{seed}.jpg", seed, film_mm=None)
     assert main(["replay", str(photos), "--out", str(tmp_path / "out")]) == 0
     assert "a guess" in (tmp_path / "out" / "mission.toml").read_text("utf-8")
+
+
+def test_the_angle_of_view_says_where_it_comes_from(good: Path) -> None:
+    text = derived(gather(Folder(good)))
+    assert "from EXIF FocalLengthIn35mmFilm of 3 of 3 pictures" in text
+    lens = Lens.pinhole(1.2, WIDTH, HEIGHT)
+    assert "# from the calibration" in derived(gather(Folder(good)), lens)
 
 
 def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) -> None:

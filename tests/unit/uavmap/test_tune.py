@@ -19,6 +19,7 @@ from tests.benchmarks.detectors import judged
 from tests.small_missions import START, ring, square
 from tests.unit.uavmap.test_replay import GEOD, GRID, HEIGHT, ROI, UP_M, WIDTH, paint, painted
 from uavmap.cli import main
+from uavmap.kept_detector import KEPT
 from uavmap.mission_source import load_source
 from uavmap.offline.tune.examples import Example, load_examples
 from uavmap.offline.tune.metrics import total
@@ -276,7 +277,7 @@ def test_what_was_learned_maps_without_a_mission_file(
     assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
     made = load_source(str(out / "mission.toml")).parse()
     assert (made.detector.name, made.detector.view) == ("learned", "all")
-    assert made.detector.model == str((tuned / "eyes" / MODEL).resolve())
+    assert made.detector.model == str((out / KEPT / MODEL).resolve())  # its copy
     features = json.loads((out / "map.geojson").read_text())["features"]
     cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
     west, east, south, north = ROI
@@ -341,3 +342,13 @@ def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
         assert any(region for region, _ in seen)
         assert any(surround for _, surround in seen)
     assert sorted(judged) == list(range(len(kinds)))
+
+
+def test_trees_answer_alike_where_many_values_lie_on_their_borders() -> None:
+    """Of few levels, as in a dark picture: each threshold is a value that many places have."""
+    rng = np.random.default_rng(2)
+    levels = np.log(rng.integers(1, 40, (6000, 2)) / 7.0).astype(np.float32)
+    levels += rng.choice([0.0, 1e-7, 3e-7], (6000, 2)).astype(np.float32)
+    labels = levels[:, 0] > levels[:, 1]
+    parts = fit_trees(levels, labels, 1)  # holds its answers against the learner's by itself
+    assert any(at not in (0.0, round(at, 6)) for tree in parts.trees for at in tree.at_most)

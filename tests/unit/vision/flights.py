@@ -12,7 +12,7 @@ from missions.units import GridPoint, LatLon
 from sitl.world.texture import METRES_PER_PIXEL, TILE_PX, ground_tile
 from tests.unit.vision.scene import camera_axes, nadir_pose, photograph
 from vision.camera import Camera
-from vision.registration import Features, Prior, View, extract
+from vision.registration import Features, Prior, Relief, View, extract
 from vision.registration.ground_plane import bearing
 
 GRID = Grid.at(LatLon(46.84, -91.99), 4.0)
@@ -113,6 +113,7 @@ def made_up(
     shots: list[Shot],
     seed: int,
     again: tuple[tuple[float, float], tuple[float, float], float] | None = None,
+    relief: Relief | None = None,
 ) -> list[View]:
     """Views of points strewn on the ground, each with a word of its own: no picture is rendered.
 
@@ -120,11 +121,10 @@ def made_up(
     """
     rng = np.random.default_rng(seed)
     ground, words = _strewn(shots, rng, again)
+    level = np.zeros(len(ground)) if relief is None else relief.at(ground)
     views = []
     for k, shot in enumerate(shots):
-        offset = np.column_stack(
-            [ground - (shot.east_m, shot.north_m), np.full(len(ground), -shot.height_m)]
-        )
+        offset = np.column_stack([ground - (shot.east_m, shot.north_m), level - shot.height_m])
         p = offset @ shot.axes()
         with np.errstate(divide="ignore", invalid="ignore"):
             pixels = CAMERA.focal_px * p[:, :2] / p[:, 2:]

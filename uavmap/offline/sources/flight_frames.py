@@ -68,6 +68,7 @@ class FlightFrames:
             pitch_deg=pitch,
             roll_deg=roll,
             lens=lens,
+            lens_from="" if lens is None else "the flight that kept them",
             notes=(),
         )
 

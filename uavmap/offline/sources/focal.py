@@ -29,8 +29,8 @@ Exif = Mapping[int, Any]
 
 def lens_of(
     width_px: int, height_px: int, model: str, detail: Exif, xmp: Values
-) -> tuple[Lens | None, tuple[str, ...]]:
-    """The lens, None where no tag tells a focal length; and what was found and is unreadable.
+) -> tuple[Lens | None, str, tuple[str, ...]]:
+    """The lens, None where no tag tells a focal length; which tag did; what is unreadable.
 
     Args:
         width_px: Columns of the picture.
@@ -41,15 +41,21 @@ def lens_of(
     """
     notes: list[str] = []
     if math.prod((width_px, height_px)) == 0:
-        return None, ()
-    rules: tuple[Callable[[], Lens | None], ...] = (
-        lambda: _dewarp(width_px, height_px, xmp),
-        lambda: _calibrated(width_px, height_px, xmp),
-        lambda: _on_plane(width_px, height_px, detail),
-        lambda: _on_sensor(width_px, height_px, model, detail),
-        lambda: _film(width_px, height_px, detail),
+        return None, "", ()
+    rules: tuple[tuple[str, Callable[[], Lens | None]], ...] = (
+        ("XMP DewarpData", lambda: _dewarp(width_px, height_px, xmp)),
+        ("XMP CalibratedFocalLength", lambda: _calibrated(width_px, height_px, xmp)),
+        (
+            "EXIF FocalLength and FocalPlaneXResolution",
+            lambda: _on_plane(width_px, height_px, detail),
+        ),
+        (
+            "EXIF FocalLength on the sensor of this model",
+            lambda: _on_sensor(width_px, height_px, model, detail),
+        ),
+        ("EXIF FocalLengthIn35mmFilm", lambda: _film(width_px, height_px, detail)),
     )
-    for rule in rules:
+    for name, rule in rules:
         try:
             lens = rule()
         except (TypeError, ValueError, ZeroDivisionError, OverflowError) as error:
@@ -62,8 +68,8 @@ def lens_of(
                 f"the tags give an angle of view of {math.degrees(lens.hfov_rad):.0f} deg: not used"
             )
             continue
-        return lens, tuple(notes)
-    return None, tuple(notes)
+        return lens, name, tuple(notes)
+    return None, "", tuple(notes)
 
 
 def _dewarp(width_px: int, height_px: int, xmp: Values) -> Lens | None:

@@ -16,12 +16,18 @@ from uavmap.printable import printable
 
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v"})
 GEO_FILE = "geo.txt"
+OURS = frozenset({"journal.db", "detector.toml"})
+"""A folder with one of these holds results, or a detector with its overlays, and no photographs."""
+LOOKED = "-looked"
+"""What `uavmap look` adds to the name of a picture that it has drawn on."""
 _KINDS_NAMED = 6
 
 
 @dataclass(slots=True)
 class Folder:
     """The photographs below a folder, by path; `._` files of a Mac are none, whatever they end in.
+
+    Nor are masks and overlays: pictures without any tags, named after one that has some.
 
     Raises `ImageError` on creation for a folder or file that is not there, and for a geo.txt that
     cannot be read.
@@ -54,6 +60,8 @@ class Folder:
         if not self.path.is_dir():
             yield read_photo(self.path, self.path.name)
             return
+        untold: list[tuple[str, Picture]] = []
+        taken: set[str] = set()
         for path in self._photographs():
             name = path.relative_to(self.path).as_posix()
             found = read_photo(path, name)
@@ -62,7 +70,17 @@ class Folder:
                 if key is not None:
                     self._found.add(key)
                     found = self._geo.applied(found, key)
+            if isinstance(found, Picture):
+                if found.position is None and found.taken_s is None:
+                    untold.append((_original(path), found))
+                    continue
+                taken.add(path.stem)
             yield found
+        for original, picture in untold:
+            if original in taken:
+                self._left["drawn on pictures of the folder: masks, overlays"] += 1
+            else:
+                yield picture
 
     def left_out(self) -> tuple[str, ...]:
         """See `uavmap.offline.sources.record.PictureSource`."""
@@ -79,6 +97,10 @@ class Folder:
     def _photographs(self) -> Iterator[Path]:
         """The files that end like photographs, in order; the others are counted."""
         for base, folders, names in os.walk(self.path, onerror=self._unreadable):
+            if Path(base) != self.path and not OURS.isdisjoint(names):
+                folders.clear()
+                self._left["folders that uavmap has written"] += 1
+                continue
             folders[:] = sorted(name for name in folders if not name.startswith("."))
             for name in sorted(names):
                 path = Path(base) / name
@@ -98,6 +120,11 @@ class Folder:
 
     def _unreadable(self, error: OSError) -> None:
         self._left[f"folders that cannot be read ({error.strerror})"] += 1
+
+
+def _original(path: Path) -> str:
+    """The name, without ending, of the picture on which this one was drawn, if it was."""
+    return path.stem.removesuffix(LOOKED)
 
 
 def _names(folder: Path) -> list[str]:

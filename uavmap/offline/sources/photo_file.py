@@ -52,13 +52,16 @@ class FileContent:
             raise ImageError(f"cannot be read ({error.strerror})") from None
         return sha.hexdigest()
 
-    def decode(self, max_width_px: int) -> Pixels:
-        """See `uavmap.offline.sources.record.Content`."""
+    def read(self) -> bytes:
+        """The bytes of the file. Raises `ImageError`."""
         try:
-            data = self.path.read_bytes()
+            return self.path.read_bytes()
         except OSError as error:
             raise ImageError(f"cannot be read ({error.strerror})") from None
-        return decoded(data, max_width_px)
+
+    def decode(self, max_width_px: int) -> Pixels:
+        """See `uavmap.offline.sources.record.Content`."""
+        return decoded(self.read(), max_width_px)
 
 
 def read_photo(path: Path, name: str) -> Picture | Refused:
@@ -202,5 +205,6 @@ def _record(name: str, content: FileContent, size: tuple[int, int], tags: Tags) 
         pitch_deg=tags.pitch_deg,
         roll_deg=tags.roll_deg,
         lens=tags.lens,
+        lens_from=tags.lens_from,
         notes=tuple(tags.notes),
     )

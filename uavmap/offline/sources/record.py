@@ -76,6 +76,7 @@ class Picture:
         pitch_deg: Of the optical axis: -90 looks straight down, 0 at the horizon.
         roll_deg: About the optical axis' level; 0 is upright.
         lens: The intrinsics at full size; None where the file does not tell a focal length.
+        lens_from: What tells them, in words; empty where nothing does.
         notes: What was found and could not be used, a line each.
     """
 
@@ -93,6 +94,7 @@ class Picture:
     pitch_deg: Measured | None = None
     roll_deg: Measured | None = None
     lens: Lens | None = None
+    lens_from: str = ""
     notes: tuple[str, ...] = ()
 
     def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:

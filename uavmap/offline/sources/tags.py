@@ -55,6 +55,7 @@ class Tags:
     pitch_deg: Measured | None = None
     roll_deg: Measured | None = None
     lens: Lens | None = None
+    lens_from: str = ""
     mirrored: bool = False
     notes: list[str] = field(default_factory=list)
 
@@ -83,7 +84,7 @@ def tags_of(picture: Image.Image) -> Tags:
     tags.take(lambda: _heights(tags, gps, xmp))
     tags.take(lambda: _attitude(tags, gps, xmp))
     tags.take(lambda: _orientation(tags, exif.get(ExifTags.Base.Orientation, 1)))
-    tags.lens, notes = lens_of(*picture.size, model, detail, xmp)
+    tags.lens, tags.lens_from, notes = lens_of(*picture.size, model, detail, xmp)
     tags.notes.extend(notes)
     return tags
 

@@ -106,6 +106,7 @@ class Video:
             pitch_deg=_measured(moment.pitch_deg, 1.0),
             roll_deg=_measured(moment.roll_deg, 1.0),
             lens=None if moment.film_mm is None else film_lens(moment.film_mm, *size),
+            lens_from="" if moment.film_mm is None else "the captions of the video",
         )
 
 

@@ -25,14 +25,15 @@ from missions.units import LatLon
 from uavmap.fly.progress import Silent
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.gathering import gather
+from uavmap.offline.pixels import eight_bits
 from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
+from uavmap.offline.sources.photo_file import SUFFIXES, decoded
 from uavmap.pictures import read_image
 from uavmap.text_files import read_text
 from vision.camera import Camera, project
 from vision.detectors.features import working_picture
 
-SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png"})
 POLYGONS: Final = frozenset({".geojson", ".json"})
 BLACK: Final = 85
 WHITE: Final = 170
@@ -66,7 +67,9 @@ def list_pictures(images: Path) -> list[Path]:
     paths = sorted(p for p in images.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
     paths = [path for path in paths if not path.name.startswith(".")]
     if not paths:
-        raise ImageError(f"{images}: no pictures (*.jpg, *.jpeg, *.png) in this folder")
+        raise ImageError(
+            f"{images}: no pictures (*.jpg, *.jpeg, *.png, *.tif, *.tiff) in this folder"
+        )
     for one, other in itertools.pairwise(sorted(paths, key=lambda path: path.stem)):
         if one.stem == other.stem:
             raise ImageError(
@@ -87,7 +90,12 @@ def refuse_same_folder(images: Path, masks: Path) -> None:
 
 def read_picture(path: Path, width_px: int) -> NDArray[np.uint8]:
     """A picture at the working width. Raises `ImageError`."""
-    return working_picture(read_image(file_bytes(path), str(path)), width_px)
+    try:
+        image = eight_bits(decoded(file_bytes(path), width_px))
+    except ImageError as error:
+        text = str(error)
+        raise ImageError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+    return working_picture(image, width_px)
 
 
 def file_bytes(path: Path) -> bytes:
@@ -181,7 +189,7 @@ def _projected(
     shapes = [shape for path in files for shape in _shapes(path)]
     gathered = gather(open_source(images))
     better = refined(gathered, Silent())
-    verdicts = credible((better.gathered if better else gathered).posed)
+    verdicts = credible(better.gathered.posed)
     placed = [entry for entry in verdicts if not isinstance(entry, str)]
     if not placed:
         raise ImageError(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -26,7 +29,7 @@ from uavmap.offline.tune.selection import (
     places_of_cell,
 )
 from uavmap.offline.tune.training import Scale, need_learner
-from uavmap.results.atomic import write_bytes, write_text
+from uavmap.results.atomic import umask, write_bytes, write_text
 from uavmap.results.summary import encode
 from uavmap.toml_text import toml_text
 from vision.detectors.features import described_shape, features
@@ -37,7 +40,7 @@ MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"
 REPORT: Final = "report.json"
 OVERLAYS: Final = "overlays"
-FILES: Final = (MODEL, DETECTOR, REPORT, OVERLAYS)
+FILES: Final = (MODEL, REPORT, OVERLAYS, DETECTOR)
 _OTHERS: Final = 24  # pictures without examples that the features are normalised by
 _SHOWN: Final = 12  # of those, so many are drawn
 _LEAST_SPREAD: Final = 1e-3
@@ -62,8 +65,9 @@ class Wishes:
 def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict[str, Any]:
     """Learn a detector; returns the report.
 
-    `out` is there. Raises `ImageError` for what is wrong with pictures or examples, `UavmapError`
-    without scikit-learn, `OutputError` when the disk refuses.
+    `out` is made once all that belongs into it is: an interruption, or a full disk, leaves nothing.
+    Raises `ImageError` for what is wrong with pictures or examples, `UavmapError` without
+    scikit-learn, `OutputError` when the disk refuses.
     """
     need_learner()
     examples = load_examples(images, where, wishes.width_px, say)
@@ -72,13 +76,31 @@ def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict
     model, choice, pictures = learned(examples, [picture for _, picture in others], wishes, say)
     report = _report(pictures, choice, wishes)
     try:
-        write_bytes(out / MODEL, model_bytes(model))
-        write_text(out / DETECTOR, _detector_toml(choice, report))
-        write_text(out / REPORT, encode(report) + "\n")
-        _draw(out / OVERLAYS, examples, others[:_SHOWN], choice, model)
+        with _whole(out) as folder:
+            write_bytes(folder / MODEL, model_bytes(model))
+            write_text(folder / DETECTOR, _detector_toml(choice, report))
+            write_text(folder / REPORT, encode(report) + "\n")
+            _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, model)
     except OSError as error:
         raise OutputError(f"--out {out} cannot be written: {error.strerror}") from None
     return report
+
+
+@contextmanager
+def _whole(out: Path) -> Iterator[Path]:
+    """A folder beside `out` that takes its name, or its content, once it is complete."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    try:
+        yield folder
+        folder.chmod(0o777 & ~umask())
+        if not out.exists():
+            folder.rename(out)
+            return
+        for name in FILES:  # among what lies there already; what names the model comes last
+            (folder / name).rename(out / name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def learned(

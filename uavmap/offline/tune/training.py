@@ -113,7 +113,7 @@ def _tree(nodes: NDArray[Any]) -> Tree:
             return len(leaves) - 1, len(leaves)
         first, middle = walk(int(node["left"]))
         feature.append(int(node["feature_idx"]))
-        at_most.append(_short([node["num_threshold"]])[0])
+        at_most.append(_border(float(node["num_threshold"])))
         left.append(sum(1 << leaf for leaf in range(first, middle)))
         return first, walk(int(node["right"]))[1]
 
@@ -121,6 +121,21 @@ def _tree(nodes: NDArray[Any]) -> Tree:
     return Tree(
         feature=tuple(feature), at_most=tuple(at_most), left=tuple(left), leaves=tuple(leaves)
     )
+
+
+def _border(threshold: float) -> float:
+    """The largest float32 that is not above a threshold: every feature, which is one too, falls to
+    the same side of both. Many have the very value of a threshold, so no digit may be lost.
+
+    >>> _border(0.1) < 0.1, float(np.float32(_border(0.1))) == float(np.float32(0.1))
+    (True, False)
+    >>> _border(0.25)
+    0.25
+    """
+    border = np.float32(threshold)
+    if float(border) > threshold:
+        border = np.nextafter(border, np.float32(-np.inf))
+    return float(f"{border:.9g}")
 
 
 def _short(values: NDArray[np.float64] | Sequence[float]) -> tuple[float, ...]:

@@ -1,0 +1,40 @@
+"""The way to a Dask cluster (`--scheduler`), which is an extra."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, Final
+
+from missions.errors import StudyError
+
+ANSWER_S: Final = 10.0
+
+
+def dask_client(
+    address: str,
+    answer_s: float | None = None,
+    load: Callable[[str], Any] = import_module,
+) -> Any:
+    """A client of the scheduler at `tcp://HOST:PORT`, to be used in a `with`.
+
+    Raises `StudyError` in a line: without Dask, for what is no address, and where nobody answers
+    within `answer_s` (`ANSWER_S`) seconds.
+    """
+    try:
+        distributed: Any = load("distributed")
+    except ImportError:
+        raise StudyError("--scheduler needs Dask: pip install 'uavmap[cluster]'") from None
+    if not _is_address(address):  # Dask would wait for half a minute, and then complain at length
+        raise StudyError(f"--scheduler {address!r}: expected tcp://HOST:PORT")
+    try:
+        return distributed.Client(address, timeout=answer_s or ANSWER_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise StudyError(f"--scheduler {address}: no Dask scheduler answers ({error})") from None
+
+
+def _is_address(text: str) -> bool:
+    scheme, _, rest = text.rpartition("://")
+    host, _, port = rest.rpartition(":")
+    whole = port.isascii() and port.isdigit() and len(port) < 6 and 0 < int(port) < 65536
+    return scheme in ("", "tcp", "tls") and bool(host) and whole
