@@ -23,6 +23,7 @@ from uavmap import __version__
 from uavmap.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, USER_ERROR, complain
 
 COMMANDS: Final = {
+    "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
     "resume": "go on with an interrupted mission",
     "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",

@@ -1,0 +1,109 @@
+"""From places, a drone and the user's wishes to the text of a mission."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from missions.ground.footprint import Optics
+from missions.mission_file.schema import AUTO, Mission
+from missions.units import LatLon
+from uavmap.areas.layout import Layout
+from uavmap.areas.mission_text import mission_text
+
+HIGHEST_M: Final = 60.0
+"""Nobody is sent higher unasked: there an error of one degree is a metre on the ground."""
+WIND_M_S: Final = 5.0
+"""What is reckoned with where nobody says: a fresh day, not a calm one."""
+STRATEGY: Final = "swath"
+_SETTLE_M_S: Final = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a mission needs to know of an aircraft."""
+
+    title: str
+    capacity_wh: float
+    hover_power_w: float
+    max_airspeed_m_s: float
+    speed_m_s: float
+    hfov_deg: float
+    width_px: int
+    height_px: int
+    interval_s: float
+    mounting: str
+
+
+@dataclass(frozen=True, slots=True)
+class Flying:
+    """How the mission is to be flown."""
+
+    vehicles: int = 1
+    strategy: str = STRATEGY
+    wind_m_s: float = WIND_M_S
+    altitude_m: float | None = None
+    """None: as high as the pixels allow, `HIGHEST_M` at most."""
+    ceiling_m: float | None = None
+
+
+def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Flying) -> str:
+    """The text of a mission file. It is not checked yet."""
+    values: dict[str, Any] = {
+        "name": name,
+        "strategy": flying.strategy,
+        "start.position": _pair(layout.home),
+        "search.box": tuple(map(_pair, layout.box)),
+        "fence.polygon": tuple(map(_pair, layout.fence)),
+        "grid.cell_m": layout.cell_m,
+        "flight.altitude_m": _altitude(layout, figures, flying),
+        "flight.speed_m_s": figures.speed_m_s,
+        "flight.settle_m_s": min(_SETTLE_M_S, figures.speed_m_s),
+        "flight.max_airspeed_m_s": figures.max_airspeed_m_s,
+        "camera.hfov_deg": figures.hfov_deg,
+        "camera.width_px": figures.width_px,
+        "camera.height_px": figures.height_px,
+        "camera.interval_s": figures.interval_s,
+        "camera.mounting": figures.mounting,
+        "battery.capacity_wh": figures.capacity_wh,
+        "battery.hover_power_w": figures.hover_power_w,
+        "wind.speed_m_s": flying.wind_m_s,
+        "sim.roi": tuple(map(_pair, layout.roi)),
+    }
+    if layout.holes:
+        values["fence.holes"] = tuple(tuple(map(_pair, hole)) for hole in layout.holes)
+    if flying.ceiling_m is not None:
+        values["fence.ceiling_m"] = flying.ceiling_m
+    return mission_text(values, _header(name, origin, layout, figures), flying.vehicles)
+
+
+def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequence[str]:
+    return (
+        f"{name}: map a region somewhere in {layout.name!r} ({origin}).",
+        "",
+        "Made by `uavmap new`. The aircraft:",
+        f"{figures.title}.",
+        "Look at the figures of battery, camera and wind below before you fly.",
+    )
+
+
+def _pair(place: LatLon) -> tuple[float, float]:
+    return place.lat_deg, place.lon_deg
+
+
+def _altitude(layout: Layout, figures: Figures, flying: Flying) -> float | str:
+    """The lowest layer: "auto", unless that is higher than anybody wants to fly unasked."""
+    if flying.altitude_m is not None:
+        return flying.altitude_m
+    optics = Optics(math.radians(figures.hfov_deg), figures.width_px, figures.height_px)
+    pixels = float(_default("camera", "pixels_per_cell"))
+    if optics.height_m(layout.cell_m, pixels) <= HIGHEST_M:
+        return AUTO
+    lowest_m = HIGHEST_M - (flying.vehicles - 1) * float(_default("team", "layer_m"))
+    return max(lowest_m, HIGHEST_M / 2.0)
+
+
+def _default(section: str, key: str) -> Any:
+    return getattr(Mission.model_fields[section].default, key)
