@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from missions.ground.footprint import Optics
-from missions.mission_file.schema import AUTO, Mission
+from missions.mission_file import flyable
+from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
+from missions.mission_file.schema import AUTO, Mission, parse_fields
 from missions.units import LatLon
 from uavmap.areas.layout import Layout
 from uavmap.areas.mission_text import mission_text
@@ -51,6 +52,16 @@ class Flying:
 
 def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Flying) -> str:
     """The text of a mission file. It is not checked yet."""
+    values = _values(name, layout, figures, flying)
+    header = _header(name, origin, layout, figures)
+    if flying.altitude_m is None:
+        first = mission_text(values, header, flying.vehicles)
+        values |= _seeing_enough(parse_fields(first, name))
+    return mission_text(values, header, flying.vehicles)
+
+
+def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict[str, Any]:
+    """What the mission says besides the defaults."""
     values: dict[str, Any] = {
         "name": name,
         "strategy": flying.strategy,
@@ -58,7 +69,7 @@ def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Fl
         "search.box": tuple(map(_pair, layout.box)),
         "fence.polygon": tuple(map(_pair, layout.fence)),
         "grid.cell_m": layout.cell_m,
-        "flight.altitude_m": _altitude(layout, figures, flying),
+        "flight.altitude_m": AUTO if flying.altitude_m is None else flying.altitude_m,
         "flight.speed_m_s": figures.speed_m_s,
         "flight.settle_m_s": min(_SETTLE_M_S, figures.speed_m_s),
         "flight.max_airspeed_m_s": figures.max_airspeed_m_s,
@@ -76,7 +87,34 @@ def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Fl
         values["fence.holes"] = tuple(tuple(map(_pair, hole)) for hole in layout.holes)
     if flying.ceiling_m is not None:
         values["fence.ceiling_m"] = flying.ceiling_m
-    return mission_text(values, _header(name, origin, layout, figures), flying.vehicles)
+    return values
+
+
+def _seeing_enough(mission: Mission) -> dict[str, Any]:
+    """The height for a mission that says "auto", and what it asks of the camera's pixels.
+
+    That is "auto", unless it is higher than anybody wants to fly unasked, or the lowest of several
+    vehicles would see too little: then they all fly higher, and a cell has fewer pixels.
+    """
+    above_m = (len(mission.vehicles) - 1) * mission.team.layer_m
+    top_m = mission.altitude_m(0) + above_m
+    if top_m <= HIGHEST_M and not list(flyable.values(mission)):
+        return {}
+    lowest_m = float(math.floor(max(min(top_m, HIGHEST_M) - above_m, LEAST_HEIGHT_M)))
+    while lowest_m + above_m <= mission.fence.ceiling_m:
+        optics = mission.camera.optics
+        pixels = math.floor(optics.pixels_per_cell(lowest_m + above_m, mission.grid.cell_m))
+        asked = min(mission.camera.pixels_per_cell, float(max(pixels, 1)))
+        tried = mission.model_copy(
+            update={
+                "flight": mission.flight.model_copy(update={"altitude_m": lowest_m}),
+                "camera": mission.camera.model_copy(update={"pixels_per_cell": asked}),
+            }
+        )
+        if not list(flyable.values(tried)):
+            return {"flight.altitude_m": lowest_m, "camera.pixels_per_cell": asked}
+        lowest_m += 1.0
+    return {}  # no height helps: the check of the mission says what would
 
 
 def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequence[str]:
@@ -91,19 +129,3 @@ def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequenc
 
 def _pair(place: LatLon) -> tuple[float, float]:
     return place.lat_deg, place.lon_deg
-
-
-def _altitude(layout: Layout, figures: Figures, flying: Flying) -> float | str:
-    """The lowest layer: "auto", unless that is higher than anybody wants to fly unasked."""
-    if flying.altitude_m is not None:
-        return flying.altitude_m
-    optics = Optics(math.radians(figures.hfov_deg), figures.width_px, figures.height_px)
-    pixels = float(_default("camera", "pixels_per_cell"))
-    if optics.height_m(layout.cell_m, pixels) <= HIGHEST_M:
-        return AUTO
-    lowest_m = HIGHEST_M - (flying.vehicles - 1) * float(_default("team", "layer_m"))
-    return max(lowest_m, HIGHEST_M / 2.0)
-
-
-def _default(section: str, key: str) -> Any:
-    return getattr(Mission.model_fields[section].default, key)

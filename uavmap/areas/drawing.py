@@ -18,7 +18,7 @@ from uavmap.printable import printable
 MOST_BYTES: Final = 20_000_000
 """Of a file, and of what is unpacked from one."""
 MOST_SHAPES: Final = 1000
-MOST_VERTICES: Final = 200_000
+MOST_VERTICES: Final = 100_000
 LONGEST_NAME: Final = 60
 
 Point = tuple[float, float]

@@ -31,7 +31,7 @@ from uavmap.areas.drawing import (
 
 _ENVELOPE_BYTES: Final = (0, 32, 48, 48, 64)
 _MOST_TABLES: Final = 100
-_MOST_STEPS: Final = 20_000
+_MOST_STEPS: Final = 3000
 """Of a thousand instructions of SQLite each: a view may never end."""
 _NAMES: Final = ("name", "title", "label", "id", "fid", "objectid")
 

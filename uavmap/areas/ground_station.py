@@ -194,26 +194,22 @@ def read_polygon(text: str, source: str, *, fence: bool) -> Layer:
         return Layer(bounded([polygon("polygon", [points], source, Role.AREA)], source), crs.WGS84)
     home, corners = points[:1], points[1:]
     shapes = [polygon("fence", [corners], source, Role.FENCE)]
-    shapes.append(Shape("home", Role.HOME, tuple(home)))
-    return _with_area(shapes, [], home[0], source)
+    shapes.append(Shape("return point", Role.HOME, tuple(home)))
+    return Layer(bounded(shapes, source), crs.WGS84)
 
 
 # --- both -------------------------------------------------------------------------------------
 def _with_area(shapes: list[Shape], flown: list[Point], home: Point | None, source: str) -> Layer:
-    """The shapes and, where no area is among them, what the waypoints span, or the fence."""
+    """The shapes and, where no area is among them, what the waypoints span."""
     notices: list[str] = []
     if not any(shape.role is Role.AREA for shape in shapes):
         away = [
             point for point in flown if home is None or _GEOD.inv(*home, *point)[2] > _NEAR_HOME_M
         ]
         hull = shapely.convex_hull(MultiPoint(away)) if len(away) > 2 else None
-        fence = next((shape for shape in shapes if shape.role is Role.FENCE), None)
         if isinstance(hull, Polygon):
             shapes.append(polygon("waypoints", [_corners(hull)], source, Role.AREA))
             notices.append(f"no survey; the area is what its {len(away)} waypoints span")
-        elif fence is not None:
-            shapes.append(Shape("inside of the fence", Role.AREA, fence.ring))
-            notices.append("no survey, no waypoints; the area is the inside of the fence")
     return Layer(bounded(shapes, source), crs.WGS84, tuple(notices))
 
 

@@ -35,10 +35,13 @@ def home_of(
     grid: Grid,
     notices: list[str],
 ) -> GridPoint:
-    """Where the first vehicle stands: as given, as drawn, or beside the area. Raises `AreaError`."""
+    """Where the first vehicle stands: as given, as drawn, or beside the area.
+
+    Raises `AreaError` for a place that makes no sense, or where there is no room.
+    """
     place = given or drawing.home
     if place is not None:
-        return _near(place, grid, box, drawing.source, by_option=given is not None)
+        return _near(place, grid, box, fence, drawing.source, by_option=given is not None)
     for point in _places_beside(box):
         end_m = point.x + SMALLEST_GAP_M * vehicles
         row = LineString([(point.x, point.y), (end_m, point.y)])
@@ -59,13 +62,27 @@ def home_of(
     )
 
 
-def _near(place: LatLon, grid: Grid, box: Polygon, source: str, *, by_option: bool) -> GridPoint:
+def _near(
+    place: LatLon,
+    grid: Grid,
+    box: Polygon,
+    fence: Polygon | None,
+    source: str,
+    *,
+    by_option: bool,
+) -> GridPoint:
     """A given home in ground metres, unless it lies where nobody would start from."""
     key = "--home" if by_option else f"{source}: its home"
     said = f"{key} {place.lat_deg:g},{place.lon_deg:g}"
     away_m = _away_m(place, grid, box)
     if away_m <= FARTHEST_HOME_M:
-        return grid.fixed(place)
+        point = grid.fixed(place)
+        if fence is not None and not fence.contains(Point(point)):
+            raise AreaError(
+                f"{said}: lies outside of the fence of {source}; give --home LAT,LON inside, or "
+                "draw the fence around it"
+            )
+        return point
     hint = "give --home LAT,LON near the area"
     if abs(place.lon_deg) <= 90.0:
         turned = LatLon(place.lon_deg, place.lat_deg)

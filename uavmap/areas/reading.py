@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import io
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from missions.errors import AreaError
 from uavmap.areas.archive import check_archive
 from uavmap.areas.crs import in_wgs84
-from uavmap.areas.drawing import MOST_BYTES, Drawing, Layer
+from uavmap.areas.drawing import MOST_BYTES, Area, Drawing, Layer
 from uavmap.areas.geojson import read_geojson
 from uavmap.areas.geopackage import read_geopackage
 from uavmap.areas.ground_station import read_plan, read_polygon, read_waypoints
@@ -46,9 +47,15 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
     if not data.strip():
         raise AreaError(f"{name}: is empty; save the area anew")
     drawing = in_wgs84(_layers(path, data, name), name, given=epsg, swap=swap)
-    if not drawing.areas and not drawing.fences:
+    if drawing.areas:
+        return drawing
+    if not drawing.fences:
         raise AreaError(f"{name}: holds no polygon; draw the area as a closed polygon")
-    return drawing
+    return replace(
+        drawing,
+        areas=tuple(Area(f"inside of {one.name}", one.ring) for one in drawing.fences),
+        notices=(*drawing.notices, "no area but a fence; the area is the inside of it"),
+    )
 
 
 def _guess(path: Path) -> str:

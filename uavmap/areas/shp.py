@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import struct
+import warnings
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
@@ -96,6 +97,7 @@ def _shapes(parts: Mapping[str, bytes], stem: str, source: str) -> Iterator[Shap
 def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[str, list[list[list[Point]]], object]]:
     """Kind, polygons as rings, and name of each record. A `.dbf` that cannot be read names none."""
     with contextlib.ExitStack() as stack:
+        stack.enter_context(_quiet())
         reader = stack.enter_context(shapefile.Reader(shp=io.BytesIO(parts["shp"])))
         titles = iter(_titles(parts))
         for i, shape in enumerate(reader.iterShapes()):
@@ -115,6 +117,14 @@ def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[str, list[list[list[Poin
                 )
 
 
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Lengths in a header that are not those of the file: the records say what is there."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
 def _xy(point: Any) -> Point:
     return float(point[0]), float(point[1])
 
@@ -125,9 +135,12 @@ def _titles(parts: Mapping[str, bytes]) -> list[object]:
         return []
     encoding = parts.get("cpg", b"").decode("ascii", errors="ignore").strip() or "utf-8"
     try:
-        with shapefile.Reader(
-            dbf=io.BytesIO(parts["dbf"]), encoding=encoding, encodingErrors="replace"
-        ) as table:
+        with (
+            _quiet(),
+            shapefile.Reader(
+                dbf=io.BytesIO(parts["dbf"]), encoding=encoding, encodingErrors="replace"
+            ) as table,
+        ):
             fields = {field[0].lower(): field[0] for field in table.fields}
             key = next((fields[name] for name in _NAMES if name in fields), None)
             if key is None:

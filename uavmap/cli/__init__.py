@@ -58,7 +58,7 @@ def parser(wanted: str | None = None) -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
         prog="uavmap",
         description="Map a region of unknown shape with one or more multicopters.",
-        epilog="Start with: uavmap fly runway --sim",
+        epilog="Start with: uavmap fly runway --sim; for a place of yours: uavmap new --help",
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")

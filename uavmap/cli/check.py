@@ -13,6 +13,7 @@ from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
 from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
+from missions.mission_file.places import far_homes
 from missions.mission_file.terrain_checks import off_if_flat_m
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import LANE_CUTS_M, rounded_path
@@ -192,6 +193,7 @@ def plan_lines(setting: Setting) -> list[str]:
         f"reserve, {battery.hover_power_w:g} W in hover",
         f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
         f"{mission.fence.margin_m:g} m inside",
+        *(f"  {line}" for line in far_homes(mission, setting.grid)),
         *(f"  {line}" for line in ground_lines(setting)),
     ]
 
