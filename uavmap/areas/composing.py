@@ -13,6 +13,7 @@ from missions.mission_file.schema import AUTO, Mission, parse_fields
 from missions.units import LatLon
 from uavmap.areas.layout import Layout
 from uavmap.areas.mission_text import mission_text
+from uavmap.printable import printable
 
 HIGHEST_M: Final = 60.0
 """Nobody is sent higher unasked: there an error of one degree is a metre on the ground."""
@@ -119,7 +120,8 @@ def _seeing_enough(mission: Mission) -> dict[str, Any]:
 
 def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequence[str]:
     return (
-        f"{name}: map a region somewhere in {layout.name!r} ({origin}).",
+        # a file may have a name with line breaks, which would end the comment
+        f"{name}: map a region somewhere in {layout.name!r} ({printable(origin)}).",
         "",
         "Made by `uavmap new`. The aircraft:",
         f"{figures.title}.",

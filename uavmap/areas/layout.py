@@ -29,6 +29,8 @@ WAY_ROOM_M: Final = 10.0
 _NICE_M: Final = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
 _MOST_CELLS: Final = 10_000
 _SHARE_OF_ROI: Final = 0.12
+_OFF_THE_EDGE_M: Final = 0.5
+"""Less than the margin, so nobody flies between a hole and the fence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +79,12 @@ def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
     pads = [GridPoint(home[0] + k * SMALLEST_GAP_M, home[1]) for k in range(wishes.vehicles)]
     if fence is None:
         fence = _fence_around(box, pads, wishes.room_m)
-    holes = [hole for hole in keep_out if hole.intersects(fence)]
-    free = box.difference(unary_union([*holes])) if holes else box
+    holes = _cut_to(keep_out, fence)
+    free = box.difference(unary_union(holes)) if holes else box
+    if free.is_empty:
+        raise AreaError(
+            f"{drawing.source}: what is to be kept out of covers all of the area; draw it smaller"
+        )
     title = chosen[0].name if len(chosen) == 1 else f"{len(chosen)} areas"
     return Layout(
         title,
@@ -241,6 +247,18 @@ def _keep_out(
         notices.append(f"{len(inner)} holes of polygons are kept out of (fence.holes)")
     parts = shapely.get_parts(unary_union([*drawn, *inner]))
     return [Polygon(part.exterior) for part in parts if isinstance(part, Polygon)]
+
+
+def _cut_to(keep_out: Iterable[Polygon], fence: Polygon) -> list[Polygon]:
+    """The parts in the fence, a little off its edge: a hole lies inside of its polygon."""
+    inside = fence.buffer(-_OFF_THE_EDGE_M, join_style="mitre")
+    parts = [shapely.get_parts(hole.intersection(inside)) for hole in keep_out]
+    return [
+        Polygon(part.exterior)
+        for several in parts
+        for part in several
+        if isinstance(part, Polygon) and part.area > _OFF_THE_EDGE_M
+    ]
 
 
 def _fence_around(box: Polygon, pads: Sequence[GridPoint], room_m: float) -> Polygon:

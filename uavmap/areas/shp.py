@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import struct
 import warnings
 import zipfile
@@ -119,10 +120,17 @@ def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[str, list[list[list[Poin
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Lengths in a header that are not those of the file: the records say what is there."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
+    """Nothing is said of lengths in a header that are not those of the file, or of rings that turn
+    the other way: what the records hold is taken, and it is held against what an area may be."""
+    logger = logging.getLogger(shapefile.__name__)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(before)
 
 
 def _xy(point: Any) -> Point:

@@ -10,16 +10,23 @@ from typing import Any
 
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.ground.grid import Grid
-from missions.mission_file.checks import STRATEGIES
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
-from uavmap.areas.composing import STRATEGY, WIND_M_S, Figures, Flying, compose
+from uavmap.areas.composing import Figures, Flying, compose
 from uavmap.areas.drawing import Area, Drawing
-from uavmap.areas.drones import Camera, Drone, camera_named, drone_named, table_lines
+from uavmap.areas.drones import table_lines
 from uavmap.areas.layout import Layout, Wishes, lay_out
 from uavmap.areas.reading import KINDS, read_area_file
 from uavmap.cli.check import estimate
-from uavmap.cli.common import complain, epsg_code, folder_name, number_type, pair, vehicle_count
+from uavmap.cli.common import complain, epsg_code, folder_name, number_type, pair
+from uavmap.cli.new_aircraft import (
+    LIST,
+    add_drone_options,
+    answer_to,
+    asks,
+    figures_of,
+    two_numbers,
+)
 from uavmap.cli.plan_map import box_line, check_kind, write_map, zone_name
 from uavmap.mission_source import MissionSource
 from uavmap.results.atomic import write_text
@@ -41,7 +48,6 @@ then:
 A polygon whose name has "fence" in it is the geofence, one with "no-fly" or "keep-out" a hole of
 it, a point named "home", "start" or "take-off" the home. At a terminal what is missing is asked.
 """
-_LIST = "list"
 
 
 def add_parser(commands: Any) -> None:
@@ -67,7 +73,7 @@ def add_parser(commands: Any) -> None:
         help="the plan as .png or .html (default: a .png beside the mission)",
     )
     _add_area_options(parser)
-    _add_drone_options(parser)
+    add_drone_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -88,36 +94,9 @@ def _add_area_options(parser: argparse.ArgumentParser) -> None:
     add("--name", help="of the mission (default: as the file of --out)")
 
 
-def _add_drone_options(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument_group("the aircraft").add_argument
-    watts, metres = number_type(float, 1, 100_000), number_type(float, 1, 1000)
-    add("--drone", metavar="NAME", help="from a small table; `--drone list` shows it")
-    add("--camera", metavar="NAME", help="from the same table (default: the drone's)")
-    add("--battery", metavar="WH", type=watts, help="energy of a full battery")
-    add("--hover", metavar="W", type=watts, help="power in hover")
-    add("--airspeed", metavar="M/S", type=number_type(float, 1, 60), help="that it holds")
-    add("--speed", metavar="M/S", type=number_type(float, 0.5, 30), help="of the mission")
-    add("--hfov", metavar="DEG", type=number_type(float, 2, 169), help="field of view, across")
-    add("--pixels", metavar="WxH", help="of a picture")
-    add("--interval", metavar="S", type=number_type(float, 0.01, 60), help="between pictures")
-    add("--mounting", choices=("fixed", "gimbal"), help="of the camera")
-    add("--vehicles", metavar="N", type=vehicle_count, default=1, help="how many (default 1)")
-    add("--strategy", choices=STRATEGIES, default=STRATEGY, help=f"default {STRATEGY}", metavar="S")
-    add(
-        "--wind",
-        metavar="M/S",
-        type=number_type(float, 0, 40),
-        default=WIND_M_S,
-        help=f"the worst of the day (default {WIND_M_S:g})",
-    )
-    add("--cell", metavar="M", type=number_type(float, 0.1, 500), help="of the map (default: 4 up)")
-    add("--height", metavar="M", type=metres, help="above home (default: as the pixels allow)")
-    add("--ceiling", metavar="M", type=metres, help="the highest allowed (default 120)")
-
-
 def run(options: argparse.Namespace) -> int:
     """Make a mission."""
-    if _LIST in (options.drone, options.camera):
+    if LIST in (options.drone, options.camera):
         for line in table_lines():
             print(line)
         return 0
@@ -126,14 +105,20 @@ def run(options: argparse.Namespace) -> int:
     preview = options.preview or out.with_suffix(".png")
     _check_files(out, preview)
     drawing = _drawing(options)
-    figures = _figures(options)
+    figures = figures_of(options)
     layout = lay_out(drawing, _wishes(options, drawing))
     name = options.name or folder_name(out.stem)
     flying = Flying(
         options.vehicles, options.strategy, options.wind, options.height, options.ceiling
     )
-    text = compose(name, Path(drawing.source).name, layout, figures, flying)
-    setting = _checked(text, out)
+    origin = Path(drawing.source).name
+    try:
+        text = compose(name, origin, layout, figures, flying)
+        setting = Setting.of(MissionSource(str(out), text).parse())
+    except MissionFileError as error:
+        raise AreaError(
+            f"such a mission could not be flown, nothing is written:\n{error}"
+        ) from None
     try:
         write_text(out, text)
     except OSError as error:
@@ -170,32 +155,7 @@ def _check_files(out: Path, preview: Path) -> None:
             raise OutputError(f"{option} {path}: there is no folder {path.parent}")
 
 
-def _checked(text: str, out: Path) -> Setting:
-    """The mission as it will be read, unless it could not be flown."""
-    try:
-        return Setting.of(MissionSource(str(out), text).parse())
-    except MissionFileError as error:
-        lines = str(error).splitlines()
-        raise AreaError(
-            "\n".join(["such a mission could not be flown, nothing is written:", *lines])
-        ) from None
-
-
 # --- what is asked for ------------------------------------------------------------------------
-def _asks() -> bool:
-    return sys.stdin is not None and sys.stdin.isatty()
-
-
-def _answer(question: str) -> str:
-    """A line from the terminal; standard output stays free for the result."""
-    sys.stderr.write(f"{question} ")
-    sys.stderr.flush()
-    line = sys.stdin.readline()
-    if not line:
-        raise AreaError("no answer")
-    return line.strip()
-
-
 def _ask_for_source(options: argparse.Namespace) -> None:
     if options.source is not None and options.at is not None:
         raise AreaError(f"--at {options.at}: beside the file {options.source}; give one of them")
@@ -203,21 +163,21 @@ def _ask_for_source(options: argparse.Namespace) -> None:
         raise AreaError(f"--size {options.size}: goes with --at LAT,LON")
     if options.source is not None or options.at is not None:
         return
-    if not _asks():
+    if not asks():
         raise AreaError("no area; give a file, or --at LAT,LON --size WxH")
-    answer = _answer("area (a file, or LAT,LON of its middle):")
+    answer = answer_to("area (a file, or LAT,LON of its middle):")
     if Path(answer).exists() or not re.fullmatch(r"[-+\d.]+ *, *[-+\d.]+", answer):
         options.source = answer
         return
     options.at = answer
-    options.size = options.size or _answer("its size in metres, east by north, as 200x150:")
+    options.size = options.size or answer_to("its size in metres, east by north, as 200x150:")
 
 
 def _drawing(options: argparse.Namespace) -> Drawing:
     if options.source is not None:
         return read_area_file(options.source, epsg=options.crs, swap=options.swap)
     middle = _place("--at", options.at)
-    wide_m, high_m = _two("--size", options.size or "100x100")
+    wide_m, high_m = two_numbers("--size", options.size or "100x100")
     if not (4.0 <= wide_m <= 10_000.0 and 4.0 <= high_m <= 10_000.0):
         raise AreaError(f"--size {options.size}: give each side from 4 to 10000 metres")
     grid = Grid.at(middle, 1.0)
@@ -238,17 +198,12 @@ def _place(option: str, text: str) -> LatLon:
     return LatLon(lat_deg, lon_deg)
 
 
-def _two(option: str, text: str) -> tuple[float, float]:
-    """Two numbers with an x between them."""
-    return pair(f"{option} {text}", text.lower().replace("x", ","), "WxH, as 200x150")
-
-
 def _wishes(options: argparse.Namespace, drawing: Drawing) -> Wishes:
     name = options.area
-    if name is None and len(drawing.areas) > 1 and not options.together and _asks():
+    if name is None and len(drawing.areas) > 1 and not options.together and asks():
         for number, area in enumerate(drawing.areas[:50], 1):
             sys.stderr.write(f"  {number}  {area.name}\n")
-        answer = _answer("which area (its number or name):")
+        answer = answer_to("which area (its number or name):")
         known = {str(i): area.name for i, area in enumerate(drawing.areas, 1)}
         name = known.get(answer, answer)
     return Wishes(
@@ -258,65 +213,4 @@ def _wishes(options: argparse.Namespace, drawing: Drawing) -> Wishes:
         options.fence_room,
         options.cell,
         options.vehicles,
-    )
-
-
-# --- the aircraft -----------------------------------------------------------------------------
-def _figures(options: argparse.Namespace) -> Figures:
-    """The figures of the aircraft: from the table, and over them what is given as options."""
-    _ask_for_drone(options)
-    drone = None if options.drone is None else drone_named(options.drone)
-    named = options.camera or (None if drone is None else drone.camera)
-    camera = None if named is None else camera_named(named)
-    pixels = None if options.pixels is None else _two("--pixels", options.pixels)
-    title = (
-        "; ".join(part.title for part in (drone, camera) if part is not None)
-        or "figures given by hand"
-    )
-    if _overridden(options) and drone is not None:
-        title += "; some figures given by hand"
-    speed_m_s = options.speed or (drone.speed_m_s if drone else 5.0)
-    return Figures(
-        title,
-        _given(options.battery, drone, "capacity_wh"),
-        _given(options.hover, drone, "hover_power_w"),
-        options.airspeed or (drone.max_airspeed_m_s if drone else max(12.0, speed_m_s)),
-        speed_m_s,
-        _given(options.hfov, camera, "hfov_deg"),
-        round(pixels[0]) if pixels else int(_given(None, camera, "width_px")),
-        round(pixels[1]) if pixels else int(_given(None, camera, "height_px")),
-        options.interval or (camera.interval_s if camera else 1.0),
-        options.mounting or (camera.mounting if camera else "fixed"),
-    )
-
-
-def _given(option: float | None, table: Drone | Camera | None, key: str) -> float:
-    if option is not None:
-        return float(option)
-    return float(getattr(table, key))
-
-
-def _overridden(options: argparse.Namespace) -> bool:
-    keys = ("battery", "hover", "airspeed", "speed", "hfov", "pixels", "interval", "mounting")
-    return any(getattr(options, key) is not None for key in keys)
-
-
-def _ask_for_drone(options: argparse.Namespace) -> None:
-    """See that every figure is there that has no default."""
-    if options.drone is not None:
-        return
-    needed = {"--battery WH": options.battery, "--hover W": options.hover}
-    if options.camera is None:
-        needed |= {"--hfov DEG": options.hfov, "--pixels WxH": options.pixels}
-    missing = [option for option, value in needed.items() if value is None]
-    if not missing:
-        return
-    if _asks():
-        for line in table_lines():
-            sys.stderr.write(f"{line}\n")
-        options.drone = _answer("which drone:")
-        return
-    raise AreaError(
-        f"the aircraft is not known; give --drone NAME (`uavmap new --drone {_LIST}` shows which; "
-        f"sim is the simulator's), or {', '.join(missing)}"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import sqlite3
 import struct
@@ -11,11 +12,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import shapefile
+from shapely.geometry import Polygon
 
 from missions.errors import AreaError
+from missions.mission_file.checks import parse_mission
 from missions.units import LatLon
 from tests import area_files as files
 from tests.area_files import FIELD, collection, feature, kml, placemark, saved
+from tests.unit.uavmap.test_area_kinds import SIM
+from uavmap.areas.composing import Flying, compose
 from uavmap.areas.layout import Wishes, lay_out
 from uavmap.areas.reading import read_area_file
 from uavmap.areas.shp import read_shapefile
@@ -308,6 +314,23 @@ def test_a_fence_on_another_continent(tmp_path: Path) -> None:
     )
 
 
+def test_what_is_kept_out_of_may_not_be_all(tmp_path: Path) -> None:
+    shapes = feature(name="field"), feature(moved(-0.0005, -0.0005, 2.0), name="no-fly zone")
+    assert "kept out of" in laid_out(tmp_path, *shapes)
+
+
+def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path: Path) -> None:
+    """A hole across the edge of the fence would be none."""
+    road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
+    shapes = feature(name="field"), feature(road, name="keep-out road")
+    drawing = read_area_file(str(saved(tmp_path, "a.geojson", collection(*shapes))))
+    layout = lay_out(drawing, Wishes())
+    text = compose("a", "a\n[flight]\n", layout, SIM, Flying())
+    (hole,) = parse_mission(text, "a").fence.holes
+    fence = Polygon([(place.lon_deg, place.lat_deg) for place in layout.fence])
+    assert fence.contains(Polygon([(lon, lat) for lat, lon in hole]))
+
+
 def test_a_home_outside_of_the_fence(tmp_path: Path) -> None:
     shapes = feature(name="field"), feature(moved(-0.0005, -0.0005, 2.0), name="fence")
     said = laid_out(tmp_path, *shapes, home=LatLon(52.45, 13.303))
@@ -350,6 +373,21 @@ def test_a_geopackage_that_is_open_elsewhere(tmp_path: Path) -> None:
     saved(tmp_path, "a.gpkg-wal", b"x")
     with pytest.raises(AreaError, match="is open in another program"):
         read_area_file(str(path))
+
+
+def test_a_shapefile_whose_rings_turn_the_wrong_way(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Old tools write them so; the reader's warnings are not for users."""
+    buffer = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
+    with shapefile.Writer(**buffer, shapeType=5) as writer:
+        writer.field("Name", "C", 40)
+        writer.poly([[list(corner) for corner in files.closed(FIELD)]])
+        writer.record("Field")
+    path = files.beside(tmp_path, "a", {k: file.getvalue() for k, file in buffer.items()})
+    assert len(read_area_file(str(path)).areas) == 1
+    assert capfd.readouterr().err == ""
+    assert caplog.records == []
 
 
 def test_no_byte_of_a_shapefile_is_trusted() -> None:
