@@ -18,7 +18,8 @@ from uavmap.areas.drones import table_lines
 from uavmap.areas.layout import Layout, Wishes, lay_out
 from uavmap.areas.reading import KINDS, read_area_file
 from uavmap.cli.check import estimate
-from uavmap.cli.common import complain, epsg_code, folder_name, number_type, pair
+from uavmap.cli.common import epsg_code, folder_name, number_type, pair
+from uavmap.cli.endings import complain
 from uavmap.cli.new_aircraft import (
     LIST,
     add_drone_options,
@@ -54,7 +55,6 @@ def add_parser(commands: Any) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "new",
-        help="make a mission from an area drawn elsewhere",
         description=f"Make a mission file from an area that was drawn elsewhere: {KINDS}.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -221,9 +221,9 @@ def test_nothing_is_overwritten(
 @pytest.mark.parametrize(
     ("arguments", "meant"),
     [
-        (["fyl", "runway", "--sim"], "did you mean 'fly'?"),
-        (["nwe", "field.kml"], "did you mean 'new'?"),
-        (["chek", "runway"], "did you mean 'check'?"),
+        (["fyl", "runway", "--sim"], "did you mean fly?"),
+        (["nwe", "field.kml"], "did you mean new?"),
+        (["chek", "runway"], "did you mean check?"),
     ],
 )
 def test_a_mistyped_command(
