@@ -21,6 +21,8 @@ WIND_M_S: Final = 5.0
 """What is reckoned with where nobody says: a fresh day, not a calm one."""
 STRATEGY: Final = "swath"
 _SETTLE_M_S: Final = 1.5
+_LEAN_RAD: Final = math.radians(10.0)
+"""More than a small multicopter leans in `WIND_M_S`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +118,19 @@ def _seeing_enough(mission: Mission) -> dict[str, Any]:
             return {"flight.altitude_m": lowest_m, "camera.pixels_per_cell": asked}
         lowest_m += 1.0
     return {}  # no height helps: the check of the mission says what would
+
+
+def largest_cell_m(figures: Figures, flying: Flying) -> float:
+    """The largest cell of which a picture shows 3 x 3, from as high as anybody flies unasked.
+
+    A fixed camera looks aside while the vehicle leans into the wind.
+    """
+    height_m = flying.altitude_m or min(HIGHEST_M, flying.ceiling_m or HIGHEST_M)
+    shape = min(figures.height_px / figures.width_px, 1.0)
+    half_rad = math.atan(math.tan(math.radians(figures.hfov_deg) / 2.0) * shape)
+    lean_rad = 0.0 if figures.mounting == "gimbal" else _LEAN_RAD
+    seen_m = height_m * math.tan(max(half_rad - lean_rad, 0.0)) - flyable.POSITION_ERROR_M
+    return max(seen_m, 0.0) / (0.5 + flyable.SEEN_SHARE)
 
 
 def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequence[str]:

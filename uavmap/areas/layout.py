@@ -58,6 +58,8 @@ class Wishes:
     room_m: float = 20.0
     """From the box to the fence."""
     cell_m: float | None = None
+    largest_cell_m: float = math.inf
+    """Of a cell that nobody asked for: of larger ones a picture would not show enough."""
     vehicles: int = 1
 
 
@@ -69,7 +71,7 @@ def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
     areas = [_on_ground(area, grid, drawing.source) for area in chosen]
     whole = areas[0] if len(areas) == 1 else _hull(areas)
     _check_size(whole, drawing.source)
-    cell_m = wishes.cell_m or cell_for(whole.area)
+    cell_m = wishes.cell_m or cell_for(whole.area, wishes.largest_cell_m)
     box = _simplified(Polygon(whole.exterior), cell_m, notices)
     fence = _drawn_fence(drawing, box, grid)
     keep_out = _keep_out(drawing, areas, grid, notices)
@@ -98,14 +100,17 @@ def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
     )
 
 
-def cell_for(area_m2: float) -> float:
+def cell_for(area_m2: float, largest_m: float = math.inf) -> float:
     """The size of a cell with which an area has at most some 10,000 cells, metres.
 
-    >>> cell_for(20_000.0), cell_for(1_000_000.0)
-    (4.0, 10.0)
+    Never more than `largest_m`, but at least the 4 m that every mission has by default.
+
+    >>> cell_for(20_000.0), cell_for(1_000_000.0), cell_for(1_000_000.0, largest_m=9.0)
+    (4.0, 10.0, 8.0)
     """
     least_m = math.sqrt(area_m2 / _MOST_CELLS)
-    return next((size for size in _NICE_M if size >= least_m), _NICE_M[-1])
+    possible = [size for size in _NICE_M if size <= largest_m] or [_NICE_M[0]]
+    return next((size for size in possible if size >= least_m), possible[-1])
 
 
 # --- the area ---------------------------------------------------------------------------------

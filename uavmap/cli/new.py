@@ -10,9 +10,10 @@ from typing import Any
 
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.ground.grid import Grid
+from missions.mission_file import flyable
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
-from uavmap.areas.composing import Figures, Flying, compose
+from uavmap.areas.composing import Figures, Flying, compose, largest_cell_m
 from uavmap.areas.drawing import Area, Drawing
 from uavmap.areas.drones import table_lines
 from uavmap.areas.layout import Layout, Wishes, lay_out
@@ -28,7 +29,7 @@ from uavmap.cli.new_aircraft import (
     figures_of,
     two_numbers,
 )
-from uavmap.cli.plan_map import box_line, check_kind, write_map, zone_name
+from uavmap.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
 from uavmap.mission_source import MissionSource
 from uavmap.results.atomic import write_text
 
@@ -106,11 +107,11 @@ def run(options: argparse.Namespace) -> int:
     _check_files(out, preview)
     drawing = _drawing(options)
     figures = figures_of(options)
-    layout = lay_out(drawing, _wishes(options, drawing))
-    name = options.name or folder_name(out.stem)
     flying = Flying(
         options.vehicles, options.strategy, options.wind, options.height, options.ceiling
     )
+    layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
+    name = options.name or folder_name(out.stem)
     origin = Path(drawing.source).name
     try:
         text = compose(name, origin, layout, figures, flying)
@@ -128,8 +129,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _tell(layout: Layout, setting: Setting, figures: Figures, out: Path, preview: Path) -> None:
-    for notice in layout.notices:
+def _tell(layout: Layout, setting: Setting, aircraft: Figures, out: Path, preview: Path) -> None:
+    for notice in (*layout.notices, *flyable.warnings(setting.mission, setting.grid)):
         complain(notice)
     home = setting.mission.home
     north, east = "NS"[home.lat_deg < 0.0], "EW"[home.lon_deg < 0.0]
@@ -138,7 +139,8 @@ def _tell(layout: Layout, setting: Setting, figures: Figures, out: Path, preview
         f"  home {abs(home.lat_deg):.5f} {north} {abs(home.lon_deg):.5f} {east}, UTM zone "
         f"{zone_name(setting.grid)}; is that the place?"
     )
-    print(f"  aircraft: {figures.title}")
+    print(f"  aircraft: {aircraft.title}")
+    print(f"  {search_line(estimate(setting))}")
     print(f"  the plan is drawn in {preview}")
     print(f"  next: uavmap check {out}; uavmap fly {out} --sim")
 
@@ -198,7 +200,7 @@ def _place(option: str, text: str) -> LatLon:
     return LatLon(lat_deg, lon_deg)
 
 
-def _wishes(options: argparse.Namespace, drawing: Drawing) -> Wishes:
+def _wishes(options: argparse.Namespace, drawing: Drawing, largest_m: float) -> Wishes:
     name = options.area
     if name is None and len(drawing.areas) > 1 and not options.together and asks():
         for number, area in enumerate(drawing.areas[:50], 1):
@@ -212,5 +214,6 @@ def _wishes(options: argparse.Namespace, drawing: Drawing) -> Wishes:
         options.together,
         options.fence_room,
         options.cell,
+        largest_m,
         options.vehicles,
     )

@@ -62,11 +62,7 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
         ("vehicles", f"{len(mission.vehicles)}, strategy {mission.strategy}"),
         ("layers", f"{layers} above {'the start' if setting.ground is None else 'the ground'}"),
         ("lanes", f"{figures['lanes']}, {figures['search_length_m']:,.0f} m"),
-        (
-            "the search alone",
-            f"about {figures['search_time_s'] / 60.0:.0f} min, sorties of a vehicle: "
-            f"{figures['search_sorties']}; exploring comes on top",
-        ),
+        ("search", search_line(figures)),
         (
             "battery",
             f"{battery.capacity_wh:g} Wh, {battery.hover_power_w:g} W in hover: "
@@ -74,6 +70,14 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
         ),
         ("wind", f"up to {mission.wind.speed_m_s:g} m/s"),
     ]
+
+
+def search_line(figures: Mapping[str, Any]) -> str:
+    """How long the search of the whole box takes, if nothing is found."""
+    return (
+        f"the search alone takes about {figures['search_time_s'] / 60.0:.0f} min, sorties of a "
+        f"vehicle: {figures['search_sorties']}; exploring comes on top"
+    )
 
 
 def box_line(setting: Setting) -> str:
