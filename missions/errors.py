@@ -7,6 +7,7 @@
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
     ├── RoiError                a file or option that does not describe a ROI
+    ├── AreaError               a drawing or option from which no mission can be made
     ├── StudyError              a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── EventError              an event with a number that no journal can hold; a ValueError, too
@@ -49,6 +50,10 @@ class StrategyError(UavmapError):
 
 class RoiError(UavmapError):
     """A file from which no ROI can be read, or a ROI that cannot be generated."""
+
+
+class AreaError(UavmapError):
+    """A file without a usable area, or options that do not fit what was drawn."""
 
 
 class StudyError(UavmapError):

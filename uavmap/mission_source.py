@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import difflib
+import itertools
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -22,6 +25,7 @@ from uavmap.prior_file import with_prior
 from uavmap.text_files import read_text
 
 LARGEST_BYTES: Final = 4_000_000
+_MOST_LOOKED_AT: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +81,24 @@ def _found(name: str, detector: str | None) -> MissionSource:
         text = read_text(path, LARGEST_BYTES)
     except OSError as error:
         raise MissionFileError(
-            f"{name}: cannot be read ({error.strerror}); give the path of a mission file, or one "
-            f"of the shipped missions: {', '.join(shipped_missions())}"
+            f"{name}: cannot be read ({error.strerror}); {_guess(path)}give the path of a mission "
+            f"file, or one of the shipped missions: {', '.join(shipped_missions())}"
         ) from None
     except UnicodeDecodeError:
         raise MissionFileError(f"{name}: not a text file in UTF-8") from None
     text = with_prior(text, name, path.parent)
     text = with_terrain(text, name, path.parent)
     return MissionSource(name, _judged_by(text, name, path.parent, detector))
+
+
+def _guess(path: Path) -> str:
+    """What was perhaps meant: a mission file of the same folder, or a shipped mission."""
+    known = {} if path.parent != Path() else {name: name for name in shipped_missions()}
+    with contextlib.suppress(OSError):
+        files = itertools.islice(path.parent.glob("*.toml"), _MOST_LOOKED_AT)
+        known |= {file.name: str(file) for file in files}
+    near = difflib.get_close_matches(path.name, known, n=1)
+    return f"did you mean {known[near[0]]!r}? " if near else ""
 
 
 def _judged_by(text: str, name: str, folder: Path, detector: str | None) -> str:

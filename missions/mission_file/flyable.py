@@ -28,7 +28,7 @@ from missions.mission_file.height_and_speed import (
     picture_warnings,
 )
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.places import drawn
+from missions.mission_file.places import drawn, far_homes
 from missions.mission_file.schema import AUTO, Mission, positions
 from missions.units import GridPoint
 
@@ -288,7 +288,7 @@ def _ups_and_downs_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, 
 
 def warnings(mission: Mission, grid: Grid) -> list[str]:
     """What does not keep a checked mission from being flown, but will show in its map."""
-    found = []
+    found = list(far_homes(mission, grid))
     area = search_area(mission, grid)
     if area.cut_off_m2 >= _SMALLEST_LOSS_M2:
         found.append(

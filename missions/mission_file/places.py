@@ -19,6 +19,9 @@ from missions.units import GridPoint, LatLon
 FARTHEST_M = 50_000.0
 """No place of a mission lies farther from its start: nothing here flies that far."""
 
+FAR_M = 2000.0
+"""A home this far from the box is asked about: nobody sees a vehicle from there."""
+
 _SMALLEST_AREA_M2 = 0.01
 _TOUCH_M = 0.01
 """A box may share an edge with the fence: decimals in the file are coarser than this."""
@@ -186,3 +189,15 @@ def homes_apart(mission: Mission, grid: Grid) -> Iterator[str]:
                     f"{home_key(mission, i)}: {gap_m:.1f} m from {home_key(mission, k)}, nearer "
                     f"than team.separation_m ({mission.team.separation_m:g}); move one of them"
                 )
+
+
+def far_homes(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Homes so far from the box that somebody has perhaps mistaken the place."""
+    box = drawn(mission.search.box, grid)
+    for i, place in enumerate(homes(mission)):
+        away_m = float(box.distance(Point(grid.fixed(place))))
+        if away_m > FAR_M:
+            yield (
+                f"{home_key(mission, i)} = {_show((place.lat_deg, place.lon_deg))}: "
+                f"{away_m / 1000:.1f} km from search.box; is that the place?"
+            )

@@ -23,6 +23,7 @@ from uavmap import __version__
 from uavmap.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, USER_ERROR, complain
 
 COMMANDS: Final = {
+    "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
     "resume": "go on with an interrupted mission",
     "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",
@@ -57,7 +58,7 @@ def parser(wanted: str | None = None) -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
         prog="uavmap",
         description="Map a region of unknown shape with one or more multicopters.",
-        epilog="Start with: uavmap fly runway --sim",
+        epilog="Start with: uavmap fly runway --sim; for a place of yours: uavmap new --help",
     )
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")

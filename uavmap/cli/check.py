@@ -6,17 +6,20 @@ import argparse
 import json
 import math
 import sys
+from pathlib import Path
 from typing import Any
 
 from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
 from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
+from missions.mission_file.places import far_homes
 from missions.mission_file.terrain_checks import off_if_flat_m
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import LANE_CUTS_M, rounded_path
 from missions.state import Setting
 from missions.units import GridPoint
+from uavmap.cli.plan_map import box_line, check_kind, write_map, zone_name
 from uavmap.mission_source import load_source
 
 
@@ -25,19 +28,30 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "check",
         description="Say what is wrong with a mission file, by key, or what it would fly.",
-        epilog="examples:\n  uavmap check runway\n  uavmap check field.toml --json",
+        epilog="examples:\n  uavmap check runway\n  uavmap check field.toml --json\n"
+        "  uavmap check field.toml --map field.html      the plan as a page to look at",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("mission", metavar="MISSION", help="a mission file, or a shipped mission")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument(
+        "--map",
+        metavar="FILE.html|FILE.png",
+        type=Path,
+        help="draw box, fence, lanes and homes, as a page that loads nothing, or as a picture",
+    )
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Check."""
+    if options.map is not None:
+        check_kind(options.map, "--map")
     setting = Setting.of(load_source(options.mission).parse())
     figures = estimate(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)
+    if options.map is not None:
+        write_map(setting, figures, options.map)
     if options.json:
         if setting.first_sighting_s is not None:
             soon_s, late_s = setting.first_sighting_s
@@ -51,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
     for warning in warnings:
         print(f"  {warning}")
+    print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
     print(f"  height and speed of each layer; {reason} sets the height:")
     for layer in rows:
@@ -71,6 +86,8 @@ def run(options: argparse.Namespace) -> int:
     width = max(map(len, figures))
     for key, value in figures.items():
         print(f"  {key:{width}}  {value}")
+    if options.map is not None:
+        print(f"  the plan is in {options.map}")
     return 0
 
 
@@ -176,6 +193,7 @@ def plan_lines(setting: Setting) -> list[str]:
         f"reserve, {battery.hover_power_w:g} W in hover",
         f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
         f"{mission.fence.margin_m:g} m inside",
+        *(f"  {line}" for line in far_homes(mission, setting.grid)),
         *(f"  {line}" for line in ground_lines(setting)),
     ]
 

@@ -1,0 +1,176 @@
+"""What readers of areas hand on: shapes as the file has them, and a whole drawing in WGS84."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import pyproj
+
+from missions.errors import AreaError
+from missions.units import LatLon
+from uavmap.printable import printable
+
+MOST_BYTES: Final = 20_000_000
+"""Of a file, and of what is unpacked from one."""
+MOST_SHAPES: Final = 1000
+MOST_VERTICES: Final = 100_000
+LONGEST_NAME: Final = 60
+
+Point = tuple[float, float]
+"""x and y in the file's own coordinates: longitude and latitude where these are degrees."""
+Points = tuple[Point, ...]
+
+
+class Role(Enum):
+    """What a shape is for."""
+
+    AREA = "area"
+    FENCE = "fence"
+    KEEP_OUT = "keep out"
+    HOME = "home"
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A polygon with its holes, or a home, as it stands in the file."""
+
+    name: str
+    role: Role
+    ring: Points
+    """Open: the first corner is not repeated. A home has one point."""
+    holes: tuple[Points, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Shapes that share coordinates."""
+
+    shapes: tuple[Shape, ...]
+    crs: pyproj.CRS | None
+    """None where the file does not say."""
+    notices: tuple[str, ...] = ()
+    """What was left out, or taken for something: a line each."""
+
+
+Positions = tuple[LatLon, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A polygon in WGS84: its ring and the rings of its holes, open."""
+
+    name: str
+    ring: Positions
+    holes: tuple[Positions, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """All of a file that a mission can be made of."""
+
+    source: str
+    areas: tuple[Area, ...]
+    fences: tuple[Area, ...] = ()
+    keep_out: tuple[Area, ...] = ()
+    home: LatLon | None = None
+    notices: tuple[str, ...] = ()
+
+
+_FENCE = re.compile(r"\b(geo[ _-]?)?fence\b|\bgeozaun\b|\bzaun\b", re.IGNORECASE)
+_KEEP_OUT = re.compile(r"\b(keep[ _-]?out|no[ _-]?fly|exclusion|obstacle)", re.IGNORECASE)
+_HOME = re.compile(r"\b(home|start|take[ _-]?off|launch|pad)\b", re.IGNORECASE)
+
+
+def role_of(name: str) -> Role:
+    """What a polygon is for, by its name; one without such a name is an area.
+
+    >>> role_of("Geofence"), role_of("no-fly zone"), role_of("defence")
+    (<Role.FENCE: 'fence'>, <Role.KEEP_OUT: 'keep out'>, <Role.AREA: 'area'>)
+    """
+    if _KEEP_OUT.search(name):
+        return Role.KEEP_OUT
+    return Role.FENCE if _FENCE.search(name) else Role.AREA
+
+
+def names_home(name: str) -> bool:
+    """Whether a point of this name is the home.
+
+    >>> names_home("Take-off"), names_home("parking")
+    (True, False)
+    """
+    return bool(_HOME.search(name))
+
+
+def shown_name(value: object, otherwise: str) -> str:
+    """A name from a file, made harmless and short.
+
+    >>> shown_name("  North field ", "polygon 1"), shown_name(None, "polygon 1")
+    ('North field', 'polygon 1')
+    """
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        return otherwise
+    return printable(str(value).strip(), LONGEST_NAME) or otherwise
+
+
+def number(value: object, where: str) -> float:
+    """A finite number. Raises `AreaError` for anything else, also for text and true."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            found = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            found = math.inf
+        if math.isfinite(found):
+            return found
+    raise AreaError(f"{where}: {printable(repr(value), 40)} is no coordinate; give numbers")
+
+
+def opened(points: Iterable[Point], where: str) -> Points:
+    """A ring without its last point where that repeats the first, and without repetitions.
+
+    Raises `AreaError` for fewer than three corners.
+
+    >>> opened([(0, 0), (1, 0), (1, 0), (0, 1), (0, 0)], "x")
+    ((0, 0), (1, 0), (0, 1))
+    """
+    kept: list[Point] = []
+    for point in points:
+        if not kept or point != kept[-1]:
+            kept.append(point)
+    if len(kept) > 1 and kept[0] == kept[-1]:
+        kept.pop()
+    if len(kept) < 3:
+        raise AreaError(f"{where}: {len(kept)} corners; a polygon needs three")
+    return tuple(kept)
+
+
+def polygon(
+    name: str, rings: Sequence[Iterable[Point]], where: str, role: Role | None = None
+) -> Shape:
+    """A polygon from its outer ring and its holes. Raises `AreaError`."""
+    if not rings:
+        raise AreaError(f"{where}: a polygon without a ring; draw it anew")
+    ring, *holes = (opened(points, where) for points in rings)
+    return Shape(name, role or role_of(name), ring, tuple(holes))
+
+
+def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:
+    """All shapes, unless they are more than anybody draws. Raises `AreaError`."""
+    found: list[Shape] = []
+    vertices = 0
+    for shape in shapes:
+        found.append(shape)
+        vertices += len(shape.ring) + sum(map(len, shape.holes))
+        if len(found) > MOST_SHAPES:
+            raise AreaError(
+                f"{source}: more than {MOST_SHAPES} shapes; save the area alone in a file"
+            )
+        if vertices > MOST_VERTICES:
+            raise AreaError(
+                f"{source}: more than {MOST_VERTICES} corners; simplify the area, or save it alone"
+            )
+    return tuple(found)

@@ -1,0 +1,154 @@
+"""GeoPackage: an SQLite file with geometries as well-known binary (OGC 12-128)."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+import pyproj
+import shapely
+from shapely.geometry import Point as ShapelyPoint
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from missions.errors import AreaError
+from uavmap.areas import crs
+from uavmap.areas.drawing import (
+    MOST_BYTES,
+    MOST_SHAPES,
+    Layer,
+    Point,
+    Role,
+    Shape,
+    bounded,
+    names_home,
+    polygon,
+    shown_name,
+)
+
+_ENVELOPE_BYTES: Final = (0, 32, 48, 48, 64)
+_MOST_TABLES: Final = 100
+_MOST_STEPS: Final = 3000
+"""Of a thousand instructions of SQLite each: a view may never end."""
+_NAMES: Final = ("name", "title", "label", "id", "fid", "objectid")
+
+
+def read_geopackage(path: Path, source: str) -> list[Layer]:
+    """The polygons of all tables of features. Raises `AreaError`."""
+    wal = path.with_name(f"{path.name}-wal")
+    if wal.exists() and wal.stat().st_size:
+        raise AreaError(f"{source}: is open in another program ({wal.name}); close it there first")
+    address = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1"
+    try:
+        file = sqlite3.connect(address, uri=True)
+    except sqlite3.Error as error:
+        raise AreaError(f"{source}: cannot be opened ({error})") from None
+    try:
+        _restrain(file)
+        return [_layer(file, table, source) for table in _tables(file)]
+    except (sqlite3.Error, OverflowError, UnicodeError) as error:
+        raise AreaError(
+            f"{source}: no GeoPackage that can be read ({str(error)[:80]}); export it anew"
+        ) from None
+    finally:
+        file.close()
+
+
+def _restrain(file: sqlite3.Connection) -> None:
+    """No functions by the file's own schema, no giant values, and an end to every query."""
+    steps = 0
+
+    def enough() -> int:
+        nonlocal steps
+        steps += 1
+        return int(steps > _MOST_STEPS)
+
+    file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
+    file.set_progress_handler(enough, 1000)
+    file.execute("PRAGMA trusted_schema = OFF")
+
+
+def _tables(file: sqlite3.Connection) -> list[tuple[Any, ...]]:
+    return file.execute(
+        "SELECT c.table_name, c.identifier, g.column_name, g.srs_id FROM gpkg_contents c "
+        "JOIN gpkg_geometry_columns g ON c.table_name = g.table_name "
+        f"WHERE c.data_type = 'features' LIMIT {_MOST_TABLES}"
+    ).fetchall()
+
+
+def _layer(file: sqlite3.Connection, table: tuple[Any, ...], source: str) -> Layer:
+    name, title, column, srs = table
+    if not isinstance(name, str) or not isinstance(column, str):
+        raise AreaError(f"{source}: gpkg_geometry_columns names no table; export it anew")
+    listed = [row[1] for row in file.execute(f"PRAGMA table_info({_quoted(name)})")]
+    lower = {str(one).lower(): str(one) for one in listed}
+    key = next((lower[one] for one in _NAMES if one in lower), None)
+    wanted = ", ".join(map(_quoted, [column, key or column]))
+    query = f"SELECT {wanted} FROM {_quoted(name)} LIMIT {MOST_SHAPES + 1}"
+    rows = [(blob, value if key else None) for blob, value in file.execute(query)]
+    stem = shown_name(title, shown_name(name, "layer"))
+    shapes = bounded(_shapes(rows, stem, source), source)
+    return Layer(shapes, _system(file, srs, source))
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _system(file: sqlite3.Connection, srs: object, source: str) -> pyproj.CRS | None:
+    row = file.execute(
+        "SELECT organization, organization_coordsys_id, definition FROM gpkg_spatial_ref_sys "
+        "WHERE srs_id = ?",
+        (srs,),
+    ).fetchone()
+    if srs in (0, -1) or row is None:  # by the standard: undefined
+        return None
+    organization, code, definition = row
+    if str(organization).upper() == "EPSG" and isinstance(code, int):
+        return crs.crs_of_epsg(code, source)
+    return crs.crs_of_wkt(str(definition), source)
+
+
+def _shapes(rows: list[tuple[object, object]], stem: str, source: str) -> Iterator[Shape]:
+    for i, (blob, title) in enumerate(rows):
+        otherwise = stem if len(rows) == 1 else f"{stem} {i + 1}"
+        name = shown_name(title, otherwise)
+        if isinstance(title, int):
+            name = f"{stem} {title}" if len(rows) > 1 else stem
+        where = f"{source}: {name}"
+        if blob is None:
+            continue
+        parts = [part for part in _parts(_geometry(blob, where)) if not part.is_empty]
+        polygons = [part for part in parts if isinstance(part, Polygon)]
+        for k, one in enumerate(polygons):
+            rings = [_ring(ring) for ring in (one.exterior, *one.interiors)]
+            yield polygon(f"{name} ({k + 1})" if len(polygons) > 1 else name, rings, where)
+        for part in parts:
+            if isinstance(part, ShapelyPoint) and names_home(name):
+                yield Shape(name, Role.HOME, ((part.x, part.y),))
+
+
+def _ring(ring: Any) -> list[Point]:
+    return [(float(x), float(y)) for x, y, *_ in ring.coords]
+
+
+def _parts(shape: BaseGeometry) -> list[BaseGeometry]:
+    inner = getattr(shape, "geoms", None)
+    return [shape] if inner is None else [part for one in inner for part in _parts(one)]
+
+
+def _geometry(blob: object, where: str) -> BaseGeometry:
+    """The geometry of a blob: a header, an envelope, well-known binary."""
+    fault = AreaError(f"{where}: its geometry cannot be read; export it anew")
+    if not isinstance(blob, bytes) or len(blob) < 8 or blob[:2] != b"GP":
+        raise fault
+    envelope = blob[3] >> 1 & 7
+    if envelope >= len(_ENVELOPE_BYTES):
+        raise fault
+    try:
+        return shapely.from_wkb(blob[8 + _ENVELOPE_BYTES[envelope] :])
+    except (shapely.errors.ShapelyError, ValueError, TypeError):
+        raise fault from None
