@@ -17,6 +17,7 @@ from uavmap.printable import printable
 
 MOST_BYTES: Final = 20_000_000
 """Of a file, and of what is unpacked from one."""
+MOST_LAYERS: Final = 100
 MOST_SHAPES: Final = 1000
 MOST_VERTICES: Final = 100_000
 LONGEST_NAME: Final = 60
@@ -174,3 +175,10 @@ def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:
                 f"{source}: more than {MOST_VERTICES} corners; simplify the area, or save it alone"
             )
     return tuple(found)
+
+
+def bounded_together(layers: Sequence[Layer], source: str) -> None:
+    """Raise `AreaError` where all layers together hold more than anybody draws."""
+    if len(layers) > MOST_LAYERS:
+        raise AreaError(f"{source}: more than {MOST_LAYERS} layers; save the area alone in a file")
+    bounded((shape for layer in layers for shape in layer.shapes), source)

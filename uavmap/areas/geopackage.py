@@ -18,19 +18,20 @@ from missions.errors import AreaError
 from uavmap.areas import crs
 from uavmap.areas.drawing import (
     MOST_BYTES,
+    MOST_LAYERS,
     MOST_SHAPES,
     Layer,
     Point,
     Role,
     Shape,
     bounded,
+    bounded_together,
     names_home,
     polygon,
     shown_name,
 )
 
 _ENVELOPE_BYTES: Final = (0, 32, 48, 48, 64)
-_MOST_TABLES: Final = 100
 _MOST_STEPS: Final = 3000
 """Of a thousand instructions of SQLite each: a view may never end."""
 _NAMES: Final = ("name", "title", "label", "id", "fid", "objectid")
@@ -48,7 +49,11 @@ def read_geopackage(path: Path, source: str) -> list[Layer]:
         raise AreaError(f"{source}: cannot be opened ({error})") from None
     try:
         _restrain(file)
-        return [_layer(file, table, source) for table in _tables(file)]
+        layers: list[Layer] = []
+        for table in _tables(file):
+            layers.append(_layer(file, table, source))
+            bounded_together(layers, source)
+        return layers
     except (sqlite3.Error, OverflowError, UnicodeError) as error:
         raise AreaError(
             f"{source}: no GeoPackage that can be read ({str(error)[:80]}); export it anew"
@@ -75,7 +80,7 @@ def _tables(file: sqlite3.Connection) -> list[tuple[Any, ...]]:
     return file.execute(
         "SELECT c.table_name, c.identifier, g.column_name, g.srs_id FROM gpkg_contents c "
         "JOIN gpkg_geometry_columns g ON c.table_name = g.table_name "
-        f"WHERE c.data_type = 'features' LIMIT {_MOST_TABLES}"
+        f"WHERE c.data_type = 'features' LIMIT {MOST_LAYERS + 1}"
     ).fetchall()
 
 

@@ -79,7 +79,11 @@ def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
     for placemark in root.iter():
         if _local(placemark) != "Placemark":
             continue
-        parts = [part for part in placemark.iter() if _local(part) in _KINDS]
+        inside = [part for part in placemark.iter() if part is not placemark]
+        if any(_local(part) == "Placemark" for part in inside):
+            # no KML has that, and nested deeply it would be looked through over and over
+            raise AreaError(f"{source}: a placemark in a placemark; save it anew as KML")
+        parts = [part for part in inside if _local(part) in _KINDS]
         polygons = [part for part in parts if _local(part) == "Polygon"]
         title = _text(placemark, "name")
         for i, part in enumerate(polygons):

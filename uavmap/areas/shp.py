@@ -25,6 +25,7 @@ from uavmap.areas.drawing import (
     Role,
     Shape,
     bounded,
+    bounded_together,
     names_home,
     polygon,
     shown_name,
@@ -51,23 +52,22 @@ def read_shapefile(parts: Mapping[str, bytes], stem: str, source: str) -> Layer:
 def read_zipped(data: bytes, source: str) -> list[Layer]:
     """Every Shapefile of an archive. Raises `AreaError`."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        names = [n for n in archive.namelist() if not n.startswith("__MACOSX/")]
-        stems = [PurePosixPath(n) for n in names if n.lower().endswith(".shp")]
-        if not stems:
-            raise AreaError(f"{source}: an archive without a .shp or .kml; pack the Shapefile")
-        layers = []
-        for path in stems[:MOST_SHAPES]:
-            beside = {
-                PurePosixPath(n).suffix.lower()[1:]: n
-                for n in names
-                if PurePosixPath(n).with_suffix("") == path.with_suffix("")
-            }
+        families: dict[PurePosixPath, dict[str, str]] = {}
+        for name in archive.namelist():
+            path = PurePosixPath(name)
+            if path.name and not name.startswith("__MACOSX/"):
+                families.setdefault(path.with_suffix(""), {})[path.suffix.lower()[1:]] = name
+        layers: list[Layer] = []
+        for stem, beside in families.items():
+            if "shp" not in beside:
+                continue
             parts = {
                 suffix: read_member(archive, n, source)
                 for suffix, n in beside.items()
                 if suffix in ("shp", "dbf", "prj", "cpg")
             }
-            layers.append(read_shapefile(parts, path.stem, source))
+            layers.append(read_shapefile(parts, stem.name, source))
+            bounded_together(layers, source)
         return layers
 
 

@@ -101,6 +101,17 @@ FAULTS: dict[str, tuple[Maker, str]] = {
     "XML that is nested deeply": (
         text("a.kml", "<kml>" + "<Folder>" * 100_000), "not well-formed",
     ),
+    "KML with placemarks in one another": (
+        text("a.kml", kml("<Placemark>" * 20_000 + "</Placemark>" * 20_000)), "in a placemark",
+    ),
+    "a zip of a hundred Shapefiles and more": (
+        lambda folder: saved(
+            folder,
+            "a.zip",
+            files.zipped({f"{i}.shp": files.shp([[FIELD]], ["a"])["shp"] for i in range(102)}),
+        ),
+        "more than 100 layers",
+    ),
     "a GPX": (text("a.gpx", "<gpx version='1.1'/>"), "no KML"),
     "KML without a polygon": (
         text("a.kml", kml(placemark("here", files.point(FIELD[0])))), "holds no polygon",
