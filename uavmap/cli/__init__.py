@@ -2,7 +2,8 @@
 
 Exit codes: 0 done and complete; 2 something is wrong with the input or the link, said in a line;
 3 the flight is over, but the mission incomplete; 4 an aircraft is down, or was left to its
-autopilot, whether the mission is complete or not; 130 interrupted.
+autopilot, whether the mission is complete or not; 130 interrupted; 141 nobody reads the output any
+more (where no aircraft depends on it).
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, Final
 
-from missions.errors import AircraftError, UavmapError, leaves
+from missions.errors import AircraftError, OutputError, UavmapError, leaves
 from uavmap import __version__
-from uavmap.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, USER_ERROR, complain
+from uavmap.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, NOBODY_READS, USER_ERROR, complain
 
 COMMANDS: Final = {
     "new": "make a mission from an area drawn elsewhere",
@@ -101,6 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except* UavmapError as group:
         _say(group)
         code = USER_ERROR
+    except* BrokenPipeError:  # `uavmap check field.toml | head` has read enough
+        code = NOBODY_READS
     except* KeyboardInterrupt:
         complain("interrupted")
         code = INTERRUPTED
@@ -127,6 +130,9 @@ def _run(options: argparse.Namespace) -> int:
     try:
         code: int = options.run(options)
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EIO) and error.filename is None:
+            what = error.strerror or "it is refused"
+            raise OutputError(f"the output, or a file, cannot be written: {what}") from None
         if error.errno != errno.ENAMETOOLONG:
             raise
         name = str(error.filename or "an argument")

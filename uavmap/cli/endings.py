@@ -10,6 +10,8 @@ USER_ERROR: Final = 2
 INCOMPLETE: Final = 3
 AIRCRAFT_DOWN: Final = 4
 INTERRUPTED: Final = 130
+NOBODY_READS: Final = 141
+"""As a shell tells of a program that a closed pipe has ended."""
 
 
 def complain(line: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import subprocess
 import sys
 
@@ -40,6 +42,36 @@ def test_a_misspelt_command_is_guessed(
         main([wrong])
     assert ended.value.code == 2
     assert meant in capsys.readouterr().err
+
+
+class Refusing(io.StringIO):
+    """A terminal, a pipe or a disk that takes nothing more."""
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__()
+        self._error = error
+
+    def write(self, text: str) -> int:
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (BrokenPipeError(errno.EPIPE, "Broken pipe"), 141, ""),
+        (OSError(errno.ENOSPC, "No space left on device"), 2, "cannot be written: No space left"),
+    ],
+)
+def test_an_output_that_is_gone_is_no_defect(
+    error: OSError,
+    code: int,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "stdout", Refusing(error))
+    assert main(["check", "runway"]) == code
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", COMMANDS)
