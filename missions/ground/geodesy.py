@@ -11,7 +11,9 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
 import pyproj
+from numpy.typing import NDArray
 
 from missions.errors import GeodesyError
 from missions.units import LatLon
@@ -79,6 +81,15 @@ class UtmZone:
         """The inverse of `to_utm`."""
         lon, lat = _proj(self)(point.east_m, point.north_m, inverse=True)
         return LatLon(float(lat), float(lon))
+
+    def lon_lat(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Longitudes and latitudes, shape (n, 2), of UTM eastings and northings, shape (n, 2).
+
+        >>> UtmZone(32, south=False).lon_lat(np.array([[500000.0, 0.0]])).round(6).tolist()
+        [[9.0, 0.0]]
+        """
+        east, north = np.ascontiguousarray(points.T)
+        return np.column_stack(_proj(self)(east, north, inverse=True))
 
     def convergence_rad(self, position: LatLon) -> float:
         """Angle from true north to grid north at a place, clockwise positive.

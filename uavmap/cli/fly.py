@@ -19,7 +19,7 @@ from uavmap.cli.common import (
     speedup,
     vehicle_count,
 )
-from uavmap.cli.endings import INCOMPLETE, complain
+from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.cameras_of import cameras_of
@@ -27,6 +27,7 @@ from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
+from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, SIM_EPOCH_UTC_S, FlightPlan
 
 _EXAMPLES = """\
@@ -204,4 +205,9 @@ def run(options: argparse.Namespace) -> int:
             complain(str(over))
             if isinstance(over, NotFlownError) and not over.could_fly:
                 code = INCOMPLETE
-    return code if summary is None else report(summary, folder, as_json=options.json)
+    if summary is None:
+        return code
+    code = report(summary, folder, as_json=options.json)
+    if kept_frames(folder) and code != AIRCRAFT_DOWN:
+        draw_boundary(folder, progress, complain)
+    return code

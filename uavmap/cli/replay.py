@@ -13,12 +13,14 @@ from missions.state import Setting
 from uavmap.cli.common import (
     DETECTOR_HELP,
     make_folder,
+    number_type,
     refuse_unwritable,
     report,
     results_folder,
     utc_seconds,
     worker_count,
 )
+from uavmap.cli.endings import INTERRUPTED, complain
 from uavmap.detector_source import detector_text
 from uavmap.fly.progress import Terminal
 from uavmap.kept_detector import keep_detector, with_relative_model
@@ -27,8 +29,9 @@ from uavmap.offline.calibration import calibration_of
 from uavmap.offline.cluster import Cluster
 from uavmap.offline.derived import DETECTOR, derived
 from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.rasters import ORTHO, Wishes
 from uavmap.offline.refined_pictures import RefinedSet, refined
-from uavmap.offline.replay import Options, look_at_all
+from uavmap.offline.replay import Looked, Options, look_at_all
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
 from uavmap.offline.workers import Crew, Threads
@@ -49,11 +52,17 @@ examples:
   uavmap replay photos/ --mission field.toml --detector my-field
   uavmap replay photos/ --refine off
   uavmap replay archive/ --scheduler tcp://10.0.0.5:8786
+  uavmap replay photos/ --gsd 0.02          a finer mosaic
+  uavmap replay photos/ --no-ortho          none
 
 PATH is a folder with its subfolders, or one file. Pictures are JPEG, PNG or TIFF of 8 or 16 bits.
 Positions come from EXIF, heights and angles from XMP as drones write them, or all of them from a
 geo.txt of OpenDroneMap in the folder. Without --mission the cells, the box, the camera and the
 height come from the pictures; the mission file that this makes is left in the results.
+
+The region's outline at pixel level is boundary.geojson. With uavmap[geo] there are also
+probability.tif, how likely each pixel of the ground is region, and ortho.tif, the pictures laid on
+the ground.
 
 A picture that cannot be used is named with its reason, in pictures.csv too, and the others are
 mapped.
@@ -110,6 +119,19 @@ def add_parser(commands: Any) -> None:
         default="on",
         help="on: refine poses where pictures overlap; off: take them as tagged (default: on)",
     )
+    parser.add_argument(
+        "--ortho",
+        action=argparse.BooleanOptionalAction,
+        help="write the pictures laid side by side on the ground, as a GeoTIFF (default: if "
+        "uavmap[geo] is installed)",
+    )
+    parser.add_argument(
+        "--gsd",
+        metavar="M",
+        type=number_type(float, 0.005, 10.0),
+        help="metres of ground a pixel of ortho.tif (default: as fine as the pictures, at the "
+        "finest 0.05)",
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
@@ -123,7 +145,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace, crew: Crew) -> int:
-    progress = Terminal()
+    progress, wishes = Terminal(), Wishes(options.ortho, options.gsd)
+    wishes.check()
     given = None if options.mission is None else load_source(options.mission, options.detector)
     asked = None if given is None else given.parse()  # say what is wrong before pictures are read
     detector = DETECTOR
@@ -143,7 +166,7 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
         for line in _shown(source):
             progress.say(line)
     with Spool() as spool:
-        how = Options(crew, lens, options.any_day, better is not None)
+        how = Options(crew, lens, options.any_day, refine=better is not None)
         looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
         looked.refuse_empty()
         make_folder(folder)
@@ -161,7 +184,20 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
                 f"{folder}: the results cannot be written ({error.strerror}); make room, and "
                 "replay into another folder"
             ) from None
-    return report(summary, folder, as_json=options.json)
+        code = _rasters(looked, folder, wishes, progress)
+    return report(summary, folder, as_json=options.json) or code
+
+
+def _rasters(looked: Looked, folder: Path, wishes: Wishes, progress: Terminal) -> int:
+    """The GeoTIFFs, without which the results are complete; what goes wrong is told in a line."""
+    try:
+        looked.write_rasters(folder, wishes, progress)
+    except OutputError as error:
+        complain(f"{error}; all other results are complete")
+    except KeyboardInterrupt:
+        complain(f"interrupted: {ORTHO} is not written; all other results are complete")
+        return INTERRUPTED
+    return 0
 
 
 def _refined(

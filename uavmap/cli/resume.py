@@ -10,9 +10,11 @@ from typing import Any
 
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
+from uavmap.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.fly.flight import resume
 from uavmap.fly.progress import Terminal
+from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.record.flight_plan import DRIVERS, JOURNAL
 from uavmap.record.recovery import recover
 
@@ -94,7 +96,10 @@ def run(options: argparse.Namespace) -> int:
         recall=options.recall,
         ask=_ask if at_terminal else None,
     )
-    return report(summary, folder, as_json=options.json)
+    code = report(summary, folder, as_json=options.json)
+    if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
+        draw_boundary(folder, progress, complain)
+    return code
 
 
 def _recover(folder: Path, say: Callable[[str], None]) -> None:

@@ -41,6 +41,9 @@ DARK_SHARE: Final = 0.95
 _WHITE, _DARK = 250, 12
 _EVERY = 12  # what is asked of all of a picture is asked of every so many rows
 
+MINIATURE_PX: Final = 250
+"""Columns of the picture that is kept for the background of the map."""
+
 WHOLE_AREA: Final = Cell(0, 0)
 """The vantage of all pictures under the view "all": one look over the whole area."""
 
@@ -59,6 +62,7 @@ class Judged:
         patch: What is compared to find pictures upside down.
         fingerprint: Of its pixels; equal for equal pictures.
         sharpness: Of its finest detail beside its contrast, at the size that was looked at.
+        small: The picture itself, as `miniature`.
     """
 
     vantage: Cell
@@ -70,6 +74,7 @@ class Judged:
     patch: Patch | None
     fingerprint: bytes
     sharpness: float
+    small: bytes
 
 
 class Task(NamedTuple):
@@ -131,6 +136,7 @@ class Judge:
             self.search.patch(frame) if self.compare else None,
             hashlib.blake2b(some.data, digest_size=16).digest(),
             sharpness(frame.image),
+            miniature(frame.image),
         )
 
     def turned(
@@ -151,9 +157,12 @@ class Judge:
         """The picture on the mission's ground."""
         return Laid(camera, placed.pose, t_s, self.grid, self.mission.ground)
 
-    def frame(self, placed: Placed, t_s: float) -> Frame:
-        """A picture at the size that the mission works with, as a pinhole shows it."""
-        picture, width_px = placed.picture, self.mission.camera.width_px
+    def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
+        """A picture at the size that the mission works with, as a pinhole shows it.
+
+        Or at a width of its own; never larger than it is.
+        """
+        picture, width_px = placed.picture, most_width_px or self.mission.camera.width_px
         if min(picture.width_px, picture.height_px) < LEAST_WIDTH_PX // 2 or (
             picture.width_px < LEAST_WIDTH_PX
         ):
@@ -203,6 +212,14 @@ def sharpness(image: NDArray[np.uint8]) -> float:
     _, spread = cv2.meanStdDev(gray)
     _, detail = cv2.meanStdDev(cv2.Laplacian(gray, cv2.CV_16S, ksize=1))
     return float(detail[0, 0]) / max(float(spread[0, 0]), 1.0)
+
+
+def miniature(image: NDArray[np.uint8]) -> bytes:
+    """A picture for the background of a map: a JPEG of at most some `MINIATURE_PX` columns."""
+    factor = max(1, image.shape[1] // MINIATURE_PX)
+    rows, columns = (max(1, side // factor) for side in image.shape[:2])
+    small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
 
 
 def packed(marks: Marks) -> bytes:

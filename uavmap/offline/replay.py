@@ -28,16 +28,21 @@ from missions.units import Cell, GridPoint
 from uavmap.fly.progress import Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
+from uavmap.offline.fine_map import FineMap
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.judging import Judge, Task
 from uavmap.offline.lenses import Lenses
 from uavmap.offline.pictures_csv import FILE, PictureRow, write_pictures
+from uavmap.offline.rasters import Rasters, Wishes
 from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Said, Spool
+from uavmap.offline.surface import Footing
 from uavmap.offline.tally import Votes
-from uavmap.offline.workers import Crew, Threads
+from uavmap.offline.workers import Crew, Threads, worker_count
 from uavmap.record.journal import Journal
+from uavmap.results.boundary_file import BoundaryMap
+from uavmap.results.picture import Beneath
 from uavmap.results.replay_results import Replayed, write_replay
 from vision.camera import Camera
 from vision.lens import Lens
@@ -115,6 +120,10 @@ class Looked:
     """Why pictures are not used that were not decoded, by name."""
     shots: Sequence[Shot]
     spool: Spool
+    judge: Judge
+    workers: int
+    fine: FineMap | None = None
+    """The region at pixel level, once the results are written."""
 
     def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
@@ -132,16 +141,45 @@ class Looked:
             self.gathered.copies,
             {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()},
         )
-        summary = write_replay(folder, self.setting, mapped)
+        boundary, beneath = self._fine(mapped, decided.undecided_cells())
+        summary = write_replay(folder, self.setting, mapped, boundary, beneath)
         write_pictures(self._rows(), folder / FILE)
         self._say(progress)
         return summary
+
+    def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> None:
+        """ortho.tif and probability.tif, after all else; raises `OutputError`."""
+        if self.fine is None:
+            return
+        placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
+        Rasters(self.fine, self.judge, placed, t_s, self.workers).write(folder, wishes, progress)
 
     def refuse_empty(self) -> None:
         """Raise `ImageError` where no picture at all is used."""
         if not self._used:
             reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
             raise ImageError(none_usable(self.gathered, {**reasons, **self.refused}))
+
+    def footings(self) -> list[Footing]:
+        """The used pictures, where they were taken."""
+        return [
+            Footing(number, shot.camera, shot.placed.pose, shot.t_s, shot.turned)
+            for number, shot in enumerate(self.shots)
+            if not shot.reason and shot.camera is not None
+        ]
+
+    def _fine(
+        self, mapped: Replayed, undecided: set[Cell]
+    ) -> tuple[BoundaryMap | None, Beneath | None]:
+        """The boundary at pixel level, and the ground for the map's picture."""
+        fine = FineMap.of(self.setting, self.judge, self.footings(), self.spool, self.workers)
+        self.fine = fine
+        if fine is None:
+            return None, None
+        t_s = max(t_s for t_s, _, _ in mapped.taken)
+        positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
+        told = fine.told(t_s, positions_m, mapped.cells.keys(), undecided)
+        return told, lambda view: fine.beneath(view, t_s)
 
     @property
     def _used(self) -> list[Shot]:
@@ -259,7 +297,9 @@ def look_at_all(
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
     progress.end()
-    return Looked(setting, gathered, refused, shots, spool)
+    # marks and pictures that were judged elsewhere are laid on the ground here
+    workers = options.crew.count if isinstance(options.crew, Threads) else None
+    return Looked(setting, gathered, refused, shots, spool, judge, workers or worker_count())
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
@@ -310,8 +350,8 @@ def _judge_all(
         else:
             judge.search.add(said.patch)
             shot.camera = said.camera
-            marks, weights = said.marks, said.weights
-            spool.put(number, Said(said.vantage, said.cells, said.shares, marks, weights))
+            what = Said(said.vantage, said.cells, said.shares, said.marks, said.weights, said.small)
+            spool.put(number, what)
         if number % every == every - 1 or number + 1 == len(shots):
             progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
 

@@ -23,12 +23,14 @@ class Said(NamedTuple):
     shares: NDArray[np.float64]
     marks: bytes
     weights: NDArray[np.float64]
+    small: bytes = b""
 
 
 class _Kept(NamedTuple):
     offset: int
     cells: int
     marks: int
+    small: int
     vantage: Cell
 
 
@@ -79,13 +81,16 @@ class Spool:
             for numbers in (said.shares, said.weights):
                 self._file.write(np.ascontiguousarray(numbers, dtype=np.float64).tobytes())
             self._file.write(said.marks)
-        self._kept[number] = _Kept(offset, len(said.cells), len(said.marks), said.vantage)
+            self._file.write(said.small)
+        sizes = len(said.cells), len(said.marks), len(said.small)
+        self._kept[number] = _Kept(offset, *sizes, said.vantage)
 
     def get(self, number: int) -> Said:
         """What was kept under a number. Raises `KeyError` where nothing was."""
-        offset, count, marks, vantage = self._kept[number]
+        offset, count, marks, small, vantage = self._kept[number]
         with _told():
             self._file.seek(offset)  # what waits in the buffer goes to the disk
         cells = np.frombuffer(self._file.read(8 * count), np.int32).reshape(count, 2)
         shares, weights = (np.frombuffer(self._file.read(8 * count), np.float64) for _ in "12")
-        return Said(vantage, cells.astype(np.intp), shares, self._file.read(marks), weights)
+        kept = self._file.read(marks), weights, self._file.read(small)
+        return Said(vantage, cells.astype(np.intp), shares, *kept)

@@ -61,4 +61,8 @@ class Votes:
     @property
     def undecided(self) -> int:
         """Cells with too few votes to be ROI, whatever all of them say."""
-        return sum(count.votes < self.positive for count in self._cells.values())
+        return len(self.undecided_cells())
+
+    def undecided_cells(self) -> set[Cell]:
+        """Those cells."""
+        return {cell for cell, count in self._cells.items() if count.votes < self.positive}

@@ -74,6 +74,8 @@ class MapData:
     """Stretches of search lanes that no judged frame shows, fixed to the ground."""
     pictures: int | None = None
     """Of a replay, from how many pictures the map is; None for a flight."""
+    boundary: BaseGeometry | None = None
+    """The region's boundary at pixel level, in the moving frame, where pictures told it."""
 
     _places: dict[GridPoint, LatLon] = field(default_factory=dict, repr=False, compare=False)
 

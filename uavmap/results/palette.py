@@ -26,6 +26,7 @@ STATES: Mapping[State, Colour] = MappingProxyType(
     }
 )
 OUTLINE: Colour = (20, 90, 50)
+BOUNDARY: Colour = (255, 210, 0)
 TRUTH: Colour = (0, 90, 200)
 UNSEARCHED: Colour = (200, 30, 160)
 TRACKS: tuple[Colour, ...] = (

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
@@ -22,9 +24,17 @@ from shapely.ops import substring
 from missions.units import GridPoint
 from uavmap.results.atomic import write_bytes
 from uavmap.results.legend import Entry, draw_legend, legend_height_px
-from uavmap.results.model import MapData, State
+from uavmap.results.model import CellRow, MapData, State
 from uavmap.results.outline import outline
-from uavmap.results.palette import OUTLINE, STATES, TRUTH, UNSEARCHED, Colour, track_colour
+from uavmap.results.palette import (
+    BOUNDARY,
+    OUTLINE,
+    STATES,
+    TRUTH,
+    UNSEARCHED,
+    Colour,
+    track_colour,
+)
 from uavmap.results.view import View, ground, ring_on_map, track_on_map, view_of
 
 OVERSAMPLING = 3
@@ -39,13 +49,23 @@ FAINT: Colour = (120, 126, 132)
 BOX: Colour = (120, 90, 40)
 FENCE: Colour = (190, 40, 60)
 
+THROUGH = 215
+THROUGH_REGION = 150
+"""How much of the ground shows through cells, 0 to 255."""
+
+NEAREST = Image.Resampling.NEAREST
 Pixels = list[tuple[float, float]]
 
 
-def write(data: MapData, path: Path) -> None:
-    """Write the picture to `path`, as PNG."""
+Beneath = Callable[[View], NDArray[np.uint8] | None]
+"""The ground of a view: shape (rows, columns, 4), red, green, blue, and 255 where there is any."""
+
+
+def write(data: MapData, path: Path, beneath: Beneath | None = None) -> None:
+    """Write the picture to `path`, as PNG, maybe with the ground beneath the cells."""
     buffer = io.BytesIO()
-    draw(data).save(buffer, "PNG")
+    # a photograph is noise, which does not become smaller by trying harder
+    draw(data, beneath).save(buffer, "PNG", compress_level=6 if beneath is None else 3)
     write_bytes(path, buffer.getvalue())
 
 
@@ -54,7 +74,7 @@ def map_corner_px() -> tuple[int, int]:
     return MARGIN_PX, TITLE_PX
 
 
-def draw(data: MapData) -> Image.Image:
+def draw(data: MapData, beneath: Beneath | None = None) -> Image.Image:
     """The whole picture: title, map, legend."""
     view, k = view_of(data), OVERSAMPLING
     left, top = map_corner_px()
@@ -64,7 +84,8 @@ def draw(data: MapData) -> Image.Image:
         top + max(view.height_px, legend_height_px(len(entries))) + MARGIN_PX,
     )
     picture = Image.new("RGB", (size[0] * k, size[1] * k), PAPER)
-    picture.paste(_map(data, view, k), (left * k, top * k))
+    ground_image = None if beneath is None else beneath(view)
+    picture.paste(_map(data, view, k, ground_image), (left * k, top * k))
     pen = ImageDraw.Draw(picture)
     pen.rectangle(
         (left * k, top * k, (left + view.width_px) * k, (top + view.height_px) * k),
@@ -97,13 +118,18 @@ def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 # --- the map ---------------------------------------------------------------------------------
-def _map(data: MapData, view: View, k: int) -> Image.Image:
+def _map(data: MapData, view: View, k: int, beneath: NDArray[np.uint8] | None) -> Image.Image:
     canvas = _Canvas(view, k)
     for row in data.cells:
         corners = [ground(data, corner) for corner in data.grid.corners_of(row.cell)]
         canvas.cell(corners[0], corners[2], STATES[row.state])
+    if beneath is not None:
+        canvas.lay_beneath(beneath, [row for row in data.cells if row.is_roi], data)
     for ring in _rings(outline(data.roi_cells, data.grid)):
         canvas.line([ground(data, point) for point in ring], OUTLINE, 2.5)
+    if data.boundary is not None:
+        for ring in _rings(data.boundary):
+            canvas.line([ground(data, point) for point in ring], BOUNDARY, 1.3)
     for track in data.tracks:
         canvas.line(track_on_map(data, track), track_colour(track.vehicle), 1.3, alpha=190)
     if data.truth is not None:
@@ -135,6 +161,24 @@ class _Canvas:
         (left, bottom), (right, top) = self._pixels([south_west, north_east])
         seam = tuple(round(0.9 * channel + 0.1 * 255) for channel in colour)
         self._pen.rectangle((left, top, right, bottom), fill=colour, outline=seam, width=self._k)
+
+    def lay_beneath(
+        self, beneath: NDArray[np.uint8], region: Sequence[CellRow], data: MapData
+    ) -> None:
+        """Show the ground through the cells: those of the region keep more of their colour."""
+        shows = np.where(beneath[..., 3] >= 128, np.uint8(THROUGH), np.uint8(0))
+        for row in region:
+            corners = [ground(data, corner) for corner in data.grid.corners_of(row.cell)]
+            left, bottom = (max(0, round(p)) for p in self._view.pixel(corners[0]))
+            right, top = (max(0, round(p)) for p in self._view.pixel(corners[2]))
+            part = shows[top:bottom, left:right]
+            part[part > 0] = THROUGH_REGION
+        # as large as the drawing, which is made smaller again by as much: nothing is interpolated
+        photograph, mask = (
+            Image.fromarray(np.ascontiguousarray(layer)).resize(self.image.size, NEAREST)
+            for layer in (beneath[..., :3], shows)
+        )
+        self.image.paste(photograph, (0, 0), mask)
 
     def line(
         self, points: Sequence[GridPoint], colour: Colour, width_px: float, alpha: int = 255
@@ -212,6 +256,8 @@ def _entries(data: MapData) -> Iterator[Entry]:
                 name = "region"  # nobody was there
             yield Entry("square", colour, f"{name} ({count})")
     yield Entry("line", OUTLINE, "outline of the map", 2.5)
+    if data.boundary is not None:
+        yield Entry("line", BOUNDARY, "boundary by pixels", 1.3)
     if data.truth is not None:
         yield Entry("line", TRUTH, "true region", 2.0)
     for track in data.tracks:

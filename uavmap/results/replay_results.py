@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from missions.mission_file.schema import positions
 from missions.state import Setting
 from missions.units import Cell, LatLon
-from uavmap.results import geojson, kml, picture
+from uavmap.results import boundary_file, geojson, kml, picture
 from uavmap.results import summary as summary_file
+from uavmap.results.boundary_file import BoundaryMap
 from uavmap.results.model import CellRow, MapData, Track
 
 KIND = "recorded pictures"
@@ -52,13 +53,26 @@ class Replayed:
         return bool(self.cells) and len(self.taken) > self.refused
 
 
-def write_replay(folder: Path, setting: Setting, replayed: Replayed) -> dict[str, Any]:
-    """Write the maps and the summary of a replay; returns the summary."""
+def write_replay(
+    folder: Path,
+    setting: Setting,
+    replayed: Replayed,
+    boundary: BoundaryMap | None = None,
+    beneath: picture.Beneath | None = None,
+) -> dict[str, Any]:
+    """Write the maps and the summary of a replay; returns the summary.
+
+    `boundary` is that at pixel level, and `beneath` the ground of the map's picture.
+    """
     data = replay_map(setting, replayed)
     geojson.write(data, folder / "map.geojson")
     kml.write(data, folder / "map.kml")
-    picture.write(data, folder / "map.png")
     values = replay_summary(setting, replayed)
+    if boundary is not None:
+        boundary_file.write(boundary, folder / boundary_file.FILE)
+        values |= boundary.figures()
+        data = replace(data, boundary=boundary.boundary.region)
+    picture.write(data, folder / "map.png", beneath)
     summary_file.write(values, folder / "summary.json")
     return values
 

@@ -53,6 +53,11 @@ class AdaptiveDetector:
                 f"detector.polarity is {self.polarity!r}: expected 'dark' or 'bright'"
             )
 
+    @property
+    def shrinks_px(self) -> int:
+        """By how many pixels `mask` is smaller than the ROI at each of its edges."""
+        return self.dilations
+
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`: 1 in the mask, else 0."""
         return certain(self.mask(image))

@@ -18,6 +18,10 @@ class Detector(Protocol):
     A detector is a function of the picture alone: the same picture gives the same answers. A
     picture has the shape (rows, columns, channels): uint8 blue-green-red for all detectors; `index`
     and plug-ins may take other bands, and uint16. It is left as it is.
+
+    One whose mask is smaller than the region by some pixels at each edge, because it takes off what
+    is narrow, may have `shrinks_px` to say by how many: the region's boundary is drawn so much
+    farther out.
     """
 
     @property

@@ -53,6 +53,11 @@ class PavedDetector:
                 f"detector.greenness is {self.greenness!r}: expected a number from -1 to 2"
             )
 
+    @property
+    def shrinks_px(self) -> int:
+        """By how many pixels `mask` is smaller than the ROI at each of its edges."""
+        return self.dilations
+
     def probability(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
         """See `Detector.probability`: 1 in the mask, else 0."""
         return certain(self.mask(image))

@@ -31,6 +31,7 @@ from uavmap.offline.sources.srt import parse_srt
 from uavmap.offline.sources.tags import tags_of
 from uavmap.offline.sources.tlog import read_tlog
 from uavmap.record.frames import WAITING, FrameKeeper, KeptFrame, read_kept
+from uavmap.results.boundary_file import FILE
 
 LOG = Path(__file__).resolve().parents[3] / "../shared/data/arducopter/flight-4.6.tlog"
 RNG = np.random.default_rng(5)
@@ -221,6 +222,10 @@ def test_a_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
         return {f["id"] for f in features if f["properties"].get("state") == "explored"}
 
     assert region(again) == region(flown)
+    found = [json.loads((folder / FILE).read_text("utf-8")) for folder in (flown, again)]
+    areas = [each["features"][0]["properties"]["area_m2"] for each in found]
+    assert areas[0] > 0.0
+    assert areas[1] == pytest.approx(areas[0], rel=0.1)  # poses are refined in a replay
     assert main(["resume", str(again)]) == 2
 
 

@@ -1,0 +1,91 @@
+"""Lines of equal level: against what is drawn, and block by block as in one piece."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vision.contours import Contours, Ring
+from vision.fusion import UNSEEN, Fusion
+from vision.raster import Window
+
+LEVEL = 126.5
+
+
+def rings(levels: NDArray[np.uint8], side: int | None = None) -> list[Ring]:
+    lines = Contours(LEVEL, levels.shape[1])
+    step = side or max(levels.shape)
+    for top in range(0, levels.shape[0], step):
+        for left in range(0, levels.shape[1], step):
+            lines.add(levels[top : top + step + 1, left : left + step + 1], top, left)
+    return list(lines.rings(0.0))
+
+
+def disc(radius_px: float, hole_px: float, side: int = 80) -> NDArray[np.uint8]:
+    """Levels of a smooth disc with a hole, both about the middle pixel."""
+    row, column = np.mgrid[0:side, 0:side] - side // 2
+    away = np.hypot(row, column)
+    inside = np.minimum(radius_px - away, away - hole_px)
+    return np.clip(LEVEL + 40.0 * inside, 0, 254).astype(np.uint8)
+
+
+def test_a_disc_with_a_hole() -> None:
+    found = sorted(rings(disc(30.0, 9.0)), key=lambda ring: -ring.area_px)
+    assert [ring.area_px for ring in found] == pytest.approx(
+        [math.pi * 30.0**2, -math.pi * 9.0**2], rel=0.01
+    )
+    for ring, radius in zip(found, (30.0, 9.0), strict=True):
+        away = np.hypot(*(ring.points - 40.0).T)
+        assert np.abs(away - radius).max() < 0.05
+        assert not ring.open.any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_block_by_block_gives_the_same_lines(seed: int) -> None:
+    noise = np.random.default_rng(seed).normal(127.0, 90.0, (61, 47))
+    levels = np.clip(cv2.GaussianBlur(noise, (0, 0), 1.0) * 3 - 254, 0, 254).astype(np.uint8)
+    levels[20:30, 10:25] = UNSEEN
+    levels[[0, -1], :] = UNSEEN
+    levels[:, [0, -1]] = UNSEEN
+
+    def canonical(found: list[Ring]) -> list[object]:
+        return sorted(
+            (round(ring.area_px, 6), sorted(map(tuple, ring.points.tolist()))) for ring in found
+        )
+
+    whole = rings(levels)
+    assert len(whole) > 10
+    assert canonical(rings(levels, 16)) == canonical(whole)
+    # what is inside and what is outside of all lines together
+    inside = (levels > LEVEL) & (levels != UNSEEN)
+    drawn = np.zeros(levels.shape, np.uint8)
+    for ring in whole:
+        one = np.zeros_like(drawn)
+        points = [np.round(ring.points * 256).astype(np.int32)]
+        cv2.fillPoly(one, points, (1,), shift=8)
+        drawn += np.uint8(ring.area_px > 0) * one
+    assert (drawn[inside] > 0).all()
+
+
+def test_where_pictures_end_a_line_is_open() -> None:
+    levels = disc(30.0, -1.0)
+    levels[:, 40:] = UNSEEN
+    (ring,) = rings(levels)
+    east = ring.points[:, 0] > 39.2
+    assert ring.open[east].all()
+    assert not ring.open[~east].any()
+
+
+def test_a_place_counts_from_as_many_pictures_as_are_asked_for() -> None:
+    window = Window(0, 0, 8, 8)
+    fusion = Fusion(window, least=2)
+    fusion.add(window, np.full((8, 8), 255, np.uint8), np.ones((8, 8), np.float32))
+    half = Window(0, 0, 8, 4)
+    fusion.add(half, np.zeros((8, 4), np.uint8), np.ones((8, 4), np.float32))
+    levels = fusion.levels()
+    assert (levels[:, 4:] == UNSEEN).all()
+    assert (levels[:, :2] == 127).all()  # beyond reach of the smoothing

@@ -1,0 +1,108 @@
+"""After a flight that kept its pictures: the boundary at pixel level, and the ground on the map.
+
+The pictures are judged once more, with the poses that they were judged with in the air. The map of
+cells stays as it was flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from shapely.geometry.base import BaseGeometry
+
+from missions.errors import UavmapError
+from missions.state import Setting, State
+from uavmap.fly.progress import Progress, Silent
+from uavmap.offline.fine_map import FineMap
+from uavmap.offline.gathering import gather
+from uavmap.offline.rasters import ORTHO, Rasters, Wishes
+from uavmap.offline.replay import Looked, Options, look_at_all
+from uavmap.offline.sources.flight_frames import FlightFrames
+from uavmap.offline.spool import Spool
+from uavmap.offline.surface import Footing
+from uavmap.record.flight_plan import JOURNAL, FlightPlan
+from uavmap.record.frames import FRAMES, POSES
+from uavmap.record.journal import Journal
+from uavmap.results import boundary_file, picture
+from uavmap.results.figures import figures
+from uavmap.results.score import true_roi
+from uavmap.results.write_results import map_data
+
+
+def kept_frames(folder: Path) -> bool:
+    """Whether the flight in a folder kept its pictures."""
+    return (folder / FRAMES / POSES).is_file()
+
+
+def draw_boundary(
+    folder: Path,
+    progress: Progress,
+    complain: Callable[[str], None],
+    wishes: Wishes | None = None,
+) -> None:
+    """Write boundary.geojson, the GeoTIFFs, and map.png anew, of a flight that is over.
+
+    Whatever goes wrong is told in a line: the other results are there already. So is Ctrl-C.
+    """
+    try:
+        with Spool() as spool:
+            _draw(folder, spool, progress, wishes or Wishes())
+    except UavmapError as error:
+        complain(f"{error}; all other results are complete")
+    except OSError as error:
+        complain(
+            f"{boundary_file.FILE} is not written ({error.strerror}); all other results are "
+            f"complete, and `uavmap replay {folder}` makes it anew"
+        )
+    except KeyboardInterrupt:
+        complain(
+            f"interrupted: not all of {boundary_file.FILE}, {ORTHO} is there; all other results "
+            f"are complete, and `uavmap replay {folder}` makes these anew"
+        )
+
+
+def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> None:
+    with Journal.open(folder / JOURNAL) as journal:
+        plan = FlightPlan.read(journal)
+        setting = plan.setting(lambda _: None)
+        state, found = figures(setting, journal.events())
+    gathered = gather(FlightFrames(folder))
+    progress.say(
+        f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "
+        "there (Ctrl-C leaves it out)"
+    )
+    looked = look_at_all(gathered, setting, spool, Silent(), Options())
+    fine = FineMap.of(setting, looked.judge, _footings(looked), spool, looked.workers)
+    if fine is None:
+        return
+    told = _told(fine, looked, state)
+    boundary_file.write(told, folder / boundary_file.FILE)
+    truth = _truth(setting) if plan.simulated else None
+    data = replace(map_data(setting, state, found, truth), boundary=fine.boundary.region)
+    picture.write(data, folder / "map.png", lambda view: fine.beneath(view, state.t_s))
+    placed = [shot.placed for shot in looked.shots]
+    rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
+    rasters.write(folder, wishes, progress)
+
+
+def _footings(looked: Looked) -> list[Footing]:
+    """The used pictures, at the mission times of their exposures: the region may drift."""
+    return [
+        replace(footing, t_s=looked.shots[footing.number].placed.picture.taken_s or 0.0)
+        for footing in looked.footings()
+    ]
+
+
+def _told(fine: FineMap, looked: Looked, state: State) -> boundary_file.BoundaryMap:
+    belief = state.belief
+    seen = belief.cells().keys()
+    undecided = {cell for cell in seen if belief.verdict(cell) is None and cell not in belief.roi}
+    sigmas_m = [shot.placed.picture.position_sigma_m for shot in looked.shots if not shot.reason]
+    return fine.told(state.t_s, sigmas_m, seen, undecided)
+
+
+def _truth(setting: Setting) -> BaseGeometry | None:
+    mission = setting.mission
+    return true_roi(mission, setting.grid) if mission.sim.roi else None

@@ -1,0 +1,247 @@
+"""The region's probability at pixel level: what all pictures of a replay say, on one raster.
+
+    marks on the spool -> laid on the ground, weighted -> mean, block by block -> levels, squeezed
+
+No picture is decoded again. A block of the raster is in memory at a time, and the pictures that
+show it come from the spool one after another. So memory does not grow with the pictures, and hardly
+with the ground.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.ground.grid import Grid
+from missions.ground.terrain import Terrain
+from missions.units import Pose
+from uavmap.offline.judging import unpacked
+from uavmap.offline.laid import Laid
+from uavmap.offline.spool import Spool
+from uavmap.offline.workers import in_order
+from vision.camera import Camera
+from vision.fusion import UNSEEN, Fusion, Levels, as_levels
+from vision.overlay import Overlay
+from vision.raster import Raster, Window
+
+FINEST_M: Final = 0.1
+COARSEST_M: Final = 0.5
+"""Edge of a pixel of the raster: that of the pictures as they are judged, within these."""
+PIXELS_A_CELL: Final = 4
+"""At least so many pixels of the raster along the edge of a cell."""
+_SIDE: Final = 2048  # of a block
+_MARGIN: Final = 4  # pixels around all that is shown
+_WEIGHTS: Final = (0.1, 4.0)  # of a picture's resolution beside the usual
+
+
+@dataclass(frozen=True, slots=True)
+class Footing:
+    """A used picture and where it was taken.
+
+    Attributes:
+        number: By which the spool knows it.
+        camera: The pinhole that it was judged with.
+        pose: `pose.height_m` is above the ground below.
+        t_s: When, in seconds of the mission: where the grid drifts, it says where it was.
+        turned: Whether it is stored upside down.
+    """
+
+    number: int
+    camera: Camera
+    pose: Pose
+    t_s: float
+    turned: bool = False
+
+    def overlay(self, grid: Grid, terrain: Terrain | None) -> Overlay:
+        """The picture over the ground."""
+        return Overlay(
+            Laid(self.camera, self.pose, self.t_s, grid, terrain).pixels,
+            grid.to_moving(grid.fixed(self.pose.position), self.t_s),
+            self.pose.height_m,
+            self.camera.width_px,
+            self.camera.height_px,
+        )
+
+    @property
+    def gsd_m(self) -> float:
+        """Ground sample distance straight below."""
+        return self.camera.gsd_m(self.pose.height_m)
+
+
+class Shown(NamedTuple):
+    """A picture and what it may show: the corners of that, and its part of the raster."""
+
+    footing: Footing
+    overlay: Overlay
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]]
+    window: Window
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """All used pictures over a raster.
+
+    Attributes:
+        raster: In the grid's moving frame.
+        shown: The pictures, in their order.
+    """
+
+    raster: Raster
+    shown: tuple[Shown, ...]
+
+    @classmethod
+    def of(
+        cls, footings: Sequence[Footing], grid: Grid, terrain: Terrain | None, pitch_m: float
+    ) -> Scene | None:
+        """A raster around all that pictures show; None where they show nothing.
+
+        `pitch_m` is in metres of the UTM projection, and the raster's lines lie at multiples of it.
+        """
+        bounded = [
+            (footing, overlay, bounds)
+            for footing in footings
+            for overlay in (footing.overlay(grid, terrain),)
+            for bounds in (overlay.bounds(),)
+            if bounds is not None
+        ]
+        if not bounded:
+            return None
+        low = np.min([low for _, _, (low, _) in bounded], axis=0)
+        high = np.max([high for _, _, (_, high) in bounded], axis=0)
+        raster = aligned(grid, low, high, pitch_m)
+        shown = (Shown(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
+        return cls(raster, tuple(entry for entry in shown if not entry.window.is_empty))
+
+    def within(self, window: Window) -> list[Shown]:
+        """The pictures that may show something of a window."""
+        return [entry for entry in self.shown if not entry.window.common(window).is_empty]
+
+
+def pitch_m(footings: Sequence[Footing], cell_m: float) -> float:
+    """The edge of a pixel that goes with these pictures, rounded to centimetres."""
+    usual_m = round(median(footing.gsd_m for footing in footings), 2)
+    return min(max(FINEST_M, min(usual_m, COARSEST_M)), cell_m / PIXELS_A_CELL)
+
+
+def aligned(grid: Grid, low: NDArray[np.float64], high: NDArray[np.float64], step: float) -> Raster:
+    """A raster around two corners whose lines have whole UTM coordinates, in steps."""
+    origin = np.array([grid.origin.east_m, grid.origin.north_m])
+    first = np.floor((origin + low * grid.scale) / step) - _MARGIN
+    last = np.ceil((origin + high * grid.scale) / step) + _MARGIN
+    columns, rows = (int(n) for n in last - first)
+    west_m = (first[0] * step - origin[0]) / grid.scale
+    north_m = (last[1] * step - origin[1]) / grid.scale
+    return Raster(float(west_m), float(north_m), step / grid.scale, columns, rows)
+
+
+@dataclass(slots=True)
+class Surface:
+    """Levels of probability over a raster, block by block; see `vision.fusion`."""
+
+    raster: Raster
+    _blocks: dict[Window, bytes] = field(default_factory=dict)
+
+    def put(self, block: Window, levels: Levels) -> None:
+        """Keep a block; where nothing was seen nothing is kept."""
+        if (levels != UNSEEN).any():
+            self._blocks[block] = zlib.compress(levels.tobytes(), 1)
+
+    def blocks(self) -> Iterator[tuple[Window, Levels]]:
+        """Every block that is not unseen as a whole, with a row and a column of the next ones."""
+        for block in self.raster.blocks(_SIDE):
+            wider = Window(block.top, block.left, block.bottom + 1, block.right + 1)
+            wider = wider.common(self.raster.whole)
+            near = [
+                Window(top, left, top + _SIDE, left + _SIDE).common(self.raster.whole)
+                for top in (block.top, block.top + _SIDE)
+                for left in (block.left, block.left + _SIDE)
+            ]
+            if any(other in self._blocks for other in near):
+                levels = np.full(wider.shape, UNSEEN, np.uint8)
+                for other in near:
+                    self._get(levels, wider, other)
+                yield wider, levels
+
+    def seen(self) -> Iterator[tuple[Window, Levels]]:
+        """Every block of which something was seen."""
+        for block in self._blocks:
+            found = np.full(block.shape, UNSEEN, np.uint8)
+            self._get(found, block, block)
+            yield block, found
+
+    def _get(self, into: Levels, window: Window, block: Window) -> None:
+        """What is known of a block, into the levels of a window, of which it has a part."""
+        data = self._blocks.get(block)
+        if data is not None:
+            levels = np.frombuffer(zlib.decompress(data), np.uint8).reshape(block.shape)
+            part = block.common(window)
+            into[part.within(window)] = levels[part.within(block)]
+
+
+def fused(scene: Scene, spool: Spool, shrinks_px: int, workers: int, least: int = 1) -> Surface:
+    """What all pictures of a scene say.
+
+    Args:
+        scene: The pictures over a raster.
+        spool: What they say, by `Footing.number`.
+        shrinks_px: By how many pixels the detector's mask is too small at each edge.
+        workers: How many threads; the result is the same.
+        least: In so many pictures a place has to be to count as seen.
+    """
+    surface = Surface(scene.raster)
+    usual_m = median(entry.footing.gsd_m for entry in scene.shown)
+    for block in scene.raster.blocks(_SIDE):
+        near = scene.within(block)
+        if not near:
+            continue
+        fusion = Fusion(block, least)
+
+        def said(
+            job: tuple[Shown, Window, bytes], usual_m: float = usual_m
+        ) -> tuple[Window, NDArray[np.uint8], NDArray[np.float32]] | None:
+            entry, part, marks = job
+            laying = entry.overlay.laid(scene.raster, part)
+            if laying is None:
+                return None
+            ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
+            levels = _levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m)
+            return part, laying.sampled(levels), laying.weight * np.float32(ratio)
+
+        jobs = (
+            (entry, entry.window.common(fusion.window), spool.get(entry.footing.number).marks)
+            for entry in near
+        )
+        for answer in in_order(said, jobs, workers):
+            if answer is not None:
+                fusion.add(*answer)
+        surface.put(block, fusion.levels())
+    return surface
+
+
+def _levels(footing: Footing, marks: bytes, shrinks_px: int, pitch_m: float) -> NDArray[np.uint8]:
+    """What a picture says, as finely as the raster takes it."""
+    camera = footing.camera
+    found = as_levels(
+        unpacked(marks, camera.height_px, camera.width_px, upside_down=footing.turned), shrinks_px
+    )
+    return shrunk(found, pitch_m / footing.gsd_m)
+
+
+def shrunk(image: NDArray[np.uint8], times: float) -> NDArray[np.uint8]:
+    """An image of fewer pixels, by means over squares of as many as are wanted along an edge.
+
+    >>> shrunk(np.full((6, 9), 7, np.uint8), 3.4).shape
+    (2, 3)
+    """
+    factor = int(times)
+    if factor < 2:
+        return image
+    rows, columns = (max(1, side // factor) for side in image.shape[:2])
+    return np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,0 +1,172 @@
+"""Lines of equal level on a raster, between its pixels: marching squares.
+
+Between two pixels' centres the level is taken for linear, so a line lies where it crosses, at a
+fraction of a pixel. Every line is closed: beyond the raster nothing is region. Crossings have
+numbers that hold over the whole raster, so that it can be gone through block by block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.fusion import UNSEEN
+
+# sides of a square of four pixels' centres
+_TOP, _RIGHT, _BOTTOM, _LEFT = range(4)
+# by the corners that are inside (1 upper left, 2 upper right, 4 lower right, 8 lower left): from
+# which side to which a line goes with the inside at its left hand; a diagonal is two corners apart
+_LINES: Final = {
+    1: ((_LEFT, _TOP),),
+    2: ((_TOP, _RIGHT),),
+    3: ((_LEFT, _RIGHT),),
+    4: ((_RIGHT, _BOTTOM),),
+    5: ((_LEFT, _TOP), (_RIGHT, _BOTTOM)),
+    6: ((_TOP, _BOTTOM),),
+    7: ((_LEFT, _BOTTOM),),
+    8: ((_BOTTOM, _LEFT),),
+    9: ((_BOTTOM, _TOP),),
+    10: ((_TOP, _RIGHT), (_BOTTOM, _LEFT)),
+    11: ((_BOTTOM, _RIGHT),),
+    12: ((_RIGHT, _LEFT),),
+    13: ((_RIGHT, _TOP),),
+    14: ((_TOP, _LEFT),),
+}
+_ENDS: Final = np.full((2, 2, 16), -1, np.int8)
+for _case, _pairs in _LINES.items():
+    for _which, _pair in enumerate(_pairs):
+        _ENDS[_which, :, _case] = _pair
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """A closed line, the inside at its left hand.
+
+    Attributes:
+        points: Shape (n, 2): columns and rows, in which a pixel's centre is a whole number.
+        open: Shape (n,): whether the line runs along ground that nobody has seen there.
+        area_px: Enclosed area in pixels: positive around the inside, negative around a hole.
+    """
+
+    points: NDArray[np.float64]
+    open: NDArray[np.bool_]
+    area_px: float
+
+
+class Contours:
+    """The lines of one level over a raster of `columns`.
+
+    >>> lines = Contours(level=126.5, columns=3)
+    >>> lines.add(np.array([[0, 0, 0], [0, 253, 0], [0, 0, 0]], np.uint8), 0, 0)
+    >>> (ring,) = lines.rings(least_px=0.0)
+    >>> ring.points.tolist(), ring.area_px
+    ([[1.0, 0.5], [0.5, 1.0], [1.0, 1.5], [1.5, 1.0]], 0.5)
+    """
+
+    def __init__(self, level: float, columns: int) -> None:
+        self._level, self._columns = level, columns
+        self._from: list[NDArray[np.int64]] = []
+        self._to: list[NDArray[np.int64]] = []
+        self._points: list[NDArray[np.float64]] = []
+        self._open: list[NDArray[np.bool_]] = []
+
+    def add(self, levels: NDArray[np.uint8], top: int, left: int) -> None:
+        """Take in the squares between the pixels of a part of the raster.
+
+        `levels` begins in row `top` and column `left`. Parts share a row, or column, of pixels.
+        """
+        seen = levels != UNSEEN
+        inside = (levels > self._level) & seen
+        case = inside[:-1, :-1].astype(np.uint8)
+        case += inside[:-1, 1:] * np.uint8(2)
+        case += inside[1:, 1:] * np.uint8(4)
+        case += inside[1:, :-1] * np.uint8(8)
+        rows, columns = np.nonzero((case > 0) & (case < 15))
+        if not len(rows):
+            return
+        cases = case[rows, columns]
+        for which in range(2):
+            start, end = _ENDS[which, 0, cases], _ENDS[which, 1, cases]
+            some = start >= 0
+            r, c = rows[some], columns[some]
+            self._from.append(self._crossing(r + top, c + left, start[some]))
+            self._to.append(self._crossing(r + top, c + left, end[some]))
+            self._place(levels, r, c, start[some], top, left)
+
+    def _crossing(
+        self, rows: NDArray[np.intp], columns: NDArray[np.intp], side: NDArray[np.int8]
+    ) -> NDArray[np.int64]:
+        """The number of the crossing on a side: that of its upper, or left, pixel, twice."""
+        r = rows + (side == _BOTTOM)
+        c = columns + (side == _RIGHT)
+        upright = (side == _LEFT) | (side == _RIGHT)
+        numbers: NDArray[np.int64] = 2 * (r.astype(np.int64) * self._columns + c) + upright
+        return numbers
+
+    def _place(
+        self,
+        levels: NDArray[np.uint8],
+        rows: NDArray[np.intp],
+        columns: NDArray[np.intp],
+        side: NDArray[np.int8],
+        top: int,
+        left: int,
+    ) -> None:
+        """Where the lines' beginnings lie: each crossing is the beginning of one."""
+        r, c = rows + (side == _BOTTOM), columns + (side == _RIGHT)
+        upright = (side == _LEFT) | (side == _RIGHT)
+        first = levels[r, c]
+        second = levels[r + upright, c + ~upright]
+        unseen = (first == UNSEEN) | (second == UNSEEN)
+        a = np.where(first == UNSEEN, -1.0, first.astype(np.float64) - self._level)
+        b = np.where(second == UNSEEN, -1.0, second.astype(np.float64) - self._level)
+        # at the end of what was seen the line runs in the middle between the two
+        part = np.where(unseen, 0.5, a / np.where(a == b, 1.0, a - b))
+        x = left + c + np.where(upright, 0.0, part)
+        y = top + r + np.where(upright, part, 0.0)
+        self._points.append(np.column_stack([x, y]))
+        self._open.append(unseen)
+
+    def rings(self, least_px: float) -> Iterator[Ring]:
+        """All closed lines around at least so many pixels."""
+        if not self._from:
+            return
+        begin, end = np.concatenate(self._from), np.concatenate(self._to)
+        points, unseen = np.concatenate(self._points), np.concatenate(self._open)
+        order = np.argsort(begin, kind="stable")
+        following = order[np.searchsorted(begin[order], end)]
+        chain, starts = _cycles(following, order)
+        along, unseen = points[chain], unseen[chain]
+        x, y = along.T
+        after = np.empty(len(chain), np.intp)  # the next point of the same line
+        after[:-1] = np.arange(1, len(chain))
+        after[[*(starts[1:] - 1), len(chain) - 1]] = starts
+        areas = -0.5 * np.add.reduceat(x * y[after] - x[after] * y, starts)
+        ends = [*starts[1:].tolist(), len(chain)]
+        for first, last, area in zip(starts.tolist(), ends, areas.tolist(), strict=True):
+            if abs(area) >= least_px:
+                yield Ring(along[first:last], unseen[first:last], area)
+
+
+def _cycles(
+    following: NDArray[np.intp], order: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The cycles of a permutation one after another, and where each begins."""
+    after = following.tolist()
+    left = bytearray(b"\x01") * len(after)
+    chain: list[int] = []
+    starts: list[int] = []
+    for start in order.tolist():
+        if not left[start]:
+            continue
+        starts.append(len(chain))
+        here = start
+        while left[here]:
+            left[here] = 0
+            chain.append(here)
+            here = after[here]
+    return np.array(chain, dtype=np.intp), np.array(starts, dtype=np.intp)

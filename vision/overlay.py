@@ -1,0 +1,124 @@
+"""A picture laid on a raster of the ground, with how much it is to be believed at each place.
+
+Where a place lies in the picture is reckoned at every eighth pixel of the raster and interpolated
+in between: through a homography, or over a terrain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.units import GridPoint
+from vision.look import OBLIQUE_LIMIT
+from vision.raster import Raster, Window
+
+STEP: Final = 8
+FEATHER: Final = 0.04
+"""At the rim of a picture its weight fades over this part of its width."""
+_PROBES: Final = 32  # along each side of the ground that a picture may show
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Overlay:
+    """One picture over the ground.
+
+    Attributes:
+        pixels: Pixels (n, m, 2) of ground points (n, m, 2) in the grid's moving frame; NaN for
+            those behind the camera.
+        below: The point under the camera, in the moving frame at the time of the exposure.
+        height_m: Of the camera above that point, above 0.
+        width_px: Columns of the picture as `pixels` means it.
+        height_px: Rows of it.
+    """
+
+    pixels: Callable[[Floats], Floats]
+    below: GridPoint
+    height_m: float
+    width_px: int
+    height_px: int
+
+    def bounds(self) -> tuple[Floats, Floats] | None:
+        """The south-western and the north-eastern corner of what it shows within `OBLIQUE_LIMIT`.
+
+        A little more than that; None where it shows nothing.
+        """
+        below, reach_m = np.array(self.below), OBLIQUE_LIMIT * self.height_m
+        low, high = below - reach_m, below + reach_m
+        for _ in range(2):  # the second time where the first has found it
+            east, north = np.linspace(low, high, _PROBES + 1).T
+            points = np.stack(np.meshgrid(east, north), axis=-1)
+            shown = self._inside_px(self.pixels(points)) > 0.0
+            if not shown.any():
+                return None
+            seen, spacing_m = points[shown], (high - low) / _PROBES
+            low, high = seen.min(axis=0) - spacing_m, seen.max(axis=0) + spacing_m
+        return low, high
+
+    def laid(self, raster: Raster, window: Window) -> Laying | None:
+        """The picture on a window of a raster; None where it shows nothing of it."""
+        nodes = raster.centres(window, STEP)
+        pixels = self.pixels(nodes)
+        inside_px = self._inside_px(pixels)
+        if not (inside_px > 0.0).any():
+            return None
+        away_m = np.hypot(nodes[..., 0] - self.below.east_m, nodes[..., 1] - self.below.north_m)
+        # an error of an angle moves the ground by this to the power of -2: its variance to that
+        # of -4
+        level = (self.height_m**2 / (self.height_m**2 + away_m**2)) ** 2
+        level[away_m > OBLIQUE_LIMIT * self.height_m] = 0.0
+        layers = np.dstack([np.nan_to_num(pixels, nan=-1e4), inside_px, level])
+        x, y, rim, weight = cv2.split(_between(np.asarray(layers, np.float32), window.shape))
+        fade = rim * np.float32(1.0 / (FEATHER * self.width_px))
+        np.clip(fade, 0.0, 1.0, out=fade)
+        u, v, w = (
+            np.asarray(part, dtype=np.float32) for part in (x, y, cv2.multiply(weight, fade))
+        )
+        return Laying(u, v, w, (self.width_px, self.height_px))
+
+    def _inside_px(self, pixels: Floats) -> Floats:
+        """How many pixels from the rim of the picture; negative outside of it."""
+        x, y = pixels[..., 0], pixels[..., 1]
+        across = np.minimum(x + 0.5, self.width_px - 0.5 - x)
+        along = np.minimum(y + 0.5, self.height_px - 0.5 - y)
+        return np.nan_to_num(np.minimum(across, along), nan=-1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Laying:
+    """Where each pixel of a window lies in a picture of `size_px` columns and rows, and its weight
+    there: 0 outside, 1 below the camera."""
+
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    size_px: tuple[int, int]
+
+    def sampled(self, image: NDArray[Any]) -> NDArray[Any]:
+        """An image of what the picture shows, of whatever size, on the window."""
+        rows, columns = image.shape[:2]
+        x, y = self.x, self.y
+        if (columns, rows) != self.size_px:  # from pixels' edges to pixels' edges
+            x = (x + 0.5) * np.float32(columns / self.size_px[0]) - np.float32(0.5)
+            y = (y + 0.5) * np.float32(rows / self.size_px[1]) - np.float32(0.5)
+        return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def _between(nodes: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Values at every pixel, from those at every `STEP`-th."""
+    rows, columns = shape
+    found = cv2.warpAffine(
+        nodes,
+        np.array([[1.0 / STEP, 0.0, 0.0], [0.0, 1.0 / STEP, 0.0]]),
+        (columns, rows),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(found, dtype=np.float32)

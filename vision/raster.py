@@ -1,0 +1,114 @@
+"""A raster on the ground: square pixels along the grid's axes, rows from north to south."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Window(NamedTuple):
+    """A part of a raster: its first row and column, and those after its last."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns; never negative."""
+        return max(0, self.bottom - self.top), max(0, self.right - self.left)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no pixel in it."""
+        return 0 in self.shape
+
+    def common(self, other: Window) -> Window:
+        """What two windows share; maybe empty.
+
+        >>> Window(0, 0, 4, 4).common(Window(2, 1, 9, 3))
+        Window(top=2, left=1, bottom=4, right=3)
+        """
+        return Window(
+            max(self.top, other.top),
+            max(self.left, other.left),
+            min(self.bottom, other.bottom),
+            min(self.right, other.right),
+        )
+
+    def within(self, other: Window) -> tuple[slice, slice]:
+        """Where this window lies in an array of `other`, of which it is a part."""
+        return (
+            slice(self.top - other.top, self.bottom - other.top),
+            slice(self.left - other.left, self.right - other.left),
+        )
+
+    def grown(self, by: int) -> Window:
+        """The window with so many pixels more on each side."""
+        return Window(self.top - by, self.left - by, self.bottom + by, self.right + by)
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """Pixels of `pitch_m` in the grid's moving frame.
+
+    Attributes:
+        west_m: The left edge of the first column, metres east.
+        north_m: The upper edge of the first row, metres north.
+        pitch_m: Edge of a pixel, metres on the ground, above 0.
+        columns: How many from west to east.
+        rows: How many from north to south.
+
+    >>> raster = Raster(0.0, 10.0, 0.5, 4, 3)
+    >>> raster.centres(Window(0, 0, 1, 2), 1)[0].tolist()
+    [[0.25, 9.75], [0.75, 9.75]]
+    """
+
+    west_m: float
+    north_m: float
+    pitch_m: float
+    columns: int
+    rows: int
+
+    @property
+    def whole(self) -> Window:
+        """All of it."""
+        return Window(0, 0, self.rows, self.columns)
+
+    def blocks(self, side: int) -> Iterator[Window]:
+        """Windows of at most `side` pixels that cover all of it, row by row from the north."""
+        for top in range(0, self.rows, side):
+            for left in range(0, self.columns, side):
+                yield Window(top, left, top + side, left + side).common(self.whole)
+
+    def centres(self, window: Window, step: int) -> NDArray[np.float64]:
+        """Metres east and north of every `step`-th pixel's centre, past the window's end at last.
+
+        Shape (rows / step rounded up + 1, columns / step rounded up + 1, 2) where `step` is above
+        1; that of the window where it is 1.
+        """
+        more = 1 if step > 1 else 0
+        rows, columns = (math.ceil(side / step) + more for side in window.shape)
+        east = self.west_m + (window.left + 0.5 + step * np.arange(columns)) * self.pitch_m
+        north = self.north_m - (window.top + 0.5 + step * np.arange(rows)) * self.pitch_m
+        return np.stack(np.meshgrid(east, north), axis=-1)
+
+    def around(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> Window:
+        """The window of all pixels between two corners (metres east and north), within it."""
+        left, bottom = (
+            (low[0] - self.west_m) / self.pitch_m,
+            (self.north_m - low[1]) / self.pitch_m,
+        )
+        right, top = (
+            (high[0] - self.west_m) / self.pitch_m,
+            (self.north_m - high[1]) / self.pitch_m,
+        )
+        return Window(
+            math.floor(top), math.floor(left), math.ceil(bottom) + 1, math.ceil(right) + 1
+        ).common(self.whole)
