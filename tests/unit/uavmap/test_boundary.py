@@ -72,7 +72,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
         flight.altitude_m = {UP_M}
         camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal"}}
         detector = {{intensity = 100, dilations = 3, share = 0.5, view = "all"}}
-        votes = {{frames = 3, positive = 2}}
+        votes = {{frames = 3, positive = 2, recorded = "count"}}
         """,
         "utf-8",
     )
