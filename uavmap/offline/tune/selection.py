@@ -33,10 +33,11 @@ KINDS: Final = ("both", "logistic", "trees")
 """`both`: the mean of the other two; it is the default."""
 _BETTER: Final = 0.02  # of IoU: what a candidate must be better by than the default
 _ERRORS: Final = 2.0  # and by so many standard errors over the pictures, for few can mislead
-_PLATEAU: Final = 0.01  # thresholds that are as good as the best by this; the middle is taken
+_PLATEAU: Final = 0.012  # thresholds that are as good as the best by this; the lowest is taken
 _FOLDS: Final = 5
-_LIMITS: Final = (0.2, 0.8)
+_LIMITS: Final = (0.1, 0.8)
 _SLOPES: Final = (0.3, 1.5)
+_LEAST_KIND: Final = 0.01  # a picture with less of a kind says nothing of how sure to be
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,21 +188,24 @@ def _calibrated(
 ) -> Choice:
     """A candidate with its calibration, and the thresholds that suit the pictures best."""
     slope, offset = calibration(pictures, logits)
-    versions = [
-        (one, _probability(logit, slope, offset))
+    by_picture = [
+        [
+            (one, _probability(logit, slope, offset))
+            for one, logit in zip(picture.versions, some, strict=True)
+        ]
         for picture, some in zip(pictures, logits, strict=True)
-        for one, logit in zip(picture.versions, some, strict=True)
     ]
+    told = [versions for versions in by_picture if _tells(versions)] or by_picture
 
-    def places(least: float) -> float:
-        return total([_counts(one, share, least) for one, share in versions]).iou
+    def usual(counts: Callable[[Described, Array, float], Counts]) -> float:
+        """The median of what suits each picture: one that the others have not taught is one."""
+        return float(np.median([_suiting(versions, counts) for versions in told]))
 
-    def cells(least: float) -> float:
-        return total([_cells(one, share, cell, least) for one, share in versions]).iou
-
+    places = usual(_counts)
+    cells = usual(lambda one, share, least: _cells(one, share, cell, least))
     plain = tuple(_probability(some[0], slope, offset) for some in logits)
     return Choice(
-        kind, features, slope, offset, _middle(places), _middle(cells), plain, {}
+        kind, features, slope, offset, round(places, 2), round(cells, 2), plain, {}
     )  # fmt: skip
 
 
@@ -210,28 +214,51 @@ def calibration(
 ) -> tuple[float, float]:
     """Slope and offset that make logits of unseen places tell frequencies (Platt, 1999).
 
-    Each picture counts alike. The slope is kept within limits, for three pictures can lie.
+    Slope and offset are the medians of those of the pictures one by one: of three pictures one
+    may show what the two others have not taught, and all that it has wrong would shift the rest.
+    Pictures that do not show both kinds tell neither. The slope is kept within limits.
     """
-    xs, ys, ws = [], [], []
+    told = []
     for picture, some in zip(pictures, logits, strict=True):
-        for one, logit in zip(picture.versions, some, strict=True):
-            xs.append(logit[one.known].astype(np.float64))
-            ys.append(one.region[one.known].astype(np.float64))
-            ws.append(np.full(len(xs[-1]), 1.0 / max(1, len(xs[-1]))))
-    x, y, w = (np.concatenate(part) for part in (xs, ys, ws))
-    slope, offset = 1.0, 0.0
+        x = np.concatenate([v[one.known] for one, v in zip(picture.versions, some, strict=True)])
+        y = np.concatenate([one.region[one.known] for one in picture.versions])
+        if _both_kinds(y):
+            told.append((x.astype(np.float64), y.astype(np.float64)))
+    if not told:
+        return 1.0, 0.0
+    slope = float(np.median([_platt(x, y)[0] for x, y in told]))
+    slope = round(float(np.clip(slope, *_SLOPES)), 5)
+    offsets = [_platt(slope * x, y, tilts=False)[1] for x, y in told]
+    return slope, round(float(np.median(offsets)), 5)
+
+
+def _tells(versions: Sequence[tuple[Described, Array]]) -> bool:
+    """Whether a picture shows both kinds."""
+    return _both_kinds(np.concatenate([one.region[one.known] for one, _ in versions]))
+
+
+def _both_kinds(region: NDArray[np.float32]) -> bool:
+    return bool(region.size) and _LEAST_KIND < float(region.mean()) < 1.0 - _LEAST_KIND
+
+
+def _platt(
+    x: NDArray[np.float64], y: NDArray[np.float64], *, tilts: bool = True
+) -> tuple[float, float]:
+    """Slope and offset of a logistic regression of `y` on `x`; of slope 1 unless it `tilts`."""
+    slope, offset, w = 1.0, 0.0, 1.0 / len(x)
     for _ in range(30):  # Newton's steps, with a weak pull towards slope 1
         p = 1.0 / (1.0 + np.exp(-np.clip(slope * x + offset, -30.0, 30.0)))
         q = w * np.maximum(p * (1.0 - p), 1e-6)
-        gradient = np.array([(w * (p - y)) @ x + 0.01 * (slope - 1.0), (w * (p - y)).sum()])
+        pull = 0.01 if tilts else 1e6
+        gradient = np.array([w * ((p - y) @ x) + pull * (slope - 1.0), w * (p - y).sum()])
         cross = q @ x
-        hessian = np.array([[q @ (x * x) + 0.01, cross], [cross, q.sum() + 1e-6]])
+        hessian = np.array([[q @ (x * x) + pull, cross], [cross, q.sum() + 1e-6]])
         step = np.linalg.solve(hessian, gradient)
         step /= max(1.0, float(np.abs(step).max()))
         slope, offset = slope - step[0], offset - step[1]
         if np.abs(step).max() < 1e-6:
             break
-    return round(float(np.clip(slope, *_SLOPES)), 5), round(float(offset), 5)
+    return slope, offset
 
 
 def _probability(logit: Array, slope: float, offset: float) -> Array:
@@ -239,12 +266,24 @@ def _probability(logit: Array, slope: float, offset: float) -> Array:
     return np.asarray(1.0 / (1.0 + np.exp(-away)), np.float32)
 
 
-def _middle(score: Callable[[float], float]) -> float:
-    """The middle of the thresholds that are about as good as the best one."""
+def _suiting(
+    versions: Sequence[tuple[Described, Array]],
+    counts: Callable[[Described, Array, float], Counts],
+) -> float:
+    """The threshold that suits a picture in all its versions."""
+    return _lowest(lambda least: total([counts(one, share, least) for one, share in versions]).iou)
+
+
+def _lowest(score: Callable[[float], float]) -> float:
+    """The lowest of the thresholds that are about as good as the best one.
+
+    In pictures that nobody has painted a model is less sure of the region than in painted ones,
+    whose ground and light it knows; that it marks more elsewhere is rarer.
+    """
     at = np.round(np.arange(_LIMITS[0], _LIMITS[1] + 1e-9, 0.02), 2)
     scores = np.array([score(float(least)) for least in at])
     good = at[scores >= scores.max() - _PLATEAU]
-    return round(float(np.median(good)), 2)
+    return round(float(good[0]), 2)
 
 
 def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
