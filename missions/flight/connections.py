@@ -179,7 +179,9 @@ def taken_away(
 
 
 def released(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It was given back."""
+    """It was given back; one that lies where it fell still lies there."""
+    if vehicle.phase is Phase.DOWN:
+        return vehicle
     airborne = event.height_m > LIFTED_M or not vehicle.landed
     return replace(
         vehicle,

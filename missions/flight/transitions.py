@@ -39,6 +39,7 @@ from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
 from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
+from missions.guardian import corners_home
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 
@@ -54,6 +55,8 @@ NOTHING_S = 25.0
 """... and after so long, and twice the time between two, if not even a lost one was told."""
 MOST_HOME_REFUSED = 2
 """So often the way home is tried again before the autopilot returns by itself."""
+MOST_HOME_REFUSED_AROUND = 10
+"""... where its straight way would lead over what the fence forbids: some fifteen seconds."""
 MOST_BEHIND = 3
 """A vehicle that its path has left behind goes on from where it is, so often in a row..."""
 BEHIND_S = 30.0
@@ -263,7 +266,9 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
             return lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
     if explores:  # it cannot stay there
         return _comes_home(vehicle, event.t_s, setting, note)
-    if vehicle.phase is Phase.AIRBORNE and vehicle.home_refused < MOST_HOME_REFUSED:
+    around = bool(corners_home(setting.fence, vehicle.position, vehicle.home))
+    most_refused = MOST_HOME_REFUSED_AROUND if around else MOST_HOME_REFUSED
+    if vehicle.phase is Phase.AIRBORNE and vehicle.home_refused < most_refused:
         # on our way it stays inside of the fence; an autopilot that returns flies straight
         again = replace(vehicle.interrupted(event.t_s), over_home=False, note=note)
         return replace(again, home_refused=vehicle.home_refused + 1)

@@ -23,7 +23,21 @@ def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
 
 @pytest.mark.parametrize(
     "seed",
-    [300136, 300307, 400336, 403040, 411284, 502372, 602159, 710327, 1002180, 1003368, 1200818],
+    [
+        300136,
+        300307,
+        400336,
+        403040,
+        411284,
+        502372,
+        602159,
+        710327,
+        1002180,
+        1003368,
+        1200818,
+        1302717,
+        1303268,
+    ],
 )
 def test_what_once_went_wrong_does_not_again(seed: int) -> None:
     """Two that a pilot left side by side waited for each other; a storm took one down a slope."""

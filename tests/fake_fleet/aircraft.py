@@ -59,6 +59,8 @@ class Aircraft:
     mode: Mode = "follow"
     failsafe: bool = False
     """It returns or lands by a failsafe of its own."""
+    unasked: bool = False
+    """Nobody told it to return, though it says nothing of a failsafe."""
     target: GridPoint | None = None
     target_height_m: float = 0.0
     streamed: tuple[GridPoint, Vector] | None = None
@@ -139,7 +141,7 @@ class Aircraft:
         if mode == self.mode:
             return
         self.mode, self.target, self.target_height_m = mode, self.believed, self.height_m
-        self.streamed, self.descent_m_s = None, DESCENT_M_S
+        self.streamed, self.descent_m_s, self.unasked = None, DESCENT_M_S, False
         if mode == "rtl":
             self.returning = "climb"
             self.target_height_m = max(self.height_m, self.return_height_m)

@@ -214,6 +214,7 @@ class Fleet:
                 if craft.flying and craft.mode == "follow":
                     craft.failsafe = self.rng.random() < 0.5
                     craft.switch("rtl")
+                    craft.unasked = True
         if self.homing:
             self._bring_home()
         if self.gone and self.t_s >= self.back_s:

@@ -136,7 +136,7 @@ class Referee:
             notes.outside_s, notes.breach_told, notes.far_told = None, False, False
             return
         t_s = fleet.t_s
-        if craft.mode == "other" or craft.failsafe or craft.motors_failed:
+        if craft.mode == "other" or craft.failsafe or craft.unasked or craft.motors_failed:
             notes.outside_s = None
             return
         if notes.outside_s is None:

@@ -31,7 +31,7 @@ from missions.events import (
     to_json,
 )
 from missions.explorers import EXPLORERS
-from missions.flight.transitions import apply
+from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
 from missions.mapping.tree import Tree
 from missions.mission_file.schema import Mission
 from missions.orders import (
@@ -440,6 +440,13 @@ def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service, field: G
     assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
 
 
+def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
+    assert service.post(Released(1, 21.0, HOME, 0.0)) == ()
+    assert service.state.vehicles[1].phase is Phase.DOWN
+
+
 def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, GridPoint(20.0, 20.0), "it fell"), Resumed(60.0), Resumed(90.0))
@@ -764,6 +771,24 @@ def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(servic
     service.post(Tracked(1, 59.0, HOME, 0.0, 20.0), Landed(1, 60.0, 20.0, HOME))
     assert service.state.vehicles[1].phase is Phase.FAILED
     assert service.state.over
+
+
+def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patience() -> None:
+    hole = square(20.0, -6.0, 8.0, 12.0)
+    made = mission(
+        square(-10, 16, 60, 30), square(-60, -60, 160, 160), [hole], capacity_wh=60.0, vehicles=1
+    )
+    service = Service(made)
+    service.connect()
+    service.post(Airborne(1, 8.0), Recalled(9.0))
+    behind, t_s = GridPoint(44.0, 0.0), 10.0
+    for _ in range(MOST_HOME_REFUSED_AROUND):
+        service.post(Tracked(1, t_s, behind, 12.0, 50.0), Tracked(1, t_s + 4.0, behind, 12.0, 50.0))
+        assert isinstance(service.state.vehicles[1].order, FlyTo)
+        assert service.post(OrderFailed(1, t_s + 5.0, "FlyTo", "denied")) == ((1, Hold()),)
+        t_s += 6.0
+    service.post(Tracked(1, t_s, behind, 12.0, 50.0), Tracked(1, t_s + 4.0, behind, 12.0, 50.0))
+    assert service.post(OrderFailed(1, t_s + 5.0, "FlyTo", "no")) == ((1, ReturnToLaunch()),)
 
 
 def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
