@@ -24,6 +24,7 @@ from missions.kernels import swath as kernels
 from missions.kernels import worth as worths
 from missions.motion.trajectory import Trajectory
 from missions.swath.chart import Chart, Flags
+from missions.swath.far_work import worth_the_way
 from missions.swath.paths import (
     Buffers,
     Floats,
@@ -51,7 +52,8 @@ class Tuning:
     """What the search weighs; found on grown regions that no test or benchmark uses."""
 
     penalty_s: float = 30.0
-    """What it costs to leave a cell that is needed without its frames."""
+    """What it costs to leave a cell that is needed without its frames; more where it is far away
+    (`missions.swath.far_work`)."""
     prize_s: float = 2.0
     """What it is worth to decide a cell that will be needed for certain."""
     fade_1_s: float = 0.04
@@ -210,6 +212,7 @@ class Planner:
         yet. The same arguments give the same plan.
         """
         tuning = self.tuning
+        valued = worth_the_way(tuning, chart, team, valued)
         rows = np.stack(
             [f.kinematics.row(tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
         )

@@ -3,7 +3,7 @@
 python -m tests.benchmarks.nonstop                      # the table of docs/strategies.md
 python -m tests.benchmarks.nonstop --count 5 --offline 3 --footprint 23
 python -m tests.benchmarks.nonstop --case ragged:120:3 --planner-seeds 5
-python -m tests.benchmarks.nonstop --decisions          # milliseconds of a plan, many cells
+python -m tests.benchmarks.nonstop --decisions          # large regions: milliseconds of a plan
 """
 
 from __future__ import annotations
@@ -11,13 +11,17 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from collections.abc import Sequence
 from statistics import fmean, stdev
 
-from missions.arena.nonstop import Camera, Ground, Team, flown
+from missions.arena.nonstop import Camera, Run, Team, flown
 from missions.arena.offline_reference import reference
 from missions.arena.roi import Roi, grown
 from missions.arena.survey import surveyed
-from missions.swath.planner import Flyer, Planner, Tuning
+from missions.swath.chart import Chart
+from missions.swath.paths import Ints
+from missions.swath.planner import Flyer, Plan, Planner, Tuning, Valued
+from missions.swath.warm_up import warm_up
 
 FIRST_SEED = 910_000
 """Regions from here on; what the planner weighs was found on others."""
@@ -76,34 +80,51 @@ def row(rois: list[Roi], team: Team, offline: int, planner_seeds: int) -> str:
     )
 
 
+class _Timed(Planner):
+    """A planner that keeps the processor time of each of its plans, milliseconds."""
+
+    def __init__(self, tuning: Tuning) -> None:
+        super().__init__(tuning)
+        self.took_ms: list[float] = []
+
+    def worth(self, chart: Chart, root: int, frames: int, majority: int) -> Valued:
+        begin_s = time.process_time()
+        valued = super().worth(chart, root, frames, majority)
+        self.took_ms.append(1e3 * (time.process_time() - begin_s))
+        return valued
+
+    def plan(
+        self,
+        chart: Chart,
+        team: Sequence[Flyer],
+        valued: Valued,
+        begin_s: float,
+        seed: int,
+        next_frame_s: Sequence[float],
+        coming: Ints | None = None,
+    ) -> Plan:
+        start_s = time.process_time()
+        plan = super().plan(chart, team, valued, begin_s, seed, next_frame_s, coming)
+        self.took_ms[-1] += 1e3 * (time.process_time() - start_s)
+        return plan
+
+
 def decisions() -> None:
-    """Plans for a region of which nine tenths are known, from scratch and from the last plan."""
-    camera = Camera(15.0, 15.0)
-    kinematics = camera.kinematics(6.0, 2.5, 4.0)
+    """Whole explorations of large regions, and how long each of their plans took."""
+    warm_up()
     for cells, robots in ((2_000, 6), (20_000, 8)):
-        roi = grown("eden", cells, FIRST_SEED)
-        ground, planner = Ground(roi, 4.0, kinematics, camera), Planner(Tuning())
-        chart, start = ground.chart, roi.start
-        near = sorted(
-            roi.cells, key=lambda c: (math.hypot(c.east - start.east, c.north - start.north), c)
+        planner, team = _Timed(Tuning()), Team(robots, Camera(15.0, 15.0))
+        begin_s = time.process_time()
+        run = Run(team.over(grown("eden", cells, FIRST_SEED)), robots, planner).fly()
+        whole_s = time.process_time() - begin_s
+        took_ms = sorted(planner.took_ms)
+        print(
+            f"{cells} cells, {robots} vehicles: T {run.makespan_s:.0f} s, {run.missed} missed, "
+            f"{run.decisions} plans, median {took_ms[len(took_ms) // 2]:.0f} ms, "
+            f"95 % {took_ms[len(took_ms) * 95 // 100]:.0f} ms, most {took_ms[-1]:.0f} ms; "
+            f"{whole_s:.0f} s of the processor in all",
+            flush=True,
         )
-        for cell in near[: cells * 9 // 10]:
-            chart.yes[chart.index(cell)] = camera.majority
-            for beside in cell.neighbours():
-                if beside not in roi.cells:
-                    chart.no[chart.index(beside)] = camera.majority
-        team = [Flyer(kinematics, ground.home, ground.home) for _ in range(robots)]
-        took = []
-        for turn in range(6):
-            begin_s = time.process_time()
-            valued = planner.worth(chart, chart.index(start), camera.frames, camera.majority)
-            plan = planner.plan(chart, team, valued, 0.4 * turn, turn, [0.2] * robots)
-            took.append(1e3 * (time.process_time() - begin_s))
-            team = [
-                Flyer(kinematics, f.place, f.end, path or f.path, route)
-                for f, path, route in zip(team, plan.paths, plan.routes, strict=True)
-            ]
-        print(f"{cells} cells, {robots} vehicles: {', '.join(f'{ms:.0f}' for ms in took[1:])} ms")
 
 
 if __name__ == "__main__":

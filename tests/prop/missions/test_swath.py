@@ -225,3 +225,21 @@ def test_a_plan_keeps_off_what_is_forbidden():
         m = path.at(t_s)
         cell = Cell(math.floor(m.east_m / 4.0 + 0.5), math.floor(m.north_m / 4.0 + 0.5))
         assert chart.allowed[chart.index(cell)]
+
+
+def test_work_is_never_so_far_away_that_a_plan_leaves_it_undone():
+    """Of a region a kilometre long all but the far end is decided: the way there takes 3 minutes,
+    and only a few cells are to be had for it."""
+    cells = [Cell(east, 0) for east in range(250)]
+    chart = Chart.around(cells, 4.0)
+    for cell in cells:
+        chart.yes[chart.index(cell)] = 3
+        for near in cell.neighbours():
+            if near not in cells and cell.east < 248:
+                chart.no[chart.index(near)] = 3
+    planner, home = Planner(QUICK), GridPoint(0.0, 0.0)
+    valued = planner.worth(chart, chart.index(cells[0]), 5, 3)
+    plan = planner.plan(chart, [Flyer(KINEMATICS, home, home)] * 2, valued, 0.0, 1, [0.2, 0.2])
+    farthest = max(point[0] for route in plan.routes for point in route.waypoints)
+    assert plan.work == 5
+    assert farthest > 4.0 * 247
