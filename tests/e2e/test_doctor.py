@@ -35,7 +35,7 @@ def test_a_vehicle_is_looked_at_for_a_mission(urls: list[str], tmp_path: Path) -
     levels = {f["what"]: f["level"] for f in done.summary["findings"] if f["vehicle"] == 1}
     assert levels["GPS"] == levels["camera"] == levels["NAV_RCL_ACT"] == "ok"
     assert levels["COM_LOW_BAT_ACT"] == "warn"
-    assert cv2.imread(str(tmp_path / "test-picture-1.png")).shape == (480, 640, 3)
+    assert cv2.imread(str(tmp_path / "test-picture-1.png")).shape == (240, 320, 3)
 
 
 def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(

@@ -194,7 +194,7 @@ def test_another_size_is_a_lost_frame() -> None:
 
     (event,) = judged(announced(), fetch=fetch)
     assert isinstance(event, FrameLost)
-    assert "the picture is 64 x 64 px, the camera 640 x 480 px" in event.reason
+    assert "the picture is 64 x 64 px, the camera 320 x 240 px" in event.reason
 
 
 def test_a_reason_from_outside_is_made_safe() -> None:

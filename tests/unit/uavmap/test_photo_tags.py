@@ -90,7 +90,8 @@ def test_other_sets_of_angles(tmp_path: Path, xmp: bytes, yaw_deg: float) -> Non
 def test_photos_are_in_the_order_of_exposure_then_of_name(tmp_path: Path) -> None:
     write_photo(tmp_path / "a.jpg", taken="2016:06:23 16:32:06")
     write_photo(tmp_path / "c.jpg", taken="2016:06:23 16:31:59")
-    write_photo(tmp_path / "b.jpeg", taken="2016:06:23 16:32:06", film_mm=None)
+    shadow = Image.new("RGB", (160, 120), (40, 60, 30))  # else it would be a.jpg, saved anew
+    write_photo(tmp_path / "b.jpeg", taken="2016:06:23 16:32:06", film_mm=None, image=shadow)
     write_photo(tmp_path / "d.jpg", taken="2016:06:23 16:33:00", film_mm=0)
     (tmp_path / "LICENSE").write_text("no photo")
     # of the same content but for their tags
