@@ -18,6 +18,9 @@ from missions.units import Cell
 
 MOVES, MOVES_EACH = 25000, 300
 """Attempts of the local search at each step, at most: in all, and for each node."""
+TEAM_MOVES_TIMES_NODES_SQUARED = 4_000_000_000
+"""For a team they are fewer from 400 nodes on: there an attempt takes time with the number of
+nodes, and as many more decisions are made. 25,000 at 400 nodes, 4,000 at 1,000."""
 ATTEMPTS_PER_NODE_SINGLE, ATTEMPTS_PER_NODE_TEAM, ATTEMPTS_EXTRA = 200, 60, 30
 """Attempts for each node: of one robot, where an attempt is quick; of a team, and how many more
 for each of its robots."""
@@ -211,6 +214,8 @@ class Sites:
         if len(self.places) > 1:
             each = min(MOVES_EACH, ATTEMPTS_PER_NODE_TEAM + ATTEMPTS_EXTRA * len(self.places))
         moves = min(MOVES, each * len(self.nodes))
+        if len(self.places) > 1 and self.nodes:
+            moves = min(moves, TEAM_MOVES_TIMES_NODES_SQUARED // len(self.nodes) ** 2)
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
         routes, counts = kernels.arrange(
             self.legs, loads, behind, share, before, lengths, moves, INITIAL_TEMPERATURE, seed
