@@ -102,22 +102,14 @@ def levelled(
 
 
 def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
-    """A vehicle that has flown, and stands away from its pad now, is down there.
-
-    So is one at its pad with an empty battery: nobody has seen whether it landed, or fell.
-    """
+    """A vehicle that has flown, and stands away from its pad now, is down there."""
     away_m = connected.position.distance_to(connected.home)
     has_flown = before.was_down or not (before.landed and before.cleared)
     # one that people put elsewhere starts with a new home; one beside a blocked pad is close
     beside_m = BESIDE_M if before.landed and not before.was_down else PAD_M
-    if not connected.landed or not has_flown:
+    if not connected.landed or not has_flown or away_m <= beside_m:
         return connected
-    if away_m > beside_m:
-        note = f"it came down {away_m:.0f} m from its pad, and lies there still"
-    elif not before.landed and connected.remaining_wh <= 0.0:
-        note = "it was in the air when it was last heard, and its battery is empty: look at it"
-    else:
-        return connected
+    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 

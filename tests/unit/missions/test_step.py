@@ -447,16 +447,6 @@ def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Ser
     assert service.state.vehicles[1].phase is Phase.DOWN
 
 
-@pytest.mark.parametrize(("left_wh", "phase"), [(0.0, Phase.DOWN), (9.0, Phase.GROUNDED)])
-def test_one_that_came_down_unheard_with_an_empty_battery_is_looked_at(
-    service: Service, left_wh: float, phase: Phase
-) -> None:
-    service.exploring()
-    service.post(LinkLost(1, 20.0))
-    service.post(Connected(1, 300.0, HOME, HOME, 0.0, False, True, left_wh))
-    assert service.state.vehicles[1].phase is phase
-
-
 def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, GridPoint(20.0, 20.0), "it fell"), Resumed(60.0), Resumed(90.0))
