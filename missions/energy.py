@@ -22,6 +22,8 @@ LEAST_HEADWAY_M_S = 0.5
 NOMINAL_MARGIN = 1.15
 """Flying draws more than hovering."""
 MEASURED_MARGIN = 1.1
+FRESH = 0.9
+"""From this part of its capacity on a battery counts as fresh."""
 
 
 @dataclass(frozen=True, slots=True)

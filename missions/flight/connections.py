@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from missions.energy import FRESH
 from missions.events import Airborne, Connected, GivenUp, LinkLost, Overridden, Released
 from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import BESIDE_M
@@ -16,6 +17,9 @@ LIFTED_M = 1.0
 """A vehicle that is higher above home has left the ground."""
 LEVEL_M = 1.0
 """Homes that differ less in height count as level: satellite navigation is no better."""
+
+GAINED = 0.05
+"""A battery that was swapped holds so much more of its capacity than the one before."""
 
 
 def resume(setting: Setting, state: State) -> State:
@@ -74,7 +78,7 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
         note="",
     )
     if phase is not Phase.AIRBORNE:
-        return _found_on_the_ground(taken_up, vehicle)
+        return _found_on_the_ground(taken_up, vehicle, setting)
     return _on_its_way_home(taken_up, event, vehicle)
 
 
@@ -101,15 +105,31 @@ def levelled(
     return replace(vehicle, home_level_m=0.0 if level else round(level_m, 2))
 
 
-def _found_on_the_ground(connected: VehicleState, before: VehicleState) -> VehicleState:
-    """A vehicle that has flown, and stands away from its pad now, is down there."""
+def _has_new_battery(found: VehicleState, before: VehicleState, setting: Setting) -> bool:
+    """Whether people have put a fresh battery in."""
+    capacity_wh = setting.energy.capacity_wh
+    gained_wh = found.remaining_wh - before.remaining_wh
+    return found.remaining_wh >= FRESH * capacity_wh and gained_wh >= GAINED * capacity_wh
+
+
+def _found_on_the_ground(
+    connected: VehicleState, before: VehicleState, setting: Setting
+) -> VehicleState:
+    """A vehicle that has flown, and stands away from its pad now, is down there; so is one that
+    fell onto its pad, until somebody has given it a fresh battery."""
     away_m = connected.position.distance_to(connected.home)
     has_flown = before.was_down or not (before.landed and before.cleared)
     # one that people put elsewhere starts with a new home; one beside a blocked pad is close
     beside_m = BESIDE_M if before.landed and not before.was_down else PAD_M
-    if not connected.landed or not has_flown or away_m <= beside_m:
+    if not connected.landed or not has_flown:
         return connected
-    note = f"it came down {away_m:.0f} m from its pad, and lies there still"
+    lies_there = before.was_down and connected.position.distance_to(before.position) <= PAD_M
+    if away_m > beside_m:
+        note = f"it came down {away_m:.0f} m from its pad, and lies there still"
+    elif lies_there and not _has_new_battery(connected, before, setting):
+        note = "it fell on its pad, and nobody has given it a fresh battery since"
+    else:
+        return connected
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 
@@ -146,6 +166,7 @@ def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> Vehic
         phase=Phase.OFFLINE,
         order=StandDown(),
         last_order=vehicle.order,
+        was_down=vehicle.was_down or vehicle.phase is Phase.DOWN,
         note="link lost",
     )
 

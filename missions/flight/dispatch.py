@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from shapely.geometry import Point
 
+from missions.energy import FRESH
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
 from missions.flight.lane_passes import end_searched, search_passes
@@ -28,8 +29,6 @@ from missions.units import GridPoint
 
 MOST_FRUITLESS_SORTIES = 3
 """After so many in a row the next place counts as out of reach."""
-FRESH = 0.9
-"""From this part of its capacity on a battery counts as fresh."""
 
 CLIMB_ROOM_M = 0.5
 """A climb strays from where it began by less than this."""

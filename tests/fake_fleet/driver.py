@@ -567,8 +567,12 @@ class Driver:
 
     @property
     def responsible(self) -> bool:
-        """Whether its guardian has to bring it home: in the air, as far as anybody knows, ours."""
-        return self.craft.flying and not self.overridden and not self.given_up
+        """Whether its guardian has to bring it home: in the air, as far as anybody knows, ours.
+
+        Until its end was told: who lies there is looked at once more.
+        """
+        in_air = self.craft.flying or (self.was_airborne and not self.guard.down)
+        return in_air and not self.overridden and not self.given_up
 
     def bring_home(self) -> None:
         """By the corners of the fence, as far as it takes targets; then its autopilot returns."""

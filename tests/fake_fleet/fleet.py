@@ -124,7 +124,7 @@ class Fleet:
     # --- the mission ---------------------------------------------------------------------
     def post(self, event: Event) -> None:
         """Hand an event to the mission, and its orders to the vehicles."""
-        if self.dead:
+        if self.gone:
             return
         self.events.append(event)
         try:
@@ -134,6 +134,8 @@ class Fleet:
             text = f"{type(failure).__name__}: {failure} at {event}"
             self.referee.note(self.t_s, "traceback", text)
             self.die(kill=False, away_s=math.inf)
+            return
+        if self.dead:  # the guardians' last words: kept, and nobody acts on them
             return
         for number, order in orders:
             self.orders.append((self.t_s, number, order))

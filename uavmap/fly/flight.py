@@ -328,6 +328,8 @@ class _Flight:
                     leave=not may_stop,
                 )
         finally:
+            if not may_stop:  # a simulated flight is flown again instead, event by event
+                service.keep_last_words()
             for vehicle in vehicles.values():
                 with contextlib.suppress(LinkError):
                     await vehicle.leave_as_found()

@@ -361,9 +361,19 @@ class Guardian:
         """
         await self._turn_corners(reason)
         while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
+            self._take_up()
             if not self.acting:
                 self.take_over("rtl", reason)
             await self._session.until(lambda: not self.responsible, min(left_s, HEARTBEAT_S))
+        self._look()  # how it came down is told by nobody else
+
+    def _take_up(self) -> None:
+        """A vehicle that was silent when the mission ended, and speaks again."""
+        monitor, view = self._monitor, self._view
+        heard = self._reporter.loop_s() - min(view.heard_s, view.position_s) <= STALE_S
+        if monitor.met and not monitor.connected and heard:
+            monitor.report_connected()
+            self.heard_again()
 
     async def _turn_corners(self, reason: str) -> None:
         """Fly it around what the fence forbids until home lies straight ahead.

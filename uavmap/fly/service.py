@@ -11,6 +11,8 @@ the middle of it. An event is committed to the journal before it is acted on.
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
@@ -74,6 +76,8 @@ class Service:
         self._over = asyncio.Event()
         self._recalled = self._flying = False
         self._failure: Exception | None = None
+        self._unkept: Event | None = None
+        """The report at which the journal failed."""
 
     def post(self, event: Event) -> None:
         """Report an event: it is taken in after all that were reported before it."""
@@ -107,12 +111,38 @@ class Service:
         except EventError as refused:  # a report that makes no sense changes nothing
             self._refuse(str(refused))
             return
+        except Exception:
+            self._unkept = event
+            raise
         self.state, orders = step(self.setting, self.state, event)
         for number, order in orders:
             self._vehicles[number].give(order)
         self._observe(event, self.state)
         if self.state.over:
             self._over.set()
+
+    def keep_last_words(self) -> None:
+        """Commit what was reported after the service had ended; nobody acts on it any more.
+
+        Guardians go on until everybody is down, and how that ended is for whoever resumes. It is
+        what the journal could not take as well: a disk may have room again. Never raises: what
+        cannot be kept is said.
+        """
+        left = deque([] if self._unkept is None else [self._unkept])
+        while not self._reports.empty():
+            left.append(self._reports.get_nowait())
+        for event in left:
+            try:
+                self._journal.append(event)
+            except EventError as refused:
+                self._refuse(str(refused))
+            except Exception as failure:
+                with contextlib.suppress(Exception):  # a terminal may be gone, too
+                    self._tell(
+                        "what the aircraft told after the mission's end is not in the journal "
+                        f"({failure}): look at each of them before you resume"
+                    )
+                return
 
     def _refuse(self, reason: str) -> None:
         self.refused += 1

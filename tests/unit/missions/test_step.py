@@ -440,6 +440,23 @@ def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service, field: G
     assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
 
 
+@pytest.mark.parametrize("resumed", [True, False])
+def test_one_that_fell_on_its_pad_waits_for_a_fresh_battery(
+    service: Service, resumed: bool
+) -> None:
+    """It is found where people would have put it back: a fresh battery tells that they have."""
+    service.exploring()
+    service.post(Tracked(1, 19.0, HOME, 6.0, 30.0))
+    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
+    between = Resumed(60.0) if resumed else LinkLost(1, 60.0)
+    service.post(between, Connected(1, 61.0, HOME, HOME, 0.0, False, True, 33.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert "fresh battery" in service.state.vehicles[1].note
+    service.post(Resumed(200.0))
+    looked_at = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
+    assert service.post(looked_at) == ((1, AwaitBattery()),)
+
+
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))

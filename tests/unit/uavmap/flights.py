@@ -65,6 +65,8 @@ class Flight:
         self.events: list[Event] = []
         self.sent: list[tuple[float, Message]] = []
         self.told: list[str] = []
+        self.driving: asyncio.Task[None]
+        """As long as the service runs."""
         self.to_vehicle: Callable[[Message], bool] = lambda message: True
         self.to_driver: Callable[[Message], bool] = lambda message: True
         self.change: Callable[[bytes], bytes] = lambda picture: picture
@@ -209,6 +211,7 @@ async def running(flight: Flight) -> AsyncIterator[None]:
         world = tasks.create_task(flight.fly_world())
         await flight.driver.connect()
         driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
+        flight.driving = driving
         guarding = tasks.create_task(flight.driver.guardian.run())
         await asyncio.sleep(0)
         yield

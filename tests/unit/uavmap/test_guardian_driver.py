@@ -12,6 +12,7 @@ from shapely.geometry import Point, Polygon
 from missions.events import (
     Airborne,
     Arrived,
+    Connected,
     Crashed,
     Guarded,
     Landed,
@@ -320,6 +321,46 @@ def test_after_a_silence_the_guardian_sees_to_it_again() -> None:
         flight.to_driver = flight.to_vehicle = lambda message: True
         await flight.sees(Guarded, 2, within_s=30.0)
         await flight.sees(Landed)
+
+    fly(body)
+
+
+def test_who_speaks_again_only_after_the_mission_failed_is_seen_down() -> None:
+    async def body(flight: Flight) -> None:
+        loop = asyncio.get_running_loop()
+        await out(flight)
+        flight.to_driver = flight.to_vehicle = lambda message: False
+        await flight.sees(LinkLost, within_s=20.0)
+        flight.driving.cancel()  # with it whoever takes up links that come back
+        loop.call_later(10.0, setattr, flight, "to_driver", lambda message: True)
+        loop.call_later(10.0, setattr, flight, "to_vehicle", lambda message: True)
+        begin_s = loop.time()
+        await flight.driver.guardian.bring_home("the mission failed (disk full)")
+        assert flight.vehicle.truth.landed
+        assert loop.time() - begin_s < 90.0
+        assert flight.driver.guardian.fate() == ""
+        assert len(flight.seen(Connected)) == 2
+        assert len(flight.seen(Landed)) == 1
+
+    fly(body)
+
+
+def test_who_falls_while_it_is_brought_home_is_told_before_that_ends() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driving.cancel()
+        loop = asyncio.get_running_loop()
+
+        async def fall() -> None:
+            await flight.until(lambda: flight.session.view.height_m < 3.0)
+            flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+
+        falling = loop.create_task(fall())
+        await flight.driver.guardian.bring_home("the mission failed (disk full)")
+        await falling
+        assert flight.vehicle.truth.crashed
+        assert len(flight.seen(Crashed)) == 1
+        assert not flight.seen(Landed)
 
     fly(body)
 

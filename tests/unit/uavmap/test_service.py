@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from missions.errors import JournalError
-from missions.events import Connected, Event, LinkLost, Overridden, Recalled, Tracked
+from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
 from missions.orders import Order, StandDown, TakeOff
-from missions.state import Setting, State
+from missions.state import Phase, Setting, State
+from missions.step import fold
 from missions.units import GridPoint
 from tests.unit.uavmap.flights import small_mission
 from uavmap.clock import VirtualClock, run
@@ -169,8 +170,45 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
 
     with pytest.raises(JournalError, match="cannot be written: database or disk is full"):
         run(main(), VirtualClock())
+    told: list[str] = []
+    service._tell = told.append
+    service.keep_last_words()
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
+    assert len(told) == 1
+    assert "is not in the journal" in told[0]
+
+
+def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
+    journal: Journal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The guardians bring everybody down: whoever resumes must know how that ended."""
+    flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
+    vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
+    setting = Setting.of(small_mission())
+    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+    append = journal.append
+
+    def failing(event: Event) -> None:
+        if event.t_s == 5.0:
+            raise JournalError("the disk is full")
+        append(event)
+
+    monkeypatch.setattr(journal, "append", failing)
+    with pytest.raises(JournalError, match="disk is full"):
+        run(service.fly(), VirtualClock())
+    monkeypatch.undo()  # somebody has made room
+    given = len(vehicle.orders)
+    service.post(Crashed(1, 30.0, HOME, "it fell"))
+    service.post(Tracked(1, 31.0, GridPoint(float("nan"), 0.0), 0.0, 25.0))
+    service.keep_last_words()
+    assert [(type(e), e.t_s) for e in journal.events()] == [
+        (Connected, 1.0),
+        (Tracked, 5.0),
+        (Crashed, 30.0),
+    ]
+    assert len(vehicle.orders) == given
+    assert fold(setting, journal.events()).vehicles[1].phase is Phase.DOWN
 
 
 def test_a_report_that_no_journal_can_hold_is_refused_and_told(journal: Journal) -> None:
