@@ -21,7 +21,8 @@ from missions.kernels import worth as kernels
 from missions.motion.trajectory import Trajectory
 from missions.swath.chart import PAD_CELLS, Chart
 from missions.swath.paths import Route
-from missions.swath.planner import Flyer, Kinematics, Plan, Planner, Tuning
+from missions.swath.planner import Plan, Planner
+from missions.swath.team import Flyer, Kinematics, Tuning
 from missions.units import Cell, GridPoint
 
 FRUITLESS_PLANS: Final = 30

@@ -20,7 +20,7 @@ from missions.errors import StrategyError
 from missions.kernels import swath as kernels
 from missions.motion.trajectory import Trajectory
 from missions.swath.paths import path_of
-from missions.swath.planner import Tuning
+from missions.swath.team import Tuning
 from missions.units import GridPoint
 
 MOVES_A_CELL: Final = 300

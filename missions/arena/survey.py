@@ -20,7 +20,7 @@ from missions.arena.roi import Roi
 from missions.errors import StrategyError
 from missions.kernels import worth as kernels
 from missions.motion.trajectory import Trajectory, rounded_path
-from missions.swath.planner import Kinematics
+from missions.swath.team import Kinematics
 from missions.units import Cell, GridPoint
 
 MARGIN_CELLS = 2

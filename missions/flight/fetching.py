@@ -64,7 +64,8 @@ def fetch(
 def _needed(setting: Setting, known: Known) -> list[Cell]:
     """The cells that have to be decided, and are not."""
     from missions.swath.memo import valued  # noqa: PLC0415 - numba takes a second
-    from missions.swath.planner import Planner, Tuning  # noqa: PLC0415, as above
+    from missions.swath.planner import Planner  # noqa: PLC0415, as above
+    from missions.swath.team import Tuning  # noqa: PLC0415, as above
 
     votes, tuning = setting.mission.votes, Tuning()
     worth, need, candidates, _ = valued(Planner(tuning), known, votes.frames, votes.positive)

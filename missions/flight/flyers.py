@@ -17,7 +17,7 @@ from missions.units import GridPoint
 
 if TYPE_CHECKING:
     from missions.swath.paths import Route
-    from missions.swath.planner import Flyer
+    from missions.swath.team import Flyer
 
 
 def flyer_of(
@@ -31,7 +31,7 @@ def flyer_of(
 
     `planned` is the path that was planned for it last, and `route` what that was made of.
     """
-    from missions.swath.planner import Flyer  # noqa: PLC0415 - numba takes a second to load
+    from missions.swath.team import Flyer  # noqa: PLC0415 - numba takes a second to load
 
     grid = setting.grid
     path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None

@@ -15,7 +15,7 @@ from missions.motion.trajectory import ACCELERATION_M_S2
 from missions.state import Setting, VehicleState
 
 if TYPE_CHECKING:
-    from missions.swath.planner import Kinematics
+    from missions.swath.team import Kinematics
 
 
 def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
@@ -23,7 +23,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
 
     The nose is held at `setting.yaw_rad`, so the picture's sides lie along the axes.
     """
-    from missions.swath.planner import Kinematics  # noqa: PLC0415 - numba takes a second to load
+    from missions.swath.team import Kinematics  # noqa: PLC0415 - numba takes a second to load
 
     mission, grid = setting.mission, setting.grid
     height_m = vehicle.cruise_height_m

@@ -31,7 +31,8 @@ from missions.units import Cell
 
 if TYPE_CHECKING:
     from missions.swath.paths import Route
-    from missions.swath.planner import Flyer, Plan
+    from missions.swath.planner import Plan
+    from missions.swath.team import Flyer
 
 REPLAN_S: Final = 0.4
 RETRY_S: Final = 2.0
@@ -192,7 +193,7 @@ def _plan(
     begin_s: float,
 ) -> Plan:
     from missions.swath.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
-    from missions.swath.planner import Tuning  # noqa: PLC0415, as above
+    from missions.swath.team import Tuning  # noqa: PLC0415, as above
 
     votes = setting.mission.votes
     penalty_s = Tuning().penalty_s * PRESSING**memory.pressing

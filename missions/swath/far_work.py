@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from missions.swath.chart import Chart
-
-if TYPE_CHECKING:
-    from missions.swath.planner import Flyer, Tuning, Valued
+from missions.swath.team import Flyer, Tuning, Valued
 
 _TIMES: Final = 1.2
 """A detour takes longer than straight lines at full speed do, by turns and by speeding up, ..."""

@@ -14,7 +14,8 @@ from typing import Final
 
 from missions.kernels.jit import COMPILED
 from missions.swath.chart import Known
-from missions.swath.planner import Flyer, Plan, Planner, Tuning, Valued
+from missions.swath.planner import Plan, Planner
+from missions.swath.team import Flyer, Tuning, Valued
 
 REMEMBERED: Final = 4096
 UNCOMPILED_MOVES: Final = 20

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from missions.swath.chart import Chart
-from missions.swath.planner import Flyer, Kinematics, Planner, Tuning
+from missions.swath.planner import Planner
+from missions.swath.team import Flyer, Kinematics, Tuning
 from missions.units import Cell, GridPoint
 
 

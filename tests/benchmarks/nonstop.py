@@ -20,7 +20,8 @@ from missions.arena.roi import Roi, grown
 from missions.arena.survey import surveyed
 from missions.swath.chart import Chart
 from missions.swath.paths import Ints
-from missions.swath.planner import Flyer, Plan, Planner, Tuning, Valued
+from missions.swath.planner import Plan, Planner
+from missions.swath.team import Flyer, Tuning, Valued
 from missions.swath.warm_up import warm_up
 
 FIRST_SEED = 910_000

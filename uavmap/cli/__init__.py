@@ -13,6 +13,7 @@ import contextlib
 import difflib
 import errno
 import os
+import select
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -103,6 +104,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _say(group)
         code = USER_ERROR
     except* BrokenPipeError:  # `uavmap check field.toml | head` has read enough
+        if _is_read():
+            raise
         code = NOBODY_READS
     except* KeyboardInterrupt:
         complain("interrupted")
@@ -118,6 +121,22 @@ def _told(code: int) -> int:
         # else Python complains once more when it ends, and changes the exit code
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
+
+
+def _is_read() -> bool:
+    """Whether there is still somebody who reads what is printed."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+            watched = select.poll()
+            watched.register(stream, 0)
+        except BrokenPipeError:
+            return False
+        except (OSError, ValueError):  # no file, or one that cannot be watched
+            continue
+        if any(what & select.POLLERR for _, what in watched.poll(0)):
+            return False
+    return True
 
 
 def _say(group: BaseExceptionGroup[UavmapError]) -> None:

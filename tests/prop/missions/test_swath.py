@@ -21,7 +21,8 @@ from missions.kernels.jit import COMPILED
 from missions.motion.trajectory import Trajectory
 from missions.swath.chart import Chart
 from missions.swath.paths import Route, path_of, segments_of, trajectory_of
-from missions.swath.planner import Flyer, Kinematics, Planner, Tuning
+from missions.swath.planner import Planner
+from missions.swath.team import Flyer, Kinematics, Tuning
 from missions.units import Cell, GridPoint
 
 MOST_CELLS = 40 if COMPILED else 6

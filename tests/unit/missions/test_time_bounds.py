@@ -7,7 +7,7 @@ import math
 import pytest
 
 from missions.arena.time_bounds import least_s, lower_bound_s
-from missions.swath.planner import Kinematics
+from missions.swath.team import Kinematics
 from missions.units import Cell
 
 KINEMATICS = Kinematics(6.0, 2.0, 0.2, half_east_m=5.5, half_north_m=5.5)

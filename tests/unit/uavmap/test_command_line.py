@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import errno
 import io
+import os
 import subprocess
 import sys
 
 import pytest
 
-from uavmap.cli import COMMANDS, main, parser
+from uavmap.cli import COMMANDS, _is_read, main, parser
 
 HEAVY = {"cv2", "numpy", "pydantic", "pymavlink", "rich", "shapely"}
 
@@ -54,6 +55,9 @@ class Refusing(io.StringIO):
     def write(self, text: str) -> int:
         raise self._error
 
+    def flush(self) -> None:
+        raise self._error
+
 
 @pytest.mark.parametrize(
     ("error", "code", "said"),
@@ -72,6 +76,26 @@ def test_an_output_that_is_gone_is_no_defect(
     monkeypatch.setattr(sys, "stdout", Refusing(error))
     assert main(["check", "runway"]) == code
     assert said in capsys.readouterr().err
+
+
+def test_another_pipe_that_breaks_does_not_end_a_command_without_a_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(options: object) -> int:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("uavmap.cli._run", broken)
+    with pytest.RaisesGroup(BrokenPipeError, allow_unwrapped=True):
+        main(["check", "runway"])
+
+
+def test_a_pipe_that_nobody_reads_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as stream:
+        monkeypatch.setattr(sys, "stdout", stream)
+        assert _is_read()
+        os.close(reading)
+        assert not _is_read()
 
 
 @pytest.mark.parametrize("name", COMMANDS)
