@@ -40,6 +40,7 @@ COMMANDS: Final = {
     "keys": "signing keys: make one, give it to a vehicle, take it back",
     "simulate": "compare strategies on ROIs, without flying",
     "strategies": "list the strategies: what each promises, and when to use it",
+    "completion": "print what a shell needs to complete commands and options",
     "study": "repeat a study of the papers: table, plot, page",
 }
 """Each has a module of its name, which is imported when it is asked for: all take a second."""

@@ -7,6 +7,7 @@ import io
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -106,3 +107,42 @@ def test_each_command_has_its_options_alone_and_among_all(name: str) -> None:
     )
     assert alone == among_all
     assert "--help" in alone
+
+
+def test_a_shell_completes_commands_missions_strategies_and_files(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "uavmap.bash"
+    script.write_text(capsys.readouterr().out, encoding="utf-8")
+    asked = {
+        "re": ["resume", "replay"],
+        "fly runw": ["runway", "runway-field"],
+        "fly runway --strategy sw": ["swath"],
+        "fly runway --sp": ["--speedup"],
+        "fly uav": ["uavmap.bash"],
+    }
+    for words, answers in asked.items():
+        steps = (
+            "source uavmap.bash",
+            f"COMP_WORDS=(uavmap {words})",
+            f"COMP_CWORD={len(words.split())}",
+            "_shtab_uavmap",
+            r"""printf '%s\n' "${COMPREPLY[@]}" """,
+        )
+        run = subprocess.run(
+            ["bash", "-c", "; ".join(steps)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert run.stdout.split() == answers, run.stderr
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_are_told_the_missions_too(
+    shell: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["completion", shell]) == 0
+    assert "runway runway-field spill" in capsys.readouterr().out
