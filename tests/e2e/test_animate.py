@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -99,3 +101,24 @@ def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 2
     assert all("there is no journal here" in line for line in lines)
+
+
+def test_a_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, tmp_path):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed (uavmap[rerun])")
+    recording = tmp_path / "flight.rrd"
+    assert main(["animate", str(folder), "--rerun", str(recording)]) == 0
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+    read = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(recording)]
+    printed = subprocess.run(read, capture_output=True, text=True, check=True).stdout
+    for entity in ("/region/cells", "/region/tree", "/vehicles/1", "/vehicles/1/battery_wh"):
+        assert f"{entity} " in printed.replace(chr(10), " ").replace("'", " ")
+
+
+def test_where_rerun_is_missing_one_line_says_what_to_install(
+    folder, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.rrd")]) == 2
+    assert "pip install 'uavmap[rerun]'" in capsys.readouterr().err
+    assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.gif")]) == 2
+    assert "must end in .rrd" in capsys.readouterr().err

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 from missions.errors import OutputError
 from missions.state import Setting
-from uavmap.animation import film_of_flight
+from uavmap.animation import check_path, film_of_flight
+from uavmap.animation.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
 from uavmap.fly.progress import Terminal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
@@ -23,6 +24,7 @@ examples:
   uavmap animate results/runway-1                       flight.gif and tree.png in that folder
   uavmap animate results/spill-1 --animate spill.mp4
   uavmap animate results/spill-1 --tree tree.svg --live
+  uavmap animate results/spill-1 --rerun spill.rrd      for the Rerun viewer: rerun spill.rrd
 
 The animation takes at most 20 seconds, however long the flight. Where the region drifts, the
 tracks are as seen from the region.
@@ -39,6 +41,13 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_picture_options(parser)
+    parser.add_argument(
+        "--rerun",
+        metavar="FILE.rrd",
+        type=Path,
+        help="write cells, tree, vehicles, batteries and kept frames on one timeline, for the "
+        "Rerun viewer (needs uavmap[rerun])",
+    )
     parser.set_defaults(run=run)
 
 
@@ -46,7 +55,10 @@ def run(options: argparse.Namespace) -> int:
     """Animate."""
     folder, say = Path(options.folder), Terminal().say
     asked_for_tree = options.tree is not None
-    if not wants_pictures(options):
+    if options.rerun is not None:
+        check_path(options.rerun, (SUFFIX,))
+        sdk()
+    elif not wants_pictures(options):
         options.animate, options.tree = folder / ANIMATION, folder / TREE
     with Journal.open(folder / JOURNAL) as journal:
         check_pictures(options)
@@ -68,4 +80,7 @@ def run(options: argparse.Namespace) -> int:
         say("the region was not found; there is no tree to draw")
         options.tree = None
     write_pictures(options, film, state.tree, say)
+    if options.rerun is not None:
+        write_recording(options.rerun, film, events, setting.grid, folder)
+        say(f"recording in {options.rerun}")
     return 0
