@@ -37,7 +37,7 @@ def resume(setting: Setting, state: State) -> State:
             at_target=False,
             vertex=v.vertex or root,
             cleared=v.phase is not Phase.DOWN and not v.was_down,
-            was_down=v.was_down or v.phase is Phase.DOWN,  # perhaps nobody has fetched it
+            was_down=_lies_somewhere(v),  # perhaps nobody has fetched it
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
@@ -47,6 +47,11 @@ def resume(setting: Setting, state: State) -> State:
         for number, v in state.vehicles.items()
     }
     return replace(state, recalled=False, paused=False, vehicles=vehicles)
+
+
+def _lies_somewhere(vehicle: VehicleState) -> bool:
+    """Whether it fell, or was set down away from its pad."""
+    return vehicle.was_down or vehicle.phase is Phase.DOWN or bool(vehicle.landed_away_m)
 
 
 def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
@@ -123,7 +128,8 @@ def _found_on_the_ground(
     beside_m = BESIDE_M if before.landed and not before.was_down else PAD_M
     if not connected.landed or not has_flown:
         return connected
-    lies_there = before.was_down and connected.position.distance_to(before.position) <= PAD_M
+    fell = before.was_down and not before.landed_away_m
+    lies_there = fell and connected.position.distance_to(before.position) <= PAD_M
     if away_m > beside_m:
         note = f"it came down {away_m:.0f} m from its pad, and lies there still"
     elif lies_there and not _has_new_battery(connected, before, setting):
@@ -166,7 +172,7 @@ def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> Vehic
         phase=Phase.OFFLINE,
         order=StandDown(),
         last_order=vehicle.order,
-        was_down=vehicle.was_down or vehicle.phase is Phase.DOWN,
+        was_down=_lies_somewhere(vehicle),
         note="link lost",
     )
 

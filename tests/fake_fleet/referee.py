@@ -139,6 +139,9 @@ class Referee:
         if craft.mode == "other" or craft.failsafe or craft.unasked or craft.motors_failed:
             notes.outside_s = None
             return
+        if not fleet.drivers[craft.number].hears and notes.hands_s > notes.silent_s:
+            notes.outside_s = None  # let go of by its pilot, unheard: it is where that one left it
+            return
         if notes.outside_s is None:
             notes.outside_s = t_s
         out_m = float(outer.distance(Point(at)))

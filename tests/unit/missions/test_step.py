@@ -457,6 +457,21 @@ def test_one_that_fell_on_its_pad_waits_for_a_fresh_battery(
     assert service.post(looked_at) == ((1, AwaitBattery()),)
 
 
+def test_one_that_a_failsafe_has_set_down_afield_is_not_flown_by_a_resume(
+    service: Service,
+) -> None:
+    field = GridPoint(12.0, 20.0)
+    service.exploring()
+    service.post(Overridden(1, 20.0, "LAND failsafe"), Landed(1, 40.0, 30.0, position=field))
+    assert service.state.vehicles[1].landed_away_m > 20.0
+    service.post(Resumed(60.0), Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert "lies there still" in service.state.vehicles[1].note
+    service.post(Resumed(200.0))
+    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 30.0)
+    assert service.post(fetched) == ((1, AwaitBattery()),), "as it was: nothing broke"
+
+
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
