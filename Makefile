@@ -9,6 +9,16 @@ PYTHON ?= python3
 BIN := .venv/bin
 # one more than there are cores: tests on sockets wait for a simulator most of their time
 WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
+# a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
+SCRATCH := $(shell df -Pm /dev/shm 2>/dev/null | awk 'NR == 2 && $$4 > 2000 && $$NF == "/dev/shm" {print $$NF}')
+
+# two things at once: types are checked while kernels are compiled, and tests begin after both
+ifeq (,$(filter clean,$(MAKECMDGOALS)))
+MAKEFLAGS += -j2
+endif
+ifneq (,$(filter check,$(MAKECMDGOALS)))
+test: check
+endif
 
 .PHONY: run test check setup kernels lock clean
 
@@ -17,7 +27,7 @@ run: setup
 
 # in the order of tests/conftest.py, which keeps all cores busy
 test: kernels
-	$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+	$(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff check .
@@ -33,13 +43,17 @@ kernels: setup
 	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy rdfs,horizon \
 		--json >/dev/null && wait $$!
 
+# pip compiles one file after the other, and all of them: the packages' own tests, and forty dialects
+# of MAVLink, each as large as a small library. They are compiled if ever they are imported.
+NOT_COMPILED := '/tests?/|/dialects/v[12]0/(?!ardupilotmega|common|minimal|standard)'
+
 .venv/ready: requirements.txt requirements-clients.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes \
-		-r requirements-clients.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps \
+		--require-hashes -r requirements.txt -r requirements-clients.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(BIN)/python -m compileall -qq -j 0 -x $(NOT_COMPILED) .venv/lib || true
 	touch $@
 
 lock:

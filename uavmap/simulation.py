@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from shapely.geometry import Point
 
 from missions.errors import LinkError
 from missions.ground.grid import Grid
@@ -205,7 +204,7 @@ class Truth:
                 continue
             self._flying.add(number)
             in_air.append((point, vehicle.up_m))
-            if setting.fence.outer.covers(Point(point)):
+            if setting.fence.contains(point):
                 self._outside.discard(number)
             elif number not in self._outside:
                 self._outside.add(number)

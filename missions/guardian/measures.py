@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
+from typing import Final
 
+import shapely
 from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
@@ -28,6 +31,9 @@ from missions.guardian.thresholds import (
 )
 from missions.guardian.values import Guard, Limits, Seen, Task
 from missions.units import GridPoint
+
+_REMEMBERED: Final = 32
+"""Paths of vehicles: each is looked at many times on its way."""
 
 
 def near_height(task: Task, seen: Seen) -> bool:
@@ -181,11 +187,17 @@ def lasted(limits: Limits, since_s: float | None, t_s: float, limit_s: float) ->
     return since_s is not None and t_s - since_s >= limit_s + limits.slack_s
 
 
+@lru_cache(maxsize=_REMEMBERED)
+def _line(path: tuple[GridPoint, ...]) -> LineString | None:
+    """A path as a line; None where it is a single point."""
+    return LineString(path) if len(set(path)) > 1 else None
+
+
 def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
     """How far along its path a vehicle is, near where it was last: a path may cross itself."""
-    if len(set(path)) < 2:
+    line = _line(tuple(path))
+    if line is None:
         return 0.0
-    line = LineString(path)
     elapsed_s = seen.t_s - (guard.last_s if guard.last_s is not None else guard.task.since_s)
     begin_m = max(guard.along_m - REACH_M, 0.0)
     end_m = min(guard.along_m + REACH_M + REACH_M_S * max(elapsed_s, 0.0), float(line.length))
@@ -193,20 +205,21 @@ def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
     near = begin_m + float(substring(line, begin_m, end_m).project(here))
     within_m = float(line.interpolate(near).distance(here)) + REACH_M / 2
     # where it turns back nearly the way it came, the farther of two places is the likelier
-    ahead = near
-    step_m = REACH_M / 5
+    places, ahead, step_m = [], near, REACH_M / 5
     while ahead + step_m <= end_m:
         ahead += step_m
-        if float(line.interpolate(ahead).distance(here)) <= within_m:
-            near = ahead
-    return near
+        places.append(ahead)
+    if not places:
+        return near
+    reached = shapely.distance(shapely.line_interpolate_point(line, places), here) <= within_m
+    return next((place for place, ok in zip(places[::-1], reached[::-1], strict=True) if ok), near)
 
 
 def _left_m(position: GridPoint, path: Sequence[GridPoint], along_m: float) -> float:
     """How far it is to the end of a path: back to it, and then along what is left of it."""
-    if len(set(path)) < 2:
+    line = _line(tuple(path))
+    if line is None:
         return position.distance_to(path[-1])
-    line = LineString(path)
     return float(line.length) - along_m + float(line.interpolate(along_m).distance(Point(position)))
 
 
@@ -216,5 +229,6 @@ def off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
     >>> off_path_m(GridPoint(5.0, 3.0), (GridPoint(0.0, 0.0), GridPoint(10.0, 0.0)))
     3.0
     """
-    line = LineString(path) if len(set(path)) > 1 else Point(path[0])
-    return float(line.distance(Point(position)))
+    line = _line(tuple(path))
+    way = Point(path[0]) if line is None else line
+    return float(way.distance(Point(position)))

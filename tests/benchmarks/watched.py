@@ -23,6 +23,7 @@ from shapely.geometry import Point
 import uavmap.simulation
 from missions.guardian import PAD_M
 from missions.state import Setting
+from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.e2e.rig import MISSIONS
 from uavmap.cli import main as uavmap_main
@@ -76,13 +77,18 @@ class Aircraft:
     """How long it was outside at most, until it was on the ground or in RTL or LAND."""
     mode: str = ""
     _left_s: float | None = None
+    _home: GridPoint | None = None
 
     def look(self, vehicle: SimVehicle, setting: Setting) -> None:
         truth = vehicle.truth
         self.landed, self.crashed, self.mode = truth.landed, truth.crashed, truth.mode.name
         point = setting.grid.fixed(truth.position)
-        self.from_home_m = point.distance_to(setting.grid.fixed(vehicle.spec.home))
-        outside_m = float(setting.fence.outer.distance(Point(point)))
+        if self._home is None:
+            self._home = setting.grid.fixed(vehicle.spec.home)
+        self.from_home_m = point.distance_to(self._home)
+        outside_m = 0.0
+        if not setting.fence.contains(point):
+            outside_m = float(setting.fence.outer.distance(Point(point)))
         if truth.landed or outside_m <= INSIDE_M:
             self._left_s = None
             if truth.landed:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import textwrap
 from collections import deque
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -129,38 +132,76 @@ def test_a_full_disk_keeps_what_was_confirmed_and_goes_on_with_room(tmp_path: Pa
     assert read(tmp_path / "journal.db")[0] == events
 
 
+# One process that has imported the journal, and a copy of it for each that fills the file system.
 LIMITED = """
-    import os, resource, sys
+    import json, os, resource, sys
     from pathlib import Path
     from missions.errors import JournalError
     from tests.unit.uavmap.journals import META, some_events
     from uavmap.record.journal import Journal
-    path, room = Path(sys.argv[1]), int(sys.argv[2])
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
-    try:
-        journal = Journal.open(path) if path.exists() else Journal.create(path, META)
-        for event in some_events(400)[len(journal):]:
-            journal.append(event)
-            print(len(journal), flush=True)
-    except JournalError as error:
-        print("refused", error, flush=True)
-    os._exit(0)  # no orderly end: the file system takes nothing more
+
+    def fill(path, room):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+        try:
+            journal = Journal.open(path) if path.exists() else Journal.create(path, META)
+            for event in some_events(400)[len(journal):]:
+                journal.append(event)
+                print(len(journal), flush=True)
+        except JournalError as error:
+            print("refused", error, flush=True)
+        os._exit(0)  # no orderly end: the file system takes nothing more
+
+    for line in sys.stdin:
+        name, room = json.loads(line)
+        if (child := os.fork()) == 0:
+            fill(Path(name), room)
+        print("ended", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
+Fill = Callable[[Path, int], list[str]]
+
+
+@pytest.fixture(scope="module")
+def fill() -> Iterator[Fill]:
+    """Has a process of its own write a journal while no file may grow beyond so many bytes."""
+    command = [sys.executable, "-c", textwrap.dedent(LIMITED)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:
+        asked, told = process.stdin, process.stdout
+        assert asked is not None
+        assert told is not None
+
+        def filled(path: Path, room: int) -> list[str]:
+            print(json.dumps([str(path), room]), file=asked, flush=True)
+            *lines, end = _until_ended(told)
+            assert end == "ended 0"
+            return lines
+
+        yield filled
+        asked.close()
+
+
+def _until_ended(told: IO[str]) -> Iterator[str]:
+    """The lines of one that fills, and of its end."""
+    for line in told:
+        yield line.rstrip("\n")
+        if line.startswith("ended "):
+            return
 
 
 @pytest.mark.parametrize("kilobytes", [1, 13, 33, 101])
-def test_a_file_system_that_takes_no_more(tmp_path: Path, kilobytes: int) -> None:
+def test_a_file_system_that_takes_no_more(tmp_path: Path, kilobytes: int, fill: Fill) -> None:
     """No file may grow beyond so much; the second process finds it so, the third has room."""
     path, confirmed = tmp_path / "out" / "journal.db", 0
     for _ in range(2):
-        *numbers, last = program(LIMITED, path, kilobytes * 1000)
+        *numbers, last = fill(path, kilobytes * 1000)
         assert last.startswith("refused")
         confirmed = int(numbers[-1]) if numbers else confirmed
         if path.exists():
             copy = shutil.copytree(path.parent, tmp_path / "copy") / path.name
             assert read(copy)[0] == some_events(400)[:confirmed]
             shutil.rmtree(copy.parent)
-    assert program(LIMITED, path, 10**9)[-1] == "800"
+    assert fill(path, 10**9)[-1] == "800"
     assert read(path) == (some_events(400), META)
 
 
