@@ -24,7 +24,7 @@ from missions.swath.strategies import NONSTOP
 
 STRATEGIES = (*NONSTOP, *EXPLORERS)
 DETECTORS = ("threshold", "paved")
-_REMEMBERED: Final = 16
+_REMEMBERED: Final = 4
 """Texts of missions: a flight has one, of which the journal, a resume and the results ask."""
 
 
