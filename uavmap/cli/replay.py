@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -177,8 +178,10 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
             if given is None:
                 write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
                 progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
+            began_s = time.perf_counter()
             with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
                 summary = looked.written(journal, folder, progress)
+            progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
         except OSError as error:
             raise OutputError(
                 f"{folder}: the results cannot be written ({error.strerror}); make room, and "
@@ -190,8 +193,10 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
 
 def _rasters(looked: Looked, folder: Path, wishes: Wishes, progress: Terminal) -> int:
     """The GeoTIFFs, without which the results are complete; what goes wrong is told in a line."""
+    began_s = time.perf_counter()
     try:
-        looked.write_rasters(folder, wishes, progress)
+        if looked.write_rasters(folder, wishes, progress):
+            progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
     except OutputError as error:
         complain(f"{error}; all other results are complete")
     except KeyboardInterrupt:

@@ -21,7 +21,7 @@ from vision.raster import Raster, Window
 
 TILE_PX: Final = 512
 _CACHE_MB: Final = 64  # of GDAL, which would take a twentieth of the machine
-_COMMON: Final = {"bigtiff": "IF_SAFER"}
+_COMMON: Final = {"bigtiff": "IF_SAFER", "num_threads": "ALL_CPUS"}
 _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "sparse_ok": True}
 
 

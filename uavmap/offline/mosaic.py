@@ -50,7 +50,7 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
     colours = np.zeros((*window.shape, 3), np.float32)
     total = np.zeros(window.shape, np.float32)
 
-    def laid(tile: Tile) -> list[tuple[Window, NDArray[np.float32], NDArray[np.float32]]]:
+    def laid(tile: Tile) -> list[tuple[Window, Colours, NDArray[np.float32]]]:
         part = raster.around(*tile.shown.bounds).common(window)
         found, image = [], None
         for at, laying in () if part.is_empty else tile.shown.overlay.laid(raster, part):
@@ -60,14 +60,13 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
             weight = laying.weight
             for _ in range(SHARPNESS):
                 weight = weight * weight
-            sampled = laying.sampled(image)
-            shades = cv2.multiply(sampled, cv2.merge([weight] * 3), dtype=cv2.CV_32F)
-            found.append((at, np.asarray(shades, np.float32), weight))
+            found.append((at, laying.sampled(image), weight))
         return found
 
     for answer in in_order(laid, tiles, workers):
-        for part, shades, weight in answer:
+        for part, image, weight in answer:
             at = part.within(window)
+            shades = cv2.multiply(image, cv2.merge([weight] * 3), dtype=cv2.CV_32F)
             for summed, more in ((colours, shades), (total, weight)):
                 cv2.add(summed[at], more, dst=summed[at])
     there = total > 0.0

@@ -145,12 +145,16 @@ class Looked:
         self._say(progress)
         return summary
 
-    def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> None:
-        """ortho.tif and probability.tif, after all else; raises `OutputError`."""
+    def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> bool:
+        """ortho.tif and probability.tif, after all else; returns whether any was written.
+
+        Raises `OutputError` where the disk refuses.
+        """
         if self.fine is None:
-            return
+            return False
         placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
-        Rasters(self.fine, self.judge, placed, t_s, self.workers).write(folder, wishes, progress)
+        rasters = Rasters(self.fine, self.judge, placed, t_s, self.workers)
+        return rasters.write(folder, wishes, progress)
 
     def refuse_empty(self) -> None:
         """Raise `ImageError` where no picture at all is used."""
