@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -183,12 +185,20 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
                 summary = looked.written(journal, folder, progress)
             progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
         except OSError as error:
-            raise OutputError(
-                f"{folder}: the results cannot be written ({error.strerror}); make room, and "
-                "replay into another folder"
-            ) from None
+            raise OutputError(_unwritten(folder, error)) from None
         code = _rasters(looked, folder, wishes, progress)
     return report(summary, folder, as_json=options.json) or code
+
+
+def _unwritten(folder: Path, error: OSError) -> str:
+    """A line for results that the disk refuses: which file, why, and what helps."""
+    told = error.filename2 or error.filename  # the second one where a file takes its name
+    name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
+    helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
+    return (
+        f"{folder}: the results cannot be written ({name}{error.strerror}); {helps} replay into "
+        "another folder"
+    )
 
 
 def _rasters(looked: Looked, folder: Path, wishes: Wishes, progress: Terminal) -> int:

@@ -6,6 +6,7 @@ are there whole or not at all.
 
 from __future__ import annotations
 
+import errno
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -122,9 +123,10 @@ def write_cog(
             done.replace(path)
     except OSError as error:  # rasterio's own are such, too
         reason = error.strerror or str(error).partition("\n")[0]
-        raise OutputError(
-            f"{path.name} is not written ({reason}); is there room in {path.parent}?"
-        ) from None
+        helps = f"is there room in {path.parent}?"
+        if error.errno in (errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS):
+            helps = "write into another folder"
+        raise OutputError(f"{path.name} is not written ({reason}); {helps}") from None
 
 
 def _transform(raster: Raster, grid: Grid, t_s: float) -> tuple[float, ...]:
