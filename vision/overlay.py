@@ -6,7 +6,7 @@ in between: through a homography, or over a terrain.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,6 +21,7 @@ from vision.raster import Raster, Window
 STEP: Final = 8
 FEATHER: Final = 0.04
 """At the rim of a picture its weight fades over this part of its width."""
+_PART: Final = 16 * STEP  # of a window, that is left out if the picture shows nothing of it
 _PROBES: Final = 32  # along each side of the ground that a picture may show
 
 Floats = NDArray[np.float64]
@@ -62,21 +63,32 @@ class Overlay:
             low, high = seen.min(axis=0) - spacing_m, seen.max(axis=0) + spacing_m
         return low, high
 
-    def laid(self, raster: Raster, window: Window) -> Laying | None:
-        """The picture on a window of a raster; None where it shows nothing of it."""
+    def laid(self, raster: Raster, window: Window) -> Iterator[tuple[Window, Laying]]:
+        """The picture on the parts of a window of a raster of which it shows something.
+
+        A picture lies aslant on the ground: a good part of the window around it is not in it.
+        """
         nodes = raster.centres(window, STEP)
         pixels = self.pixels(nodes)
         inside_px = self._inside_px(pixels)
-        if not (inside_px > 0.0).any():
-            return None
         away_m = np.hypot(nodes[..., 0] - self.below.east_m, nodes[..., 1] - self.below.north_m)
         # an error of an angle moves the ground by this to the power of -2: its variance to that
         # of -4
         level = (self.height_m**2 / (self.height_m**2 + away_m**2)) ** 2
         level[away_m > OBLIQUE_LIMIT * self.height_m] = 0.0
-        layers = np.dstack([np.nan_to_num(pixels, nan=-1e4), inside_px, level])
-        x, y, rim, weight = cv2.split(_between(np.asarray(layers, np.float32), window.shape))
-        fade = rim * np.float32(1.0 / (FEATHER * self.width_px))
+        shown = (inside_px > 0.0) & (level > 0.0)
+        fade = inside_px * (1.0 / (FEATHER * self.width_px))
+        layers = np.dstack([np.nan_to_num(pixels, nan=-1e4), fade, level]).astype(np.float32)
+        for part in window.blocks(_PART):
+            # with the nodes beyond its end, between which its last pixels lie
+            near = tuple(
+                slice(side.start // STEP, -(-side.stop // STEP) + 1) for side in part.within(window)
+            )
+            if shown[near].any():
+                yield part, self._laying(layers[near], part.shape)
+
+    def _laying(self, layers: NDArray[np.float32], shape: tuple[int, int]) -> Laying:
+        x, y, fade, weight = cv2.split(_between(layers, shape))
         np.clip(fade, 0.0, 1.0, out=fade)
         u, v, w = (
             np.asarray(part, dtype=np.float32) for part in (x, y, cv2.multiply(weight, fade))

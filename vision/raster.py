@@ -49,6 +49,12 @@ class Window(NamedTuple):
             slice(self.left - other.left, self.right - other.left),
         )
 
+    def blocks(self, side: int) -> Iterator[Window]:
+        """Windows of at most `side` pixels that cover all of it, row by row from its top."""
+        for top in range(self.top, self.bottom, side):
+            for left in range(self.left, self.right, side):
+                yield Window(top, left, top + side, left + side).common(self)
+
     def grown(self, by: int) -> Window:
         """The window with so many pixels more on each side."""
         return Window(self.top - by, self.left - by, self.bottom + by, self.right + by)
@@ -83,9 +89,7 @@ class Raster:
 
     def blocks(self, side: int) -> Iterator[Window]:
         """Windows of at most `side` pixels that cover all of it, row by row from the north."""
-        for top in range(0, self.rows, side):
-            for left in range(0, self.columns, side):
-                yield Window(top, left, top + side, left + side).common(self.whole)
+        return self.whole.blocks(side)
 
     def centres(self, window: Window, step: int) -> NDArray[np.float64]:
         """Metres east and north of every `step`-th pixel's centre, past the window's end at last.

@@ -1,37 +1,47 @@
 """How fast a replay is beside the decoder, how much memory it takes, and what damage does to it.
 
-python -m tests.benchmarks.replay rate FOLDER          pictures a second, beside decoding alone
-python -m tests.benchmarks.replay memory PICTURE 10000 the same ground, so often, other bytes
-python -m tests.benchmarks.replay fuzz PICTURE 1000    damaged copies: no crash, no memory
+python -m tests.benchmarks.replay rate FOLDER              pictures a second, beside decoding alone
+python -m tests.benchmarks.replay results FOLDER           seconds after the last picture
+python -m tests.benchmarks.replay memory                   1,000, 3,000 and 10,000 small pictures
+python -m tests.benchmarks.replay memory --pictures 5000   so many, over as much more ground
+python -m tests.benchmarks.replay fuzz PICTURE 1000        damaged copies: no crash, no memory
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import random
 import resource
+import shutil
+import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from missions.errors import ImageError
 from missions.state import Setting
-from missions.units import LatLon
+from tests.benchmarks.many_pictures import write_survey
 from uavmap.fly.progress import Silent
 from uavmap.mission_source import MissionSource
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.rasters import Wishes
 from uavmap.offline.replay import Options, look_at_all
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.sources.photo_file import decoded, read_photo
-from uavmap.offline.sources.record import Picture, Refused
+from uavmap.offline.sources.record import Refused
 from uavmap.offline.spool import Spool
 from uavmap.offline.workers import Threads, in_order, worker_count
+from uavmap.record.flight_plan import JOURNAL
+from uavmap.record.journal import Journal
 
 WIDTH_PX = 1000
 
@@ -73,43 +83,6 @@ def survives(data: bytes, path: Path) -> str:
     return "used"
 
 
-@dataclass(frozen=True, slots=True)
-class Varied:
-    """The content of a file, said to be another each time."""
-
-    inner: Picture
-    number: int
-
-    @property
-    def size_bytes(self) -> int:
-        return self.number
-
-    def digest(self) -> str:
-        return str(self.number)
-
-    def decode(self, max_width_px: int):
-        image = self.inner.content.decode(max_width_px).copy()
-        image[0, :3] = [[self.number >> 16 & 255, self.number >> 8 & 255, self.number & 255]]
-        return image
-
-
-def many(picture: Picture, count: int) -> Gathered:
-    """A survey of legs of 50 pictures, of one picture again and again."""
-    assert picture.position is not None
-    pictures = []
-    for number in range(count):
-        leg, step = divmod(number, 50)
-        place = LatLon(
-            picture.position.lat_deg + step * 1e-4, picture.position.lon_deg + leg * 2.5e-4
-        )
-        content = Varied(picture, number)
-        name = f"{number:05}.jpg"
-        pictures.append(
-            replace(picture, name=name, content=content, position=place, taken_s=float(number))
-        )
-    return Gathered("copies", tuple(pictures), (), 0, ())
-
-
 def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     """Wall and CPU seconds of both passes."""
     setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
@@ -139,12 +112,50 @@ def _rate(folder: Path) -> None:
             )
 
 
-def _memory(path: Path, most: int) -> None:
-    picture = read_photo(path, path.name)
-    assert isinstance(picture, Picture)
-    for count in (most // 100, most // 10, most):
-        wall, _ = looked(many(picture, count), worker_count())
-        print(f"{count} pictures: {wall:.0f} s, peak {peak_mb():.0f} MB", flush=True)
+def _memory(counts: list[int], refine: str) -> None:
+    """Peak memory of whole replays, each in a process of its own, boundary and rasters included."""
+    print("pictures      s  peak MB  cells  ortho.tif, MB", flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        for count in counts:
+            photographs, out = Path(name) / f"{count}", Path(name) / f"{count}-map"
+            photographs.mkdir()
+            write_survey(photographs, count)
+            line = [sys.executable, "-m", "uavmap", "replay", str(photographs), "--refine", refine]
+            begun = time.perf_counter()
+            process = subprocess.Popen([*line, "--out", str(out)], stdout=subprocess.DEVNULL)
+            _, status, used = os.wait4(process.pid, 0)
+            summary = json.loads((out / "summary.json").read_text("utf-8"))
+            ortho = out / "ortho.tif"
+            print(
+                f"{count:8} {time.perf_counter() - begun:6.0f} {used.ru_maxrss / 1024:8.0f} "
+                f"{summary['cells_seen']:6} {ortho.stat().st_size / 1e6:10.0f}"
+                + (f"  exit {os.waitstatus_to_exitcode(status)}" if status else ""),
+                flush=True,
+            )
+            shutil.rmtree(photographs)
+            shutil.rmtree(out)
+
+
+def _results(path: Path, often: int) -> None:
+    """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
+    gathered = gather(open_source(path))
+    setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
+    for _ in range(often):
+        with tempfile.TemporaryDirectory() as name, Spool() as spool:
+            folder = Path(name)
+            judged = look_at_all(gathered, setting, spool, Silent(), Options())
+            times = [(time.perf_counter(), time.process_time())]
+            with Journal.create(folder / JOURNAL, {}) as journal:
+                judged.written(journal, folder, Silent())
+            times.append((time.perf_counter(), time.process_time()))
+            judged.write_rasters(folder, Wishes(), Silent())
+            times.append((time.perf_counter(), time.process_time()))
+            (wall, cpu), (tiff_wall, tiff_cpu) = np.diff(times, axis=0).tolist()
+            print(
+                f"results {wall:.2f} s ({cpu:.2f} s CPU), GeoTIFFs {tiff_wall:.1f} s "
+                f"({tiff_cpu:.1f} s CPU)",
+                flush=True,
+            )
 
 
 def fuzz_pictures(path: Path, count: int) -> None:
@@ -158,14 +169,21 @@ def fuzz_pictures(path: Path, count: int) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("rate", "memory", "fuzz"))
-    parser.add_argument("path", type=Path)
+    parser.add_argument("what", choices=("rate", "results", "memory", "fuzz"))
+    parser.add_argument("path", type=Path, nargs="?")
     parser.add_argument("count", type=int, nargs="?", default=1000)
+    parser.add_argument("--pictures", type=int, nargs="+", default=[1000, 3000, 10_000])
+    parser.add_argument("--refine", choices=("on", "off"), default="off")
     options = parser.parse_args()
+    if options.what == "memory":
+        _memory(options.pictures, options.refine)
+        return 0
+    if options.path is None:
+        parser.error(f"{options.what} needs pictures")
     if options.what == "rate":
         _rate(options.path)
-    elif options.what == "memory":
-        _memory(options.path, options.count)
+    elif options.what == "results":
+        _results(options.path, 5)
     else:
         fuzz_pictures(options.path, options.count)
     return 0

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -177,21 +180,33 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
             if given is None:
                 write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
                 progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
+            began_s = time.perf_counter()
             with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
                 summary = looked.written(journal, folder, progress)
+            progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
         except OSError as error:
-            raise OutputError(
-                f"{folder}: the results cannot be written ({error.strerror}); make room, and "
-                "replay into another folder"
-            ) from None
+            raise OutputError(_unwritten(folder, error)) from None
         code = _rasters(looked, folder, wishes, progress)
     return report(summary, folder, as_json=options.json) or code
 
 
+def _unwritten(folder: Path, error: OSError) -> str:
+    """A line for results that the disk refuses: which file, why, and what helps."""
+    told = error.filename2 or error.filename  # the second one where a file takes its name
+    name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
+    helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
+    return (
+        f"{folder}: the results cannot be written ({name}{error.strerror}); {helps} replay into "
+        "another folder"
+    )
+
+
 def _rasters(looked: Looked, folder: Path, wishes: Wishes, progress: Terminal) -> int:
     """The GeoTIFFs, without which the results are complete; what goes wrong is told in a line."""
+    began_s = time.perf_counter()
     try:
-        looked.write_rasters(folder, wishes, progress)
+        if looked.write_rasters(folder, wishes, progress):
+            progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
     except OutputError as error:
         complain(f"{error}; all other results are complete")
     except KeyboardInterrupt:

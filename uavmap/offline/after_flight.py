@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.errors import UavmapError
 from missions.state import Setting, State
 from uavmap.fly.progress import Progress, Silent
-from uavmap.offline.fine_map import FineMap
+from uavmap.offline.fine_map import FineMap, beneath, scene_of
 from uavmap.offline.gathering import gather
 from uavmap.offline.rasters import ORTHO, Rasters, Wishes
 from uavmap.offline.replay import Looked, Options, look_at_all
@@ -74,14 +74,16 @@ def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> Non
         "there (Ctrl-C leaves it out)"
     )
     looked = look_at_all(gathered, setting, spool, Silent(), Options())
-    fine = FineMap.of(setting, looked.judge, _footings(looked), spool, looked.workers)
-    if fine is None:
+    scene = scene_of(setting, _footings(looked))
+    if scene is None:
         return
+    fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
     told = _told(fine, looked, state)
     boundary_file.write(told, folder / boundary_file.FILE)
     truth = _truth(setting) if plan.simulated else None
     data = replace(map_data(setting, state, found, truth), boundary=fine.boundary.region)
-    picture.write(data, folder / "map.png", lambda view: fine.beneath(view, state.t_s))
+    ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
+    picture.write(data, folder / "map.png", ground)
     placed = [shot.placed for shot in looked.shots]
     rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
     rasters.write(folder, wishes, progress)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.ground.grid import Grid
 from missions.mission_file.schema import positions
 from missions.state import Setting
 from missions.units import Cell
@@ -46,19 +47,13 @@ class FineMap:
 
     @classmethod
     def of(
-        cls, setting: Setting, judge: Judge, used: Sequence[Footing], spool: Spool, workers: int
-    ) -> FineMap | None:
-        """Of the used pictures; None where they show nothing."""
-        if not used:
-            return None
-        grid, cell_m = setting.grid, setting.grid.cell_m
-        scene = Scene.of(used, grid, setting.mission.ground, pitch_m(used, cell_m))
-        if scene is None or not scene.shown:
-            return None
+        cls, setting: Setting, judge: Judge, scene: Scene, spool: Spool, workers: int
+    ) -> FineMap:
+        """Of the pictures of a scene."""
         shrinks_px = int(getattr(judge.detector, "shrinks_px", 0))
         surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
-        boundary = boundary_of(surface, cell_m, level)
+        boundary = boundary_of(surface, setting.grid.cell_m, level)
         return cls(setting, scene, surface, boundary, spool, workers)
 
     def told(
@@ -85,9 +80,22 @@ class FineMap:
             undecided,
         )
 
-    def beneath(self, view: View, t_s: float) -> NDArray[np.uint8] | None:
-        """The mosaic beneath a map's picture: as `uavmap.offline.mosaic.mosaic` gives it."""
-        grid = self.setting.grid
+
+def scene_of(setting: Setting, used: Sequence[Footing]) -> Scene | None:
+    """The used pictures over a raster; None where they show nothing."""
+    if not used:
+        return None
+    grid = setting.grid
+    scene = Scene.of(used, grid, setting.mission.ground, pitch_m(used, grid.cell_m))
+    return None if scene is None or not scene.shown else scene
+
+
+def beneath(
+    scene: Scene, spool: Spool, grid: Grid, workers: int, t_s: float
+) -> Callable[[View], NDArray[np.uint8] | None]:
+    """The mosaic beneath a map's picture: as `uavmap.offline.mosaic.mosaic` gives it."""
+
+    def laid(view: View) -> NDArray[np.uint8] | None:
         raster = Raster(
             view.left_m - grid.drift_east_m_s * t_s,
             view.top_m - grid.drift_north_m_s * t_s,
@@ -95,17 +103,20 @@ class FineMap:
             view.width_px,
             view.height_px,
         )
-        tiles = (Tile(entry, self._small(entry)) for entry in self.scene.shown)
-        return mosaic(raster, raster.whole, tiles, self.workers)
+        tiles = (Tile(entry, _small(entry, spool)) for entry in scene.shown)
+        return mosaic(raster, raster.whole, tiles, workers)
 
-    def _small(self, entry: Shown) -> Callable[[], NDArray[np.uint8] | None]:
-        data = self.spool.get(entry.footing.number).small  # here: the spool is no thread's business
+    return laid
 
-        def decoded() -> NDArray[np.uint8] | None:
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-            return upright(np.asarray(image, np.uint8), turned=entry.footing.turned)
 
-        return decoded
+def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]:
+    data = spool.get(entry.footing.number).small
+
+    def decoded() -> NDArray[np.uint8] | None:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        return upright(np.asarray(image, np.uint8), turned=entry.footing.turned)
+
+    return decoded
 
 
 def upright(image: NDArray[np.uint8], *, turned: bool) -> NDArray[np.uint8]:

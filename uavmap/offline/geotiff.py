@@ -6,6 +6,7 @@ are there whole or not at all.
 
 from __future__ import annotations
 
+import errno
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from vision.raster import Raster, Window
 
 TILE_PX: Final = 512
 _CACHE_MB: Final = 64  # of GDAL, which would take a twentieth of the machine
-_COMMON: Final = {"bigtiff": "IF_SAFER"}
+_COMMON: Final = {"bigtiff": "IF_SAFER", "num_threads": "ALL_CPUS"}
 _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "sparse_ok": True}
 
 
@@ -122,9 +123,10 @@ def write_cog(
             done.replace(path)
     except OSError as error:  # rasterio's own are such, too
         reason = error.strerror or str(error).partition("\n")[0]
-        raise OutputError(
-            f"{path.name} is not written ({reason}); is there room in {path.parent}?"
-        ) from None
+        helps = f"is there room in {path.parent}?"
+        if error.errno in (errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS):
+            helps = "write into another folder"
+        raise OutputError(f"{path.name} is not written ({reason}); {helps}") from None
 
 
 def _transform(raster: Raster, grid: Grid, t_s: float) -> tuple[float, ...]:

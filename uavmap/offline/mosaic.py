@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,30 +50,30 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
     colours = np.zeros((*window.shape, 3), np.float32)
     total = np.zeros(window.shape, np.float32)
 
-    def laid(tile: Tile) -> tuple[Window, Colours, NDArray[np.float32]] | None:
+    def laid(tile: Tile) -> list[tuple[Window, Colours, NDArray[np.float32]]]:
         part = raster.around(*tile.shown.bounds).common(window)
-        laying = None if part.is_empty else tile.shown.overlay.laid(raster, part)
-        image = None if laying is None else tile.image()
-        if laying is None or image is None:
-            return None
-        weight = laying.weight
-        for _ in range(SHARPNESS):
-            weight = weight * weight
-        return part, laying.sampled(image), weight
+        found, image = [], None
+        for at, laying in () if part.is_empty else tile.shown.overlay.laid(raster, part):
+            image = tile.image() if image is None else image
+            if image is None:
+                break
+            weight = laying.weight
+            for _ in range(SHARPNESS):
+                weight = weight * weight
+            found.append((at, laying.sampled(image), weight))
+        return found
 
     for answer in in_order(laid, tiles, workers):
-        if answer is None:
-            continue
-        part, image, weight = answer
-        at = part.within(window)
-        colours[at] += image * weight[..., None]
-        total[at] += weight
+        for part, image, weight in answer:
+            at = part.within(window)
+            shades = cv2.multiply(image, cv2.merge([weight] * 3), dtype=cv2.CV_32F)
+            for summed, more in ((colours, shades), (total, weight)):
+                cv2.add(summed[at], more, dst=summed[at])
     there = total > 0.0
     if not there.any():
         return None
-    found = np.zeros((*window.shape, 4), np.uint8)
-    np.divide(colours, total[..., None], out=colours, where=there[..., None])
-    found[..., :3] = np.clip(np.round(colours[..., ::-1]), 0.0, 255.0)
-    found[..., 3] = np.where(there, 255, 0)
-    found[~there] = 0
+    cv2.divide(colours, cv2.merge([total] * 3), dst=colours)  # 0 where nothing is there
+    found = np.empty((*window.shape, 4), np.uint8)
+    blue, green, red = cv2.split(cv2.convertScaleAbs(colours))
+    cv2.merge([red, green, blue, there.view(np.uint8) * np.uint8(255)], dst=found)
     return found

@@ -26,6 +26,7 @@ from uavmap.offline.geotiff import (
 )
 from uavmap.offline.judging import Judge
 from uavmap.offline.mosaic import Colours, Tile, mosaic
+from uavmap.offline.recent import Recent
 from uavmap.offline.surface import Shown, aligned
 from vision.fusion import MOST, UNSEEN
 from vision.raster import Raster, Window
@@ -36,6 +37,7 @@ FINEST_M: Final = 0.05
 """Edge of a pixel of the mosaic, where the user names none: that of the pictures, at least this."""
 MOST_PX: Final = 1_500_000_000
 _SIDE: Final = 2048
+_RECENT_BYTES: Final = 160 * 1024 * 1024  # of decoded pictures that the next block may show, too
 _MINUTES: Final = 200  # pictures from which on it is said that the mosaic is being made
 
 
@@ -75,15 +77,19 @@ class Rasters:
     t_s: float
     workers: int
 
-    def write(self, folder: Path, wishes: Wishes, progress: Progress) -> None:
-        """Write the files; raises `OutputError` when the disk refuses."""
+    def write(self, folder: Path, wishes: Wishes, progress: Progress) -> bool:
+        """Write the files, if rasterio is there; returns whether it is.
+
+        Raises `OutputError` when the disk refuses.
+        """
         wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
         if not there():
             progress.say(f"{' and '.join(wanted)}: not written; install uavmap[geo]")
-            return
+            return False
         self._write_probability(folder / PROBABILITY)
         if ORTHO in wanted:
             self._write_ortho(folder / ORTHO, wishes.gsd_m, progress)
+        return True
 
     def _write_probability(self, path: Path) -> None:
         surface, grid = self.fine.surface, self.fine.setting.grid
@@ -105,17 +111,17 @@ class Rasters:
                 "written (Ctrl-C leaves it out)"
             )
         raster, unread = aligned(grid, low, high, step), set[str]()
-        blocks = self._blocks(raster, step, unread)
+        blocks = self._blocks(raster, step, unread, Recent(_RECENT_BYTES))
         write_cog(path, raster, grid, self.t_s, COLOURS, blocks)
         for name in sorted(unread):
             progress.say(f"{ORTHO}: without {name}, which cannot be read any more")
 
     def _blocks(
-        self, raster: Raster, step_m: float, unread: set[str]
+        self, raster: Raster, step_m: float, unread: set[str], recent: Recent
     ) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
         for block in raster.blocks(_SIDE):
             tiles = [
-                Tile(entry, self._pixels(entry, step_m, unread))
+                Tile(entry, self._pixels(entry, step_m, unread, recent))
                 for entry in self.fine.scene.shown
                 if not raster.around(*entry.bounds).common(block).is_empty
             ]
@@ -124,9 +130,9 @@ class Rasters:
                 yield block, np.ascontiguousarray(found.transpose(2, 0, 1))
 
     def _pixels(
-        self, entry: Shown, step_m: float, unread: set[str]
+        self, entry: Shown, step_m: float, unread: set[str], recent: Recent
     ) -> Callable[[], Colours | None]:
-        """A picture as finely as the mosaic takes it."""
+        """A picture as finely as the mosaic takes it; its next block may want it, too."""
         footing, placed = entry.footing, self.placed[entry.footing.number]
         width_px = math.ceil(placed.picture.width_px * min(1.0, self._gsd_m(entry) / step_m))
 
@@ -138,7 +144,7 @@ class Rasters:
                 return None
             return upright(frame.image, turned=footing.turned)
 
-        return decoded
+        return lambda: recent.get(footing.number, decoded)
 
     def _gsd_m(self, entry: Shown) -> float:
         """Ground sample distance of a picture at its full size."""

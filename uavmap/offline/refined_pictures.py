@@ -9,7 +9,7 @@ be used where they overlap others.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from missions.errors import ImageError
 from missions.mission_file.schema import Mission
 from missions.state import Setting
 from uavmap.fly.progress import Progress
+from uavmap.offline.feature_file import FeatureFile
 from uavmap.offline.gathering import Gathered
 from uavmap.offline.pixels import eight_bits
 from uavmap.offline.refinement import (
@@ -95,23 +96,11 @@ def refined(
     """
     lenses = _Lenses(lens, HFOV_DEG if mission is None else mission.camera.hfov_deg)
     placed = [p for p in gathered.pictures if _has_place(p)]
-    every = max(1, len(placed) // 10)
-    refinement = Refinement()
-    if mission is not None and mission.ground is not None:
-        refinement.grid, refinement.terrain = Setting.of(mission).grid, mission.ground
-    crew = crew or Threads()
-    sent = (crew.sent(picture, WIDTH_PX) for picture in placed)
-    answers = crew.in_order(lenses.features, sent)
-    for number, (picture, looked) in enumerate(zip(placed, answers, strict=True), start=1):
-        if looked is not None:
-            features, hfov_rad = looked
-            refinement.tags.append(lenses.tags(picture, hfov_rad))
-            refinement.features.append(features)
-        if number % every == 0 or number == len(placed):
-            progress.say(f"compared {number} of {len(placed)}: {picture.name}")
-    threads = crew.count if isinstance(crew, Threads) else None
-    many = partial(in_order, workers=threads or worker_count())
-    result, found = refinement.run(_told(progress), many)
+    with FeatureFile() as kept:
+        refinement = _looked_at(placed, lenses, mission, progress, crew or Threads(), kept)
+        threads = crew.count if isinstance(crew, Threads) else None
+        many = partial(in_order, workers=threads or worker_count())
+        result, found = refinement.run(_told(progress), many)
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}
     turned = frozenset(name for name, pose in found.items() if pose.refined.turned)
@@ -120,6 +109,31 @@ def refined(
     )
     better.say(progress)
     return better
+
+
+def _looked_at(
+    placed: Sequence[Picture],
+    lenses: _Lenses,
+    mission: Mission | None,
+    progress: Progress,
+    crew: Crew,
+    kept: FeatureFile,
+) -> Refinement:
+    """All pictures that can be decoded, on their way into a registration."""
+    every = max(1, len(placed) // 10)
+    refinement = Refinement()
+    if mission is not None and mission.ground is not None:
+        refinement.grid, refinement.terrain = Setting.of(mission).grid, mission.ground
+    sent = (crew.sent(picture, WIDTH_PX) for picture in placed)
+    answers = crew.in_order(lenses.features, sent)
+    for number, (picture, looked) in enumerate(zip(placed, answers, strict=True), start=1):
+        if looked is not None:
+            features, hfov_rad = looked
+            refinement.tags.append(lenses.tags(picture, hfov_rad))
+            refinement.features.append(kept.put(features))
+        if number % every == 0 or number == len(placed):
+            progress.say(f"compared {number} of {len(placed)}: {picture.name}")
+    return refinement
 
 
 def _told(progress: Progress) -> Callable[[int, int], None]:

@@ -19,7 +19,7 @@ from missions.ground.terrain import Terrain
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from vision.camera import rotation
 from vision.registration import (
-    Features,
+    Described,
     Many,
     Prior,
     Refined,
@@ -116,7 +116,7 @@ class Refinement:
     """Pictures of a set on their way into a registration, and what came of it."""
 
     tags: list[Tags] = field(default_factory=list)
-    features: list[Features] = field(default_factory=list)
+    features: list[Described] = field(default_factory=list)
     grid: Grid | None = None
     terrain: Terrain | None = None
     """The ground in the metres of `grid`, where it is known not to be flat; then heights are above
@@ -161,11 +161,11 @@ def _middle(positions: Sequence[LatLon]) -> LatLon:
     return LatLon(lat, math.remainder(lon0 + away, 360.0))
 
 
-def _focal_px(tags: Tags, features: Features) -> float:
+def _focal_px(tags: Tags, features: Described) -> float:
     return features.width_px / 2.0 / math.tan(tags.hfov_rad / 2.0)
 
 
-def _view(tags: Tags, features: Features, plane: LocalPlane, relief: Relief | None) -> View:
+def _view(tags: Tags, features: Described, plane: LocalPlane, relief: Relief | None) -> View:
     east_m, north_m = plane.to_plane(tags.position)
     focal_px = _focal_px(tags, features)
     tilt, tilt_sigma = (0.0, 0.0), UNKNOWN_TILT_RAD
@@ -196,7 +196,7 @@ def _view(tags: Tags, features: Features, plane: LocalPlane, relief: Relief | No
 
 
 def _found(
-    refined: Refined, tags: Tags, features: Features, plane: LocalPlane, result: Registration
+    refined: Refined, tags: Tags, features: Described, plane: LocalPlane, result: Registration
 ) -> Found:
     east_m, north_m, height_m = (float(x) for x in refined.centre_m)
     slope_e, slope_n = result.nets[refined.component].slope

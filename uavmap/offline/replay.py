@@ -28,7 +28,7 @@ from missions.units import Cell, GridPoint
 from uavmap.fly.progress import Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
-from uavmap.offline.fine_map import FineMap
+from uavmap.offline.fine_map import FineMap, beneath, scene_of
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.judging import Judge, Task
 from uavmap.offline.lenses import Lenses
@@ -42,7 +42,6 @@ from uavmap.offline.tally import Votes
 from uavmap.offline.workers import Crew, Threads, worker_count
 from uavmap.record.journal import Journal
 from uavmap.results.boundary_file import BoundaryMap
-from uavmap.results.picture import Beneath
 from uavmap.results.replay_results import Replayed, write_replay
 from vision.camera import Camera
 from vision.lens import Lens
@@ -141,18 +140,21 @@ class Looked:
             self.gathered.copies,
             {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()},
         )
-        boundary, beneath = self._fine(mapped, decided.undecided_cells())
-        summary = write_replay(folder, self.setting, mapped, boundary, beneath)
+        summary = self._maps(folder, mapped, decided.undecided_cells())
         write_pictures(self._rows(), folder / FILE)
         self._say(progress)
         return summary
 
-    def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> None:
-        """ortho.tif and probability.tif, after all else; raises `OutputError`."""
+    def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> bool:
+        """ortho.tif and probability.tif, after all else; returns whether any was written.
+
+        Raises `OutputError` where the disk refuses.
+        """
         if self.fine is None:
-            return
+            return False
         placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
-        Rasters(self.fine, self.judge, placed, t_s, self.workers).write(folder, wishes, progress)
+        rasters = Rasters(self.fine, self.judge, placed, t_s, self.workers)
+        return rasters.write(folder, wishes, progress)
 
     def refuse_empty(self) -> None:
         """Raise `ImageError` where no picture at all is used."""
@@ -168,18 +170,21 @@ class Looked:
             if not shot.reason and shot.camera is not None
         ]
 
-    def _fine(
-        self, mapped: Replayed, undecided: set[Cell]
-    ) -> tuple[BoundaryMap | None, Beneath | None]:
-        """The boundary at pixel level, and the ground for the map's picture."""
-        fine = FineMap.of(self.setting, self.judge, self.footings(), self.spool, self.workers)
-        self.fine = fine
-        if fine is None:
-            return None, None
+    def _maps(self, folder: Path, mapped: Replayed, undecided: set[Cell]) -> dict[str, Any]:
+        """The maps, with the boundary at pixel level and the ground where pictures show any."""
+        setting, spool, workers = self.setting, self.spool, self.workers
+        scene = scene_of(setting, self.footings())
+        if scene is None:
+            return write_replay(folder, setting, mapped)
         t_s = max(t_s for t_s, _, _ in mapped.taken)
-        positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
-        told = fine.told(t_s, positions_m, mapped.cells.keys(), undecided)
-        return told, lambda view: fine.beneath(view, t_s)
+
+        def boundary() -> BoundaryMap:
+            self.fine = fine = FineMap.of(setting, self.judge, scene, spool, workers)
+            positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
+            return fine.told(t_s, positions_m, mapped.cells.keys(), undecided)
+
+        ground = beneath(scene, spool, setting.grid, workers, t_s)
+        return write_replay(folder, setting, mapped, boundary, ground)
 
     @property
     def _used(self) -> list[Shot]:

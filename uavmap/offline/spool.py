@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import IO, NamedTuple, Self
@@ -53,7 +54,7 @@ def _temporary() -> IO[bytes]:
 
 @dataclass(slots=True)
 class Spool:
-    """What pictures say by a number, in a file that vanishes with this object.
+    """What pictures say by a number, in a file that vanishes with this object; for any thread.
 
     >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
     >>> with Spool() as spool:
@@ -65,6 +66,7 @@ class Spool:
 
     _file: IO[bytes] = field(default_factory=_temporary)
     _kept: dict[int, _Kept] = field(default_factory=dict)
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def __enter__(self) -> Self:
         return self
@@ -75,7 +77,7 @@ class Spool:
 
     def put(self, number: int, said: Said) -> None:
         """Keep what a picture says; it may be told anew. Raises `OutputError` on a full disk."""
-        with _told():
+        with self._one_at_a_time, _told():
             offset = self._file.seek(0, 2)
             self._file.write(np.ascontiguousarray(said.cells, dtype=np.int32).tobytes())
             for numbers in (said.shares, said.weights):
@@ -88,9 +90,10 @@ class Spool:
     def get(self, number: int) -> Said:
         """What was kept under a number. Raises `KeyError` where nothing was."""
         offset, count, marks, small, vantage = self._kept[number]
-        with _told():
+        with self._one_at_a_time, _told():
             self._file.seek(offset)  # what waits in the buffer goes to the disk
-        cells = np.frombuffer(self._file.read(8 * count), np.int32).reshape(count, 2)
-        shares, weights = (np.frombuffer(self._file.read(8 * count), np.float64) for _ in "12")
-        kept = self._file.read(marks), weights, self._file.read(small)
+            places = self._file.read(8 * count)
+            shares, weights = (np.frombuffer(self._file.read(8 * count), np.float64) for _ in "12")
+            kept = self._file.read(marks), weights, self._file.read(small)
+        cells = np.frombuffer(places, np.int32).reshape(count, 2)
         return Said(vantage, cells.astype(np.intp), shares, *kept)

@@ -205,22 +205,22 @@ def fused(scene: Scene, spool: Spool, shrinks_px: int, workers: int, least: int 
 
         def said(
             job: tuple[Shown, Window, bytes], usual_m: float = usual_m
-        ) -> tuple[Window, NDArray[np.uint8], NDArray[np.float32]] | None:
+        ) -> list[tuple[Window, NDArray[np.uint8], NDArray[np.float32]]]:
             entry, part, marks = job
-            laying = entry.overlay.laid(scene.raster, part)
-            if laying is None:
-                return None
             ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
             levels = _levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m)
-            return part, laying.sampled(levels), laying.weight * np.float32(ratio)
+            return [
+                (shown, laying.sampled(levels), laying.weight * np.float32(ratio))
+                for shown, laying in entry.overlay.laid(scene.raster, part)
+            ]
 
         jobs = (
             (entry, entry.window.common(fusion.window), spool.get(entry.footing.number).marks)
             for entry in near
         )
         for answer in in_order(said, jobs, workers):
-            if answer is not None:
-                fusion.add(*answer)
+            for shown in answer:
+                fusion.add(*shown)
         surface.put(block, fusion.levels())
     return surface
 

@@ -11,7 +11,7 @@ the globe.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from shapely.geometry import MultiPolygon, Polygon
 from missions.units import GridPoint, LatLon
 from uavmap.results.atomic import write_text
 from uavmap.results.model import MapData, Track
-from uavmap.results.outline import outline
 
 DECIMALS = 7
 
@@ -45,36 +44,37 @@ def encode(data: MapData) -> str:
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
     * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
-    features = [*_cells(data), _outline(data), *_tracks(data), *_unsearched(data)]
-    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
+    corners = data.corners
+    features = [_outline(data), *_tracks(data), *_unsearched(data)]
+    lons = [_longitude(lon_deg, data.start) for lon_deg in corners.lon_deg]
+    lats = [round(lat_deg, DECIMALS) for lat_deg in corners.lat_deg]
+    lines = [*_cells(data, lons, lats)]
+    lines += [json.dumps(feature, allow_nan=False) for feature in features]
     head = json.dumps(
         {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
-        | ({"bbox": box} if (box := _bbox(features)) else {})
+        | ({"bbox": box} if (box := _bbox(features, lons, lats)) else {})
     )
-    return f'{head[:-1]}, "features": [\n{lines}\n]}}\n'
+    text = ",\n".join(lines)
+    return f'{head[:-1]}, "features": [\n{text}\n]}}\n'
 
 
-def _cells(data: MapData) -> Iterator[Feature]:
-    for row in data.cells:
-        ring = _ring(data, data.grid.corners_of(row.cell))
-        yield {
-            "type": "Feature",
-            "id": f"cell {row.cell.east} {row.cell.north}",
-            "geometry": {"type": "Polygon", "coordinates": [ring]},
-            "properties": {
-                "kind": "cell",
-                "column": row.cell.east,
-                "row": row.cell.north,
-                "state": row.state,
-                "positive": row.positive,
-                "votes": row.votes,
-                **({} if row.belief is None else {"belief": round(row.belief, 3)}),
-            },
-        }
+def _cells(data: MapData, lons: Sequence[float], lats: Sequence[float]) -> Iterator[str]:
+    """A line for each cell. There are thousands, so they are written without a tree of their
+    parts: numbers, and names of states that need no quoting."""
+    corners = [f"[{lon!r}, {lat!r}]" for lon, lat in zip(lons, lats, strict=True)]
+    for row, (sw, se, ne, nw) in zip(data.cells, data.corners.rings, strict=True):
+        first, (east, north) = corners[sw], row.cell
+        belief = "" if row.belief is None else f', "belief": {round(float(row.belief), 3)!r}'
+        yield (
+            f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": "Polygon", '
+            f'"coordinates": [[{first}, {corners[se]}, {corners[ne]}, {corners[nw]}, {first}]]}}, '
+            f'"properties": {{"kind": "cell", "column": {east}, "row": {north}, '
+            f'"state": "{row.state}", "positive": {row.positive}, "votes": {row.votes}{belief}}}}}'
+        )
 
 
 def _outline(data: MapData) -> Feature:
-    shape = outline(data.roi_cells, data.grid)
+    shape = data.outline
     return {
         "type": "Feature",
         "id": "outline",
@@ -149,17 +149,24 @@ def _ring(data: MapData, points: Iterable[GridPoint]) -> list[Coordinates]:
 
 
 def _lon_lat(place: LatLon, start: LatLon) -> Coordinates:
-    """Longitude, latitude; the longitude in the turn of the start's."""
-    turns = round((start.lon_deg - place.lon_deg) / 360.0)
-    return [round(place.lon_deg + 360.0 * turns, DECIMALS), round(place.lat_deg, DECIMALS)]
+    return [_longitude(place.lon_deg, start), round(place.lat_deg, DECIMALS)]
 
 
-def _bbox(features: Iterable[Feature]) -> Coordinates:
-    """West, south, east, north of all features; empty without any geometry."""
+def _longitude(lon_deg: float, start: LatLon) -> float:
+    """A longitude in the turn of the start's."""
+    turns = round((start.lon_deg - lon_deg) / 360.0)
+    return round(lon_deg + 360.0 * turns, DECIMALS)
+
+
+def _bbox(
+    features: Iterable[Feature], cell_lons: Sequence[float], cell_lats: Sequence[float]
+) -> Coordinates:
+    """West, south, east, north of all features and cells; empty without any geometry."""
     places = [place for f in features if f["geometry"] for place in _flat(f["geometry"])]
-    if not places:
+    lons = [*(place[0] for place in places), *cell_lons]
+    lats = [*(place[1] for place in places), *cell_lats]
+    if not lons:
         return []
-    lons, lats = [place[0] for place in places], [place[1] for place in places]
     heights = [place[2] for place in places if len(place) > 2]
     low, high = [min(lons), min(lats)], [max(lons), max(lats)]
     # as many numbers a corner as there are dimensions (section 5)

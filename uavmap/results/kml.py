@@ -7,15 +7,15 @@ is taken to be level with home. Colours are written alpha, blue, green, red.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Final
 
 from shapely.geometry import MultiPolygon
 
 from missions.units import GridPoint, LatLon
 from uavmap.results.atomic import write_bytes
 from uavmap.results.model import NOT_ROI, MapData, State
-from uavmap.results.outline import outline
 from uavmap.results.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
@@ -29,18 +29,31 @@ def write(data: MapData, path: Path) -> None:
 def encode(data: MapData) -> bytes:
     """The map as a KML document in UTF-8: folders Outline, Cells (a folder a state), Tracks,
     and Not searched where ground was left out."""
-    kml = ET.Element("kml", xmlns=NAMESPACE)
-    document = ET.SubElement(kml, "Document")
+    document, after = ET.Element("Document"), ET.Element("Document")
     _text(document, "name", data.mission)
     _styles(document, data)
     _outline(document, data)
-    _cells(document, data)
-    _tracks(document, data)
-    _unsearched(document, data)
-    ET.indent(kml)
-    # as text first, which is twice as fast as through ElementTree's own encoder
-    text = ET.tostring(kml, encoding="unicode")
-    return f"<?xml version='1.0' encoding='utf-8'?>\n{text}\n".encode()
+    _tracks(after, data)
+    _unsearched(after, data)
+    lines = [
+        "<?xml version='1.0' encoding='utf-8'?>",
+        f'<kml xmlns="{NAMESPACE}">',
+        "  <Document>",
+        *_written(document),
+        *_cells(data),
+        *_written(after),
+        "  </Document>",
+        "</kml>\n",
+    ]
+    return "\n".join(lines).encode()
+
+
+def _written(document: ET.Element) -> Iterator[str]:
+    """The parts of the document as text, indented as they lie in the file."""
+    for part in document:
+        ET.indent(part, level=2)
+        part.tail = None
+        yield f"    {ET.tostring(part, encoding='unicode')}"
 
 
 # --- styles ----------------------------------------------------------------------------------
@@ -78,7 +91,7 @@ def _abgr(colour: Colour, alpha: int) -> str:
 # --- folders ---------------------------------------------------------------------------------
 def _outline(document: ET.Element, data: MapData) -> None:
     folder = _folder(document, "Outline")
-    shape = outline(data.roi_cells, data.grid)
+    shape = data.outline
     if shape.is_empty:
         return
     mark = _placemark(folder, "Region", "outline")
@@ -92,19 +105,40 @@ def _outline(document: ET.Element, data: MapData) -> None:
             _ring(polygon, tag, data, (GridPoint(e, n) for e, n, *_ in ring.coords))
 
 
-def _cells(document: ET.Element, data: MapData) -> None:
-    folder = _folder(document, "Cells")
+def _cells(data: MapData) -> Iterator[str]:
+    """The lines of the folder of cells. There are thousands of these, so they are written without
+    a tree of elements: numbers, and names of states that need no quoting."""
+    found = data.corners
+    corners = [
+        f"{lon:.7f},{lat:.7f}" for lon, lat in zip(found.lon_deg, found.lat_deg, strict=True)
+    ]
+    yield "    <Folder>\n      <name>Cells</name>"
     for state in STATES:
-        rows = [row for row in data.cells if row.state == state]
+        cells = zip(data.cells, found.rings, strict=True)
+        rows = [(row, ring) for row, ring in cells if row.state == state]
         if not rows:
             continue
-        inner = _folder(folder, state)
-        for row in rows:
-            mark = _placemark(inner, f"{row.cell.east}, {row.cell.north}", _style_id(state))
-            _text(mark, "description", f"{row.positive} of {row.votes} frames positive")
-            corners = data.grid.corners_of(row.cell)
-            polygon = ET.SubElement(mark, "Polygon")
-            _ring(polygon, "outerBoundaryIs", data, [*corners, corners[0]])
+        yield f"      <Folder>\n        <name>{state}</name>"
+        for row, ring in rows:
+            closed = " ".join([corners[number] for number in (*ring, ring[0])])
+            yield _CELL.format(row.cell, _style_id(state), row.positive, row.votes, closed)
+        yield "      </Folder>"
+    yield "    </Folder>"
+
+
+_CELL: Final = """\
+        <Placemark>
+          <name>{0.east}, {0.north}</name>
+          <styleUrl>#{1}</styleUrl>
+          <description>{2} of {3} frames positive</description>
+          <Polygon>
+            <outerBoundaryIs>
+              <LinearRing>
+                <coordinates>{4}</coordinates>
+              </LinearRing>
+            </outerBoundaryIs>
+          </Polygon>
+        </Placemark>"""
 
 
 def _tracks(document: ET.Element, data: MapData) -> None:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
+from uavmap.results.cell_corners import CellCorners, squares_of
+from uavmap.results.outline import outline
 
 State = Literal[
     "non-roi",
@@ -51,7 +57,7 @@ class Track:
     points: tuple[tuple[float, LatLon, float], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MapData:
     """A map at the mission time `t_s`, and what belongs into its picture.
 
@@ -77,15 +83,25 @@ class MapData:
     boundary: BaseGeometry | None = None
     """The region's boundary at pixel level, in the moving frame, where pictures told it."""
 
-    _places: dict[GridPoint, LatLon] = field(default_factory=dict, repr=False, compare=False)
-
     def place(self, point: GridPoint) -> LatLon:
-        """Where a point of the region is at the time of the map; cells share their corners."""
-        place = self._places.get(point)
-        if place is None:
-            place = self.grid.position(self.grid.to_fixed(point, self.t_s))
-            self._places[point] = place
-        return place
+        """Where a point of the region is at the time of the map."""
+        return self.grid.position(self.grid.to_fixed(point, self.t_s))
+
+    @cached_property
+    def corners(self) -> CellCorners:
+        """The corners of `cells`, in their order, at the time of the map."""
+        return CellCorners.of([row.cell for row in self.cells], self.grid, self.t_s)
+
+    @cached_property
+    def outline(self) -> Polygon | MultiPolygon:
+        """Around the cells of the region, in the moving frame (`uavmap.results.outline`)."""
+        return outline(self.roi_cells, self.grid)
+
+    @cached_property
+    def squares(self) -> NDArray[np.float64]:
+        """West, south, east and north of each cell over ground at the time of the map, metres in
+        the fixed frame; shape (n, 4)."""
+        return squares_of([row.cell for row in self.cells], self.grid, self.t_s)
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:

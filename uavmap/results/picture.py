@@ -7,8 +7,9 @@ machine: the letters are Pillow's own.
 from __future__ import annotations
 
 import io
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -17,15 +18,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
-from shapely.ops import substring
 
 from missions.units import GridPoint
 from uavmap.results.atomic import write_bytes
+from uavmap.results.canvas import INK, LAND, PAPER, Canvas
 from uavmap.results.legend import Entry, draw_legend, legend_height_px
-from uavmap.results.model import CellRow, MapData, State
-from uavmap.results.outline import outline
+from uavmap.results.model import MapData, State
 from uavmap.results.palette import (
     BOUNDARY,
     OUTLINE,
@@ -37,35 +36,50 @@ from uavmap.results.palette import (
 )
 from uavmap.results.view import View, ground, ring_on_map, track_on_map, view_of
 
+__all__ = ["INK", "LAND", "PAPER", "Base", "Beneath", "base", "draw", "font", "write"]
+
 OVERSAMPLING = 3
 MARGIN_PX = 24
 TITLE_PX = 70
 LEGEND_PX = 230
 
-PAPER: Colour = (255, 255, 255)
-LAND: Colour = (247, 247, 243)
-INK: Colour = (35, 39, 43)
 FAINT: Colour = (120, 126, 132)
 BOX: Colour = (120, 90, 40)
 FENCE: Colour = (190, 40, 60)
-
-THROUGH = 215
-THROUGH_REGION = 150
-"""How much of the ground shows through cells, 0 to 255."""
-
-NEAREST = Image.Resampling.NEAREST
-Pixels = list[tuple[float, float]]
-
 
 Beneath = Callable[[View], NDArray[np.uint8] | None]
 """The ground of a view: shape (rows, columns, 4), red, green, blue, and 255 where there is any."""
 
 
-def write(data: MapData, path: Path, beneath: Beneath | None = None) -> None:
-    """Write the picture to `path`, as PNG, maybe with the ground beneath the cells."""
+@dataclass(frozen=True, slots=True)
+class Base:
+    """The lower layers of a map's picture: what has cells and ground to it, and no lines."""
+
+    view: View
+    canvas: Canvas
+    photographs: bool
+
+
+def base(data: MapData, beneath: Beneath | None = None) -> Base:
+    """The cells, and maybe the ground beneath them: most of the work, apart from the boundary."""
+    view = view_of(data)
+    canvas = Canvas(view, OVERSAMPLING)
+    canvas.cells(data.squares, [STATES[row.state] for row in data.cells])
+    ground_image = None if beneath is None else beneath(view)
+    if ground_image is not None:
+        canvas.lay_beneath(ground_image, data.squares[[row.is_roi for row in data.cells]])
+    return Base(view, canvas, beneath is not None)
+
+
+def write(data: MapData, path: Path, beneath: Beneath | Base | None = None) -> None:
+    """Write the picture to `path`, as PNG, maybe with the ground beneath the cells.
+
+    `beneath` is the ground, or the base that was drawn of the same map meanwhile.
+    """
+    lower = beneath if isinstance(beneath, Base) else base(data, beneath)
     buffer = io.BytesIO()
     # a photograph is noise, which does not become smaller by trying harder
-    draw(data, beneath).save(buffer, "PNG", compress_level=6 if beneath is None else 3)
+    _drawn(data, lower).save(buffer, "PNG", compress_level=3 if lower.photographs else 6)
     write_bytes(path, buffer.getvalue())
 
 
@@ -76,7 +90,11 @@ def map_corner_px() -> tuple[int, int]:
 
 def draw(data: MapData, beneath: Beneath | None = None) -> Image.Image:
     """The whole picture: title, map, legend."""
-    view, k = view_of(data), OVERSAMPLING
+    return _drawn(data, base(data, beneath))
+
+
+def _drawn(data: MapData, lower: Base) -> Image.Image:
+    view, k = lower.view, OVERSAMPLING
     left, top = map_corner_px()
     entries = list(_entries(data))
     size = (
@@ -84,8 +102,8 @@ def draw(data: MapData, beneath: Beneath | None = None) -> Image.Image:
         top + max(view.height_px, legend_height_px(len(entries))) + MARGIN_PX,
     )
     picture = Image.new("RGB", (size[0] * k, size[1] * k), PAPER)
-    ground_image = None if beneath is None else beneath(view)
-    picture.paste(_map(data, view, k, ground_image), (left * k, top * k))
+    _lines(data, lower.canvas)
+    picture.paste(lower.canvas.image, (left * k, top * k))
     pen = ImageDraw.Draw(picture)
     pen.rectangle(
         (left * k, top * k, (left + view.width_px) * k, (top + view.height_px) * k),
@@ -96,7 +114,24 @@ def draw(data: MapData, beneath: Beneath | None = None) -> Image.Image:
     pen.text((left * k, 46 * k), _subtitle(data), fill=FAINT, font=font(14 * k))
     corner = ((left + view.width_px + MARGIN_PX) * k, top * k)
     draw_legend(pen, corner, entries, view.px_per_m * k, k)
-    return picture.resize(size, Image.Resampling.HAMMING)
+    return shrunk(picture, size)
+
+
+def shrunk(picture: Image.Image, size: tuple[int, int]) -> Image.Image:
+    """A picture `OVERSAMPLING` times smaller, the upper and the lower half at the same time."""
+    width, height = size
+    small, middle = Image.new("RGB", size), height // 2
+
+    def half(top: int, bottom: int) -> None:
+        part = (0, OVERSAMPLING * top, picture.width, OVERSAMPLING * bottom)
+        rows = picture.resize((width, bottom - top), Image.Resampling.HAMMING, box=part)
+        small.paste(rows, (0, top))
+
+    with ThreadPoolExecutor(1) as pool:
+        upper = pool.submit(half, 0, middle)
+        half(middle, height)
+        upper.result()
+    return small
 
 
 def _subtitle(data: MapData) -> str:
@@ -118,14 +153,9 @@ def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 # --- the map ---------------------------------------------------------------------------------
-def _map(data: MapData, view: View, k: int, beneath: NDArray[np.uint8] | None) -> Image.Image:
-    canvas = _Canvas(view, k)
-    for row in data.cells:
-        corners = [ground(data, corner) for corner in data.grid.corners_of(row.cell)]
-        canvas.cell(corners[0], corners[2], STATES[row.state])
-    if beneath is not None:
-        canvas.lay_beneath(beneath, [row for row in data.cells if row.is_roi], data)
-    for ring in _rings(outline(data.roi_cells, data.grid)):
+def _lines(data: MapData, canvas: Canvas) -> None:
+    """What is drawn over cells and ground."""
+    for ring in _rings(data.outline):
         canvas.line([ground(data, point) for point in ring], OUTLINE, 2.5)
     if data.boundary is not None:
         for ring in _rings(data.boundary):
@@ -141,89 +171,6 @@ def _map(data: MapData, view: View, k: int, beneath: NDArray[np.uint8] | None) -
     for hole in (data.fence, *data.fence_holes):
         canvas.dashes(ring_on_map(data, hole), FENCE, dash_px=4)
     canvas.flag(data.grid.fixed(data.start))
-    return canvas.image
-
-
-class _Canvas:
-    """The map's own image, drawn on in ground metres; what lies outside is cut off."""
-
-    def __init__(self, view: View, k: int) -> None:
-        self.image = Image.new("RGB", (view.width_px * k, view.height_px * k), LAND)
-        self._pen = ImageDraw.Draw(self.image)
-        self._view, self._k = view, k
-        self._ground = view.ground
-
-    def _pixels(self, points: Sequence[GridPoint]) -> Pixels:
-        return [(x * self._k, y * self._k) for x, y in map(self._view.pixel, points)]
-
-    def cell(self, south_west: GridPoint, north_east: GridPoint, colour: Colour) -> None:
-        """A square with a fine seam around it."""
-        (left, bottom), (right, top) = self._pixels([south_west, north_east])
-        seam = tuple(round(0.9 * channel + 0.1 * 255) for channel in colour)
-        self._pen.rectangle((left, top, right, bottom), fill=colour, outline=seam, width=self._k)
-
-    def lay_beneath(
-        self, beneath: NDArray[np.uint8], region: Sequence[CellRow], data: MapData
-    ) -> None:
-        """Show the ground through the cells: those of the region keep more of their colour."""
-        shows = np.where(beneath[..., 3] >= 128, np.uint8(THROUGH), np.uint8(0))
-        for row in region:
-            corners = [ground(data, corner) for corner in data.grid.corners_of(row.cell)]
-            left, bottom = (max(0, round(p)) for p in self._view.pixel(corners[0]))
-            right, top = (max(0, round(p)) for p in self._view.pixel(corners[2]))
-            part = shows[top:bottom, left:right]
-            part[part > 0] = THROUGH_REGION
-        # as large as the drawing, which is made smaller again by as much: nothing is interpolated
-        photograph, mask = (
-            Image.fromarray(np.ascontiguousarray(layer)).resize(self.image.size, NEAREST)
-            for layer in (beneath[..., :3], shows)
-        )
-        self.image.paste(photograph, (0, 0), mask)
-
-    def line(
-        self, points: Sequence[GridPoint], colour: Colour, width_px: float, alpha: int = 255
-    ) -> None:
-        """A line with round corners; where it crosses itself it gets no darker."""
-        if len(points) < 2:
-            return
-        width, pixels = round(width_px * self._k), self._pixels(points)
-        # as large as the line and no larger: most are the outlines of a few cells
-        left, top, right, bottom = self._around(pixels, width)
-        if left >= right or top >= bottom:
-            return
-        mask = Image.new("L", (right - left, bottom - top), 0)
-        moved = [(x - left, y - top) for x, y in pixels]
-        ImageDraw.Draw(mask).line(moved, fill=alpha, width=width, joint="curve")
-        self.image.paste(colour, (left, top), mask)
-
-    def _around(self, pixels: Pixels, width: int) -> tuple[int, int, int, int]:
-        """The part of the image that a line may touch: left, top, right, bottom."""
-        columns, rows = zip(*pixels, strict=True)
-        reach, (most_right, most_low) = width + 2, self.image.size
-        return (
-            max(0, math.floor(min(columns)) - reach),
-            max(0, math.floor(min(rows)) - reach),
-            min(most_right, math.ceil(max(columns)) + reach),
-            min(most_low, math.ceil(max(rows)) + reach),
-        )
-
-    def dashes(self, ring: Sequence[GridPoint], colour: Colour, dash_px: float) -> None:
-        """A closed dashed line, drawn where it is in view."""
-        shown = LineString([*ring, ring[0]]).intersection(self._ground)
-        period_m = 2 * dash_px / self._view.px_per_m
-        for part in shapely.get_parts(shapely.line_merge(shown)):
-            for i in range(math.ceil(part.length / period_m)):
-                dash = substring(part, i * period_m, (i + 0.5) * period_m)
-                points = [GridPoint(x, y) for x, y, *_ in dash.coords]
-                if len(points) > 1:
-                    self._pen.line(self._pixels(points), fill=colour, width=round(1.6 * self._k))
-
-    def flag(self, point: GridPoint) -> None:
-        """The start: a ringed dot."""
-        ((x, y),) = self._pixels([point])
-        for radius_px, colour in ((7.0, PAPER), (5.5, INK), (2.0, PAPER)):
-            r = radius_px * self._k
-            self._pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
 
 
 def _rings(shape: BaseGeometry) -> Iterator[list[GridPoint]]:

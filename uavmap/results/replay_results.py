@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -57,24 +58,36 @@ def write_replay(
     folder: Path,
     setting: Setting,
     replayed: Replayed,
-    boundary: BoundaryMap | None = None,
+    boundary: Callable[[], BoundaryMap | None] = lambda: None,
     beneath: picture.Beneath | None = None,
 ) -> dict[str, Any]:
     """Write the maps and the summary of a replay; returns the summary.
 
-    `boundary` is that at pixel level, and `beneath` the ground of the map's picture.
+    `boundary` reckons that at pixel level, which takes as long as all the rest: both are done at
+    the same time. `beneath` is the ground of the map's picture.
     """
     data = replay_map(setting, replayed)
-    geojson.write(data, folder / "map.geojson")
-    kml.write(data, folder / "map.kml")
     values = replay_summary(setting, replayed)
-    if boundary is not None:
-        boundary_file.write(boundary, folder / boundary_file.FILE)
-        values |= boundary.figures()
-        data = replace(data, boundary=boundary.boundary.region)
-    picture.write(data, folder / "map.png", beneath)
+    with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
+        cells = pool.submit(_write_cells, folder, data, beneath)
+        found = boundary()
+        base, written = cells.result(), None
+        if found is not None:
+            written = pool.submit(boundary_file.write, found, folder / boundary_file.FILE)
+            values |= found.figures()
+            data = replace(data, boundary=found.boundary.region)
+        picture.write(data, folder / "map.png", base)
+        if written is not None:
+            written.result()
     summary_file.write(values, folder / "summary.json")
     return values
+
+
+def _write_cells(folder: Path, data: MapData, beneath: picture.Beneath | None) -> picture.Base:
+    """The maps of cells as files; returns what of their picture can be drawn by now."""
+    geojson.write(data, folder / "map.geojson")
+    kml.write(data, folder / "map.kml")
+    return picture.base(data, beneath)
 
 
 def replay_map(setting: Setting, replayed: Replayed) -> MapData:

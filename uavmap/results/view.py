@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from missions.units import GridPoint, LatLon
@@ -46,6 +48,13 @@ class View:
             (self.top_m - point.north_m) * self.px_per_m,
         )
 
+    def squares_px(self, squares: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Left, upper, right and lower edges of squares given as west, south, east, north."""
+        west, south, east, north = squares.T
+        left, right = ((x - self.left_m) * self.px_per_m for x in (west, east))
+        top, bottom = ((self.top_m - y) * self.px_per_m for y in (north, south))
+        return np.column_stack([left, top, right, bottom])
+
     @property
     def ground(self) -> BaseGeometry:
         """The ground in view, with a little around it."""
@@ -57,7 +66,7 @@ class View:
 
 def view_of(data: MapData) -> View:
     """The view that shows cells, tracks, truth, box and start, and the fence if it is near."""
-    points = [ground(data, corner) for row in data.cells for corner in _corners(data, row.cell)]
+    points = _two_corners(data.squares)
     points += [point for track in data.tracks for point in track_on_map(data, track)]
     points += ring_on_map(data, data.box)
     points.append(data.grid.fixed(data.start))
@@ -97,13 +106,12 @@ def track_on_map(data: MapData, track: Track) -> list[GridPoint]:
     return [ground(data, grid.to_moving(grid.fixed(place), t_s)) for t_s, place, _ in track.points]
 
 
-def _corners(data: MapData, cell: tuple[int, int]) -> tuple[GridPoint, GridPoint]:
-    half_m = data.grid.cell_m / 2
-    east_m, north_m = cell[0] * data.grid.cell_m, cell[1] * data.grid.cell_m
-    return (
-        GridPoint(east_m - half_m, north_m - half_m),
-        GridPoint(east_m + half_m, north_m + half_m),
-    )
+def _two_corners(squares: NDArray[np.float64]) -> list[GridPoint]:
+    """The south-western and the north-eastern corner of all squares; none of none."""
+    if not len(squares):
+        return []
+    low, high = squares[:, :2].min(axis=0), squares[:, 2:].max(axis=0)
+    return [GridPoint(*low.tolist()), GridPoint(*high.tolist())]
 
 
 def _bounds(points: Iterable[GridPoint]) -> tuple[float, float, float, float]:

@@ -7,11 +7,12 @@ from vision.registration.features import WIDTH_PX, extract, thumbnail
 from vision.registration.registering import Many, register
 from vision.registration.relief import Relief
 from vision.registration.result import Agreement, Net, Registration
-from vision.registration.views import Features, Prior, Refined, View
+from vision.registration.views import Described, Features, Prior, Refined, View
 
 __all__ = [
     "WIDTH_PX",
     "Agreement",
+    "Described",
     "Features",
     "Many",
     "Net",

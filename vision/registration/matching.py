@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.registration.views import Features, Floats, View
+from vision.registration.views import Described, Floats, View
 
 NEAREST: Final = 6
 SECTORS: Final = 8
@@ -105,7 +105,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
 
 
 def mutual_matches(
-    first: Features, second: Features
+    first: Described, second: Described
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices of points that are each other's nearest by far."""
     none = np.zeros(0, np.int64)
@@ -134,7 +134,7 @@ def _plausible(matrix: Floats, points: Floats) -> bool:
     return bool(stretch[0] < 2.0 * stretch[1])
 
 
-def _spread(points: Floats, features: Features) -> NDArray[np.int64]:
+def _spread(points: Floats, features: Described) -> NDArray[np.int64]:
     """At most `MOST_TIES` of the points, as evenly over the overlap as they come."""
     low, high = points.min(axis=0), points.max(axis=0)
     place = ((points - low) / np.maximum(high - low, 1.0) * (_BUCKETS - 1e-6)).astype(int)

@@ -7,7 +7,7 @@ are those of `vision.camera`, counted from the middle of the picture.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,30 @@ class Features:
     height_px: int
 
 
+class Described(Protocol):
+    """`Features`, wherever they are kept: of ten thousand pictures they fill a memory."""
+
+    @property
+    def points(self) -> Floats:
+        """See `Features.points`."""
+        ...
+
+    @property
+    def descriptors(self) -> NDArray[np.uint8]:
+        """See `Features.descriptors`."""
+        ...
+
+    @property
+    def width_px(self) -> int:
+        """See `Features.width_px`."""
+        ...
+
+    @property
+    def height_px(self) -> int:
+        """See `Features.height_px`."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class View:
     """A picture to be registered: its features, and what its tags say; None where they are silent.
@@ -64,7 +88,7 @@ class View:
     """
 
     name: str
-    features: Features
+    features: Described
     focal_px: Prior
     camera: str
     east_m: float

@@ -220,7 +220,9 @@ def test_ctrl_c_in_the_mosaic_leaves_all_else(
 
     monkeypatch.setattr(rasters, "mosaic", interrupted)
     assert replayed(field, tmp_path / "map") == 130
-    assert "interrupted: ortho.tif is not written; all other results" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "results written in " in err
+    assert "interrupted: ortho.tif is not written; all other results" in err
     there = [path.name for path in (tmp_path / "map").iterdir()]
     others = {"journal.db", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
     assert set(there) == {*others, FILE, rasters.PROBABILITY}

@@ -368,7 +368,8 @@ def test_a_full_disk_is_said_in_a_line(
 
     (tmp_path / "map" / "map.png").mkdir(parents=True)  # stands in the way
     assert main([*line, "--out", str(tmp_path / "map")]) == 2
-    assert "the results cannot be written" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "the results cannot be written (map.png: Is a directory); mend that" in err
 
 
 def test_a_name_that_is_no_text_ends_nothing(
