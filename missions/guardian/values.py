@@ -129,6 +129,8 @@ class Guard:
         """This guard after a new order; a vehicle that it has taken over it keeps."""
         if self.action is not None:
             return self
+        if task.doing == "ground" and self.task.doing == "land" and self.was_up:
+            return self  # it has landed, and stands by: when its motors stop, that is no crash
         again = task.doing == "climb"  # from the ground: what was before is over
         # plans of a path follow one another faster than a vehicle is seen to be off it
         goes_on = task.course is not None and self.task.course is not None

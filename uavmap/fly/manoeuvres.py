@@ -372,9 +372,15 @@ class Manoeuvres:
 
     # --- down ---------------------------------------------------------------------------------
     async def _land(self) -> None:
-        self._monitor.commanded = (self._view.kind.land,)
-        landing = lambda: self._view.mode == self._view.kind.land  # noqa: E731
+        kind = self._view.kind
+        self._monitor.commanded = (kind.land,)
+        if not self._monitor.was_airborne:  # a slow link tells of its take-off after it
+            self._monitor.commanded = (kind.land, *kind.ours)
+        landing = lambda: self._view.mode == kind.land  # noqa: E731
         await self._insist(lambda: self._session.flight.land(landing))
+        if len(self._monitor.commanded) > 1:
+            await self._session.until(landing, MODE_S)
+            self._monitor.commanded = (kind.land,)
         # touch-down and disarming are watched for all the time; but a take-off that was called
         # off in time never left the ground
         if not self._monitor.was_airborne:

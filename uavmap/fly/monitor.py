@@ -116,7 +116,7 @@ class Monitor:
         before = self._mode
         if not self.connected or (mode, armed, failsafe) == (before, self._armed, self._failsafe):
             return
-        turned = mode != before
+        turned, was_armed = mode != before, self._armed
         self._mode, self._armed, self._failsafe = mode, armed, failsafe
         self.mode_changes += turned
         reporter = self._reporter
@@ -130,6 +130,12 @@ class Monitor:
                 reporter.report(
                     Released(reporter.number, reporter.t_s(), reporter.position(), height_m)
                 )
+            elif was_armed and not armed and not self.was_airborne:
+                self.landed()  # taken from us between its arming and its take-off
+        elif armed and not (was_armed or turned or failsafe) and mode in kind.ours:
+            # by our order, though we may have asked for something else since
+            if mode in self.commanded and mode == kind.follows:
+                self.commanded = (*kind.ours, *self._asked_down())
         elif self._not_by_us(mode, armed=armed, failsafe=failsafe, turned=turned):
             self.overridden = True
             self._refused = not armed
@@ -139,7 +145,13 @@ class Monitor:
             )
         elif mode == kind.follows:
             # what it stood in before counts no more: who turns the switch back there means it
-            self.commanded = kind.ours
+            self.commanded = (*kind.ours, *self._asked_down())
+
+    def _asked_down(self) -> tuple[int, ...]:
+        """The modes that lead down, of those that we have asked for: a slow link tells of them
+        after others."""
+        kind = self._view.kind
+        return tuple(mode for mode in self.commanded if mode in (kind.land, kind.rtl))
 
     def _not_by_us(self, mode: int | None, *, armed: bool, failsafe: bool, turned: bool) -> bool:
         """Whether somebody else has the vehicle in this mode."""
@@ -180,7 +192,7 @@ class Monitor:
         reporter = self._reporter
         # it keeps the mode in which it landed until somebody changes it
         if not self.overridden and self._view.mode is not None:
-            self.commanded = (*self._view.kind.ours, self._view.mode)
+            self.commanded = (*self._view.kind.ours, self._view.mode, *self._asked_down())
         self.wind.forget()
         reporter.report(
             Landed(

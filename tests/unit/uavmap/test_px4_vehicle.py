@@ -14,8 +14,11 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     Connected,
+    Crashed,
+    Event,
     FrameSeen,
     Landed,
+    LiftedOff,
     LinkLost,
     LookEnded,
     OrderFailed,
@@ -250,5 +253,58 @@ def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_landing()
         targets = [m for _, m in flight.sent if getattr(m, "command", 0) == 192]
         assert {m.param2 for m in targets} == {0.0}
         assert {m.frame for m in targets} == {mav.MAV_FRAME_GLOBAL_INT}
+
+    fly(body, on_px4())
+
+
+def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed() -> None:
+    """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(to(-11.0, -11.0), Arrived)
+        report = flight.driver._reporter.report
+
+        def standing_by(event: Event) -> None:
+            report(event)
+            if isinstance(event, Landed):
+                flight.driver.give(StandDown())
+
+        flight.driver._reporter.report = standing_by
+        await flight.after(Land(), Landed)
+        await asyncio.sleep(20.0)
+        assert not flight.session.view.armed
+        assert not flight.seen(Crashed)
+
+    fly(body, on_px4())
+
+
+@pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
+def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(after_s: float) -> None:
+    """Of its arming, its climb and its landing it is heard when other things were asked for."""
+
+    async def body(flight: Flight) -> None:
+        flight.vehicle.fail.link(delay_s=0.6)
+        flight.driver.give(TakeOff(UP_M))
+        await asyncio.sleep(after_s)
+        flight.driver.give(Land())
+        await flight.sees(Landed, within_s=40.0)
+        await asyncio.sleep(20.0)
+        assert flight.vehicle.truth.landed
+        assert not flight.vehicle.truth.armed
+
+    assert not fly(body, on_px4()).seen(Overridden)
+
+
+def test_who_is_taken_between_arming_and_take_off_and_disarmed_stands_on_the_ground() -> None:
+    async def body(flight: Flight) -> None:
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
+        flight.driver.give(TakeOff(UP_M))
+        await flight.until(lambda: flight.session.view.armed)
+        flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
+        pilot_mode(flight, Px4Mode.OFFBOARD)
+        await flight.sees(Overridden, within_s=5.0)
+        await flight.sees(Landed, within_s=40.0)
+        assert not flight.seen(LiftedOff)
 
     fly(body, on_px4())
