@@ -110,8 +110,8 @@ def with_model(text: str, source: str, folder: Path) -> str:
     model = section.get("model") if isinstance(section, Mapping) else None
     if not isinstance(section, Mapping) or not isinstance(model, str) or not model:
         return text
-    path = (folder / model).resolve()
     try:
+        path = _whole(folder, model)
         found = {**section, "model": str(path), "model_sha256": _sha256(_model(path))}
     except MissionFileError as error:
         raise MissionFileError(f"{source}: {error}") from None
@@ -170,11 +170,24 @@ def _given(detector: Path) -> dict[str, Any]:
             f"--detector {detector}: {path}: it must hold the table [detector] and nothing else"
         )
     if isinstance(section.get("model"), str):
-        section["model"] = str((path.parent / section["model"]).resolve())
+        try:
+            section["model"] = str(_whole(path.parent, section["model"]))
+        except MissionFileError as error:
+            raise MissionFileError(f"--detector {detector}: {path}: {error}") from None
     return section
 
 
 # --- files and plug-ins ------------------------------------------------------------------------
+def _whole(folder: Path, model: str) -> Path:
+    """The whole path of a model that is named from a folder."""
+    try:
+        return (folder / model).resolve()
+    except (OSError, ValueError, RuntimeError) as error:  # no name of a file; links in a circle
+        raise MissionFileError(
+            f"detector.model = {model!r}: no path of a file ({error}); name the model's file"
+        ) from None
+
+
 def _model(path: Path, remedy: str = "") -> bytes:
     try:
         return read_bytes(path, _LARGEST_MODEL)

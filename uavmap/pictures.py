@@ -13,7 +13,7 @@ from typing import BinaryIO, Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from missions.errors import ImageError, UavmapError
 from uavmap.printable import printable
@@ -71,6 +71,9 @@ def opened(source: Path | BinaryIO, name: str) -> Iterator[Image.Image]:
                 yield picture
     except UavmapError:
         raise
+    except UnidentifiedImageError as error:  # its own words tell where it lies in memory
+        kinds = ", ".join(_FORMATS)
+        raise ImageError(f"{printable(name)}: not a readable picture (no {kinds})") from error
     except Exception as error:  # decoders raise whatever a damaged file leads them to
         raise ImageError(
             f"{printable(name)}: not a readable picture ({printable(str(error)) or type(error)})"

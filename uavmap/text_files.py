@@ -24,7 +24,10 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
     Raises `OSError`, with a `strerror` for people, for what cannot be read, is no ordinary file or
     is too large.
     """
-    found = path.stat()
+    try:
+        found = path.stat()
+    except ValueError as error:  # a mission file can name one with a null byte
+        raise OSError(errno.EINVAL, f"no name of a file: {error}") from None
     if stat.S_ISDIR(found.st_mode):
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(found.st_mode):

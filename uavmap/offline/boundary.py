@@ -46,7 +46,8 @@ def boundary_of(surface: Surface, cell_m: float, level: float = HALF) -> Boundar
             lines.add(levels, window.top, window.left)
     rings = {p: list(lines.rings(least_m2 / raster.pitch_m**2)) for p, lines in contours.items()}
     shapes = {p: _polygons(raster, found) for p, found in rings.items()}
-    open_lines = shapely.line_merge(MultiLineString(_open_parts(raster, rings[level])))
+    pieces = np.asarray(shapely.linestrings(_open_parts(raster, rings[level])), object)
+    open_lines = shapely.line_merge(MultiLineString(list(pieces)))
     return Boundary(
         level,
         shapes[level],
@@ -137,11 +138,11 @@ def _distances(points: NDArray[np.float64], shape: MultiPolygon) -> NDArray[np.f
     return found
 
 
-def _open_parts(raster: Raster, rings: Sequence[Ring]) -> list[NDArray[np.float64]]:
-    """Pieces of rings, two points each, along ground that nobody has seen."""
-    pieces = []
+def _open_parts(raster: Raster, rings: Sequence[Ring]) -> NDArray[np.float64]:
+    """Pieces of rings, shape (n, 2, 2), two points each, along ground that nobody has seen."""
+    pieces = [np.zeros((0, 2, 2))]
     for ring in rings:
         both = ring.open & np.roll(ring.open, -1)
         points = _ground(raster, ring.points)
-        pieces += list(np.stack([points, np.roll(points, -1, axis=0)], axis=1)[both])
-    return pieces
+        pieces.append(np.stack([points, np.roll(points, -1, axis=0)], axis=1)[both])
+    return np.concatenate(pieces)

@@ -22,7 +22,8 @@ from vision.raster import Raster, Window
 
 TILE_PX: Final = 512
 _CACHE_MB: Final = 64  # of GDAL, which would take a twentieth of the machine
-_COMMON: Final = {"bigtiff": "IF_SAFER", "num_threads": "ALL_CPUS"}
+_COMMON: Final = {"bigtiff": "IF_SAFER"}
+_THREADS: Final = {"num_threads": "ALL_CPUS"}  # not to write blocks: a full disk is not told then
 _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "sparse_ok": True}
 
 
@@ -118,7 +119,7 @@ def write_cog(
                     rows, columns = window.shape
                     place = rasterio.windows.Window(window.left, window.top, columns, rows)
                     file.write(values, window=place)
-            copy(raw, done, driver="COG", sparse_ok=True, **_COMMON, **layout.copied)
+            copy(raw, done, driver="COG", sparse_ok=True, **_COMMON, **_THREADS, **layout.copied)
             _read_again(done)
             done.replace(path)
     except OSError as error:  # rasterio's own are such, too

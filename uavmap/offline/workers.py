@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import Final, Protocol, TypeVar
 
 import cv2
 
@@ -64,7 +64,7 @@ def in_order(
         yield from map(work, items)
         return
     waiting: deque[Future[Answer]] = deque()
-    with ThreadPoolExecutor(workers) as pool, _one_thread_each():
+    with ThreadPoolExecutor(workers) as pool, _ONE_THREAD_EACH:
         try:
             for item in items:
                 waiting.append(pool.submit(work, item))
@@ -77,12 +77,29 @@ def in_order(
                 future.cancel()
 
 
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """OpenCV has threads of its own, which only stand in the way of ours."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
+@dataclass(slots=True)
+class _OneThreadEach:
+    """OpenCV has threads of its own, which only stand in the way of ours.
+
+    Several may be at work at the same time: the last one gives OpenCV its threads back.
+    """
+
+    at_work: int = 0
+    before: int = 0
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __enter__(self) -> None:
+        with self.lock:
+            if not self.at_work:
+                self.before = cv2.getNumThreads()
+                cv2.setNumThreads(1)
+            self.at_work += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self.lock:
+            self.at_work -= 1
+            if not self.at_work:
+                cv2.setNumThreads(self.before)
+
+
+_ONE_THREAD_EACH: Final = _OneThreadEach()

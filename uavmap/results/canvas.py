@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from shapely.geometry import LineString
-from shapely.ops import substring
 
 from missions.units import GridPoint
 from uavmap.results.palette import Colour
@@ -96,11 +95,9 @@ class Canvas:
         shown = LineString([*ring, ring[0]]).intersection(self._ground)
         period_m = 2 * dash_px / self._view.px_per_m
         for part in shapely.get_parts(shapely.line_merge(shown)):
-            for i in range(math.ceil(part.length / period_m)):
-                dash = substring(part, i * period_m, (i + 0.5) * period_m)
-                points = [GridPoint(x, y) for x, y, *_ in dash.coords]
-                if len(points) > 1:
-                    self._pen.line(self._pixels(points), fill=colour, width=round(1.6 * self._k))
+            for dash in dashes_of(shapely.get_coordinates(part), period_m):
+                points = [GridPoint(x, y) for x, y in dash]
+                self._pen.line(self._pixels(points), fill=colour, width=round(1.6 * self._k))
 
     def flag(self, point: GridPoint) -> None:
         """The start: a ringed dot."""
@@ -108,3 +105,26 @@ class Canvas:
         for radius_px, colour in ((7.0, PAPER), (5.5, INK), (2.0, PAPER)):
             r = radius_px * self._k
             self._pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
+
+
+def dashes_of(
+    line: NDArray[np.float64], period_m: float
+) -> Iterator[Sequence[tuple[float, float]]]:
+    """The first half of each period along a line, with the corners on its way.
+
+    >>> line = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]])
+    >>> [[(float(x), float(y)) for x, y in dash] for dash in dashes_of(line, 4.0)]
+    [[(0.0, 0.0), (2.0, 0.0)], [(3.0, 1.0), (3.0, 2.0)]]
+    """
+    if len(line) < 2:
+        return
+    along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    starts_m = period_m * np.arange(math.ceil(along_m[-1] / period_m))
+    ends_m = np.minimum(starts_m + 0.5 * period_m, along_m[-1])
+    begin, end = (
+        np.column_stack([np.interp(at_m, along_m, axis) for axis in line.T]).tolist()
+        for at_m in (starts_m, ends_m)
+    )
+    first, last = np.searchsorted(along_m, starts_m, "right"), np.searchsorted(along_m, ends_m)
+    for b, e, i, j in zip(begin, end, first.tolist(), last.tolist(), strict=True):
+        yield [b, *line[i:j].tolist(), e]

@@ -95,6 +95,16 @@ def test_a_model_that_is_not_there_is_named(
     assert f"{path}: detector.model = '{tmp_path / 'eyes.json'}': cannot be read" in line
 
 
+def test_a_model_whose_name_no_file_can_have(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "field.toml"
+    path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "a\\u0000b"\n')
+    assert main(["check", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: detector.model = 'a\\x00b': no path of a file" in line
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -102,6 +112,7 @@ def test_a_model_that_is_not_there_is_named(
         ("detector = 3", "must hold the table [detector]"),
         ("[detector]\n[grid]", "must hold the table [detector] and nothing else"),
         ("[detector", "not a TOML file"),
+        ('[detector]\nname = "learned"\nmodel = "a\\u0000b"', "no path of a file"),
     ],
 )
 def test_a_folder_without_a_detector_is_refused(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -62,6 +63,21 @@ def test_the_answers_come_in_the_items_order_and_few_wait() -> None:
     assert [next(answers) for _ in range(5)] == [0, 1, 2, 3, 4]
     assert len(begun) <= 9
     assert list(answers) == list(range(5, 100))
+
+
+def test_opencv_has_its_threads_back_when_the_last_one_is_done() -> None:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        one, other = (in_order(abs, range(4), workers=2) for _ in range(2))
+        next(one)
+        next(other)
+        assert list(one) == [1, 2, 3]
+        assert cv2.getNumThreads() == 1  # the other is at work still
+        assert list(other) == [1, 2, 3]
+        assert cv2.getNumThreads() == 2
+    finally:
+        cv2.setNumThreads(before)
 
 
 def test_what_a_worker_raises_is_raised() -> None:

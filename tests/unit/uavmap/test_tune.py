@@ -177,6 +177,9 @@ def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> Non
     Image.new("L", (160, 160), 255).save(where / "1.png")
     with pytest.raises(ImageError, match="not the shape"):
         load_examples(images, where, WIDE)
+    (where / "1.png").write_bytes(b"no picture")
+    with pytest.raises(ImageError, match=r"1\.png: not a readable picture \(no JPEG, PNG"):
+        load_examples(images, where, WIDE)
 
 
 def test_one_painted_picture_is_too_few(
