@@ -13,6 +13,7 @@ from missions.errors import OutputError, UavmapError
 from uavmap.offline.flown_folder import flown_of
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.results.atomic import write_bytes
+from uavmap.results.documents import refuse_open
 from uavmap.results.exports import FORMATS, Format, files_of
 from uavmap.results.flown import Flown
 
@@ -49,9 +50,10 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
         shown = folder / made.name
     else:
         shown, target = out, out if made.several else out.parent
-        files = files if made.several else {out.name: data for data in files.values()}
+        files = files if made.several else dict.fromkeys([out.name], *files.values())
         _overwrite_nothing(out, files, made)
-    _refuse_open(target, files)
+    for name in files:
+        refuse_open(target / name)
     _write(target, files, made)
     say(f"{shown}{os.sep if made.several else ''} ({_counted(files, made)})")
     return 0
@@ -92,17 +94,6 @@ def _overwrite_nothing(out: Path, files: Mapping[str, bytes], made: Format) -> N
     for name in files:
         if (out / name).exists():
             raise OutputError(f"--out {out}: holds a {name} already; choose another folder")
-
-
-def _refuse_open(target: Path, files: Mapping[str, bytes]) -> None:
-    """A GeoPackage that is open elsewhere has a log, which would be taken for the new one's."""
-    for name in files:
-        log = target / f"{name}-wal"
-        if log.exists():
-            raise OutputError(
-                f"{target / name}: is open in another program ({log.name}); close it there first, "
-                "or give --out another name"
-            )
 
 
 def _write(target: Path, files: Mapping[str, bytes], made: Format) -> None:

@@ -16,7 +16,7 @@ from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.calendar import TAKEN, Calendar
 from uavmap.results.figures import figures
-from uavmap.results.flown import Flown, dated
+from uavmap.results.flown import Flown, dated, flown_from
 from uavmap.results.log import FlightLog
 from uavmap.results.replay_results import Replayed, replay_map, replay_summary
 from uavmap.results.score import true_roi
@@ -40,12 +40,9 @@ def flown_of(folder: Path) -> Flown:
     if plan.simulated and setting.mission.sim.roi:
         roi = true_roi(setting.mission, setting.grid)
     data = map_data(setting, state, found, roi)
-    calendar = Calendar.of_flight(plan)
     seed = plan.seed if plan.simulated else None
     values = flight_values(setting, state, found, seed, meta.get("truth"), roi)
-    share = setting.mission.detector.share
-    values = dated(values, data, share, calendar)
-    return Flown(folder, plan, setting, data, values, FlightLog.of(events), calendar)
+    return flown_from(folder, plan, setting, data, values, FlightLog.of(events))
 
 
 def _replayed(
@@ -65,7 +62,7 @@ def _replayed(
             said = event
             if place is not None:
                 taken.append((event.t_s, grid.position(place.position), place.height_m))
-            if evidence is None:
+            if evidence is None and event.vantage is not None:
                 votes.add(event.vantage, event.votes)
         elif isinstance(event, Weighed) and evidence is not None and said is not None:
             evidence.add(said.votes, event.weights)

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.errors import ShapelyError
 from shapely.geometry import MultiPolygon, Polygon
 
 from uavmap.results.boundary_file import FILE
@@ -56,7 +57,7 @@ def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
             return None
         features = {str(one["id"]): one for one in told["features"]}
         return _told(features, data)
-    except (OSError, ValueError, TypeError, KeyError, RecursionError, shapely.ShapelyError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, ShapelyError):
         return None
 
 
@@ -89,4 +90,5 @@ def _fixed(data: MapData, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of the fixed frame from longitudes and latitudes."""
     grid = data.grid
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
-    return (grid.zone.utm(points) - origin) / grid.scale
+    fixed: NDArray[np.float64] = (grid.zone.utm(points) - origin) / grid.scale
+    return fixed

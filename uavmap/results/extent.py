@@ -1,10 +1,10 @@
 """How large a region is, by its cells, and how far that may be wrong.
 
 A cell is one of the region where at least `detector.share` of it looks like region, and none where
-less does. So along the outline the cells of the region count from that share on to all of them, and
-the judged ones beside it from nothing to that share; one that nobody judged may be region whole. The
-outline runs along the sides of cells: a smooth line through the same cells is shorter by as much as
-a diagonal is shorter than its two sides, a factor of 1 to the root of 2.
+less does. So along the outline the cells of the region count from that share on to all of them,
+and the judged ones beside it from nothing to that share; one that nobody judged may be region
+whole. The outline runs along the sides of cells: a smooth line through the same cells is shorter by
+as much as a diagonal is shorter than its two sides, a factor of 1 to the root of 2.
 """
 
 from __future__ import annotations

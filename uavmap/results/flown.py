@@ -64,6 +64,20 @@ class Flown:
         return f"EPSG:{self.data.grid.zone.epsg}"
 
 
+def flown_from(
+    folder: Path,
+    plan: FlightPlan,
+    setting: Setting,
+    data: MapData,
+    values: Mapping[str, Any],
+    log: FlightLog,
+) -> Flown:
+    """A flight, its figures dated."""
+    calendar = Calendar.of_flight(plan)
+    values = dated(values, data, setting.mission.detector.share, calendar)
+    return Flown(folder, plan, setting, data, values, log, calendar)
+
+
 def dated(values: Mapping[str, Any], data: MapData, share: float, when: Calendar) -> dict[str, Any]:
     """A summary with the extent of the region, dates, coordinates and version."""
     return {

@@ -10,7 +10,6 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import shapely
 
 from uavmap.results.flown import Flown
@@ -47,4 +46,5 @@ def _bbox(layer: Layer, shapes: Any) -> list[float]:
     points = shapely.get_coordinates(shapes, include_z=layer.heights)
     if not len(points):
         return []
-    return np.concatenate([points.min(axis=0), points.max(axis=0)]).tolist()
+    low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return [*low, *high]

@@ -20,7 +20,6 @@ from uavmap.results.flown import Flown
 from uavmap.results.layers import Layer
 from uavmap.results.qgis_style import qml
 
-FILE: Final = "map.gpkg"
 APPLICATION_ID: Final = 0x47504B47  # GPKG
 VERSION: Final = 10300
 _NO_DATE: Final = "1970-01-01T00:00:00.000Z"
@@ -162,8 +161,9 @@ def _plain(layer: Layer) -> Iterator[tuple[object, ...]]:
 
 def _blobs(layer: Layer, srs: int) -> Iterator[bytes | None]:
     """The geometries: a header, the bounds of all but points, and well-known binary."""
-    size = 3 if layer.heights else 2
-    binary = shapely.to_wkb(layer.shapes, output_dimension=size, byte_order=1, flavor="iso")
+    binary = shapely.to_wkb(
+        layer.shapes, output_dimension=3 if layer.heights else 2, byte_order=1, flavor="iso"
+    )
     point = layer.geometry == "Point"
     head = struct.pack("<2sBBi", b"GP", 0, 0b01 if point else 0b11, srs)
     bounds = shapely.bounds(layer.shapes)[:, [0, 2, 1, 3]].astype("<f8")

@@ -14,10 +14,9 @@ import shapely
 
 from uavmap import __version__
 from uavmap.results.flown import Flown
-from uavmap.results.layers import Layer, in_degrees, track_parts
+from uavmap.results.layers import Layer, in_degrees
+from uavmap.results.map_layers import track_parts
 from uavmap.results.told import in_words
-
-FILE = "flight.gpx"
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
