@@ -41,11 +41,20 @@ def _date(flown: Flown, t_s: float) -> Any:
     return None if flown.calendar.utc(t_s) is None else flown.calendar.date(t_s)
 
 
+def _turned(lon_deg: float) -> float:
+    """A longitude from -180 to 180 degrees, the latter excluded: GPX knows no others.
+
+    >>> _turned(180.0), _turned(-12.5), _turned(180.25)
+    (-180.0, -12.5, -179.75)
+    """
+    return lon_deg if -180.0 <= lon_deg < 180.0 else round((lon_deg + 180.0) % 360.0 - 180.0, 7)
+
+
 def _homes(flown: Flown, layer: Layer) -> list[gpx.GPXWaypoint]:
     names = layer.columns()["name"]
     shapes = in_degrees(layer, flown.data.grid, flown.data.start)
     return [
-        gpx.GPXWaypoint(latitude=shape.y, longitude=shape.x, name=str(name))
+        gpx.GPXWaypoint(latitude=shape.y, longitude=_turned(shape.x), name=str(name))
         for shape, name in zip(shapes, names, strict=True)
     ]
 
@@ -65,7 +74,7 @@ def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
         for (lon, lat, height_m), fix in zip(points, known, strict=True):
             above_m = None if home_m is None else round(home_m + height_m, 2)
             segment.points.append(
-                gpx.GPXTrackPoint(lat, lon, elevation=above_m, time=_date(flown, fix.t_s))
+                gpx.GPXTrackPoint(lat, _turned(lon), elevation=above_m, time=_date(flown, fix.t_s))
             )
         tracks[vehicle].segments.append(segment)
     return list(tracks.values())
@@ -79,6 +88,6 @@ def _outline(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
     track = gpx.GPXTrack(name="outline of the region")
     for part in shape.geoms:
         for ring in (part.exterior, *part.interiors):
-            points = [gpx.GPXTrackPoint(lat, lon) for lon, lat in ring.coords]
+            points = [gpx.GPXTrackPoint(lat, _turned(lon)) for lon, lat in ring.coords]
             track.segments.append(gpx.GPXTrackSegment(points))
     return [track]
