@@ -1,4 +1,4 @@
-"""Folders of results for the tests of reports and files: a small recorded flight, or a part of it."""
+"""Folders of results for the tests of reports and files: a small recorded flight, or part of it."""
 
 from __future__ import annotations
 

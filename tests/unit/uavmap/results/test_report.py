@@ -1,4 +1,4 @@
-"""report.html: what it says, that nothing in it is loaded or run, and that it is there in the end."""
+"""report.html: what it says, that nothing in it is loaded or run, and that it comes to be there."""
 
 from __future__ import annotations
 
