@@ -124,7 +124,7 @@ def _marks(flown: Flown, view: View, boundary: BoundaryTold | None) -> Iterator[
 
 
 def _cells(flown: Flown, view: View) -> Iterator[str]:
-    """A path a state: neighbours in a row are one rectangle, with seams drawn over all."""
+    """A path a state: neighbours in a row are one rectangle."""
     data, cell_m = flown.data, flown.data.grid.cell_m
     size = cell_m * view.px_per_m
     for state, colour in STATES.items():
@@ -137,7 +137,7 @@ def _cells(flown: Flown, view: View) -> Iterator[str]:
             x, y = view.pixel(ground(data, corner))
             wide = (last - first + 1) * size
             parts.append(f"M{x:.1f} {y:.1f}h{wide:.2f}v{size:.2f}h{-wide:.2f}z")
-        yield f'<path d="{"".join(parts)}" fill="{css(colour)}" stroke="none"/>'
+        yield f'<path d="{"".join(parts)}" fill="{css(colour)}" shape-rendering="crispEdges"/>'
 
 
 def _rings_of(flown: Flown, shape: BaseGeometry) -> list[NDArray[np.float64]]:

@@ -118,10 +118,10 @@ def _axis(flown: Flown, end_s: float, scale: float, top: float) -> Iterator[str]
 
 
 def minutes(t_s: float) -> str:
-    """Seconds as minutes and seconds.
+    """Seconds as whole minutes and seconds, as a clock shows them.
 
-    >>> minutes(125.4), minutes(0.0)
+    >>> minutes(125.9), minutes(0.0)
     ('2:05', '0:00')
     """
-    whole = round(t_s)
+    whole = int(t_s)
     return f"{whole // 60}:{whole % 60:02d}"
