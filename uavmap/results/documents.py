@@ -78,12 +78,13 @@ def refuse_open(path: Path) -> None:
 
     Its log lies beside it then, and would be taken for that of the file that replaces it.
     """
-    log = path.with_name(f"{path.name}-wal")
-    if log.exists():
-        raise OutputError(
-            f"{path}: is open in another program ({log.name}); close it there, or, if it is "
-            "nowhere open, delete that file"
-        )
+    for suffix in ("-wal", "-journal"):
+        log = path.with_name(f"{path.name}{suffix}")
+        if log.exists():
+            raise OutputError(
+                f"{path}: is open in another program ({log.name}); close it there, or, if it is "
+                "nowhere open, delete that file"
+            )
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -14,6 +14,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
+from shapely.geometry import MultiPolygon, Polygon
+
 from missions.units import Cell
 from uavmap.results.model import MapData
 from uavmap.results.outline import outline
@@ -27,6 +29,7 @@ class Extent:
         area_m2: Of all its cells.
         low_m2: At least this much of them is region.
         high_m2: At most this much is, with what lies in the cells beside.
+        outline: Around its cells, in the moving frame; empty without any.
         perimeter_m: Of the outline of the cells, holes included.
         parts: Cells that share only a corner are of different parts.
         holes: Of all parts.
@@ -36,6 +39,7 @@ class Extent:
     area_m2: float
     low_m2: float
     high_m2: float
+    outline: Polygon | MultiPolygon
     perimeter_m: float
     parts: int
     holes: int
@@ -68,6 +72,7 @@ def extent(data: MapData, share: float) -> Extent:
         len(roi) * cell_m2,
         (len(roi) - (1.0 - share) * rim) * cell_m2,
         (len(roi) + share * beside + beyond) * cell_m2,
+        shape,
         float(shape.length),
         len(parts),
         sum(len(part.interiors) for part in parts),

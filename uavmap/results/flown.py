@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ class Flown:
     log: FlightLog
     calendar: Calendar
     recorded: bool = False
+    _extent: list[Extent] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
     def completed(self) -> bool:
@@ -52,8 +53,11 @@ class Flown:
 
     @property
     def extent(self) -> Extent:
-        """How large the region is."""
-        return extent(self.data, self.setting.mission.detector.share)
+        """How large the region is; it is asked for often, and reckoned once."""
+        if not self._extent:
+            share = self.setting.mission.detector.share
+            self._extent.append(extent(self.data, share))
+        return self._extent[0]
 
     @property
     def crs(self) -> str:

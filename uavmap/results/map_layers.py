@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 from typing import Any, Final
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.polygon import orient
 
+from missions.ground.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.ground.grid import Grid
 from missions.mission_file.launch_pads import homes
 from missions.units import GridPoint, LatLon
@@ -22,7 +24,6 @@ from uavmap.results.boundary_told import BoundaryTold
 from uavmap.results.flown import Flown
 from uavmap.results.layers import Field, Layer, Shapes, Value
 from uavmap.results.log import Fix
-from uavmap.results.outline import outline
 
 
 def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
@@ -102,7 +103,7 @@ def _about(flown: Flown) -> tuple[Value, ...]:
 
 def _region(flown: Flown) -> Layer:
     data, found = flown.data, flown.extent
-    shape = outline(data.roi_cells, data.grid)
+    shape = found.outline
     shapes = np.array([None], dtype=object)
     if not shape.is_empty:
         shapes = _of_region(flown, _whole(shape))
@@ -254,14 +255,23 @@ def _frames(flown: Flown) -> Layer:
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
-    """The frames that a flight has kept, by vehicle and time; none where they cannot be read."""
+    """The frames that a flight has kept, by vehicle and time; none where they cannot be read.
+
+    One whose place is none, in a file that somebody has changed, is left out.
+    """
     if flown.recorded:
         return {}
     try:
         frames = [kept for kept in read_kept(flown.folder) if not isinstance(kept, str)]
     except (OSError, UnicodeDecodeError):  # without them places come from telemetry
         return {}
-    return {(kept.vehicle, round(kept.t_s, 3)): kept for kept in frames}
+    return {(kept.vehicle, round(kept.t_s, 3)): kept for kept in frames if _is_somewhere(kept)}
+
+
+def _is_somewhere(kept: KeptFrame) -> bool:
+    lat_deg, lon_deg = kept.pose.position.lat_deg, kept.pose.position.lon_deg
+    finite = all(map(math.isfinite, (kept.t_s, kept.pose.height_m)))
+    return finite and SOUTH_LIMIT_DEG <= lat_deg <= NORTH_LIMIT_DEG and abs(lon_deg) <= 360.0
 
 
 # --- what was planned ----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
@@ -18,6 +19,8 @@ Facts = list[tuple[str, str]]
 
 _MOST_TROUBLES: Final = 200
 _MOST_LETTERS: Final = 300
+_PASSWORD: Final = re.compile(r"//[^/@\s]*@")
+"""Of an address, which a page that is handed on does not tell."""
 
 
 class SortieRow(NamedTuple):
@@ -257,14 +260,18 @@ def _settings(above: str, section: Any) -> Iterator[Setting]:
 
 
 def _shown(value: object) -> str:
-    """A value as the mission file would have it, cut where it is long."""
+    """A value as the mission file would have it, cut where it is long, without passwords.
+
+    >>> _shown("rtsp://me:secret@10.0.0.5/main"), _shown((True, None))
+    ('rtsp://***@10.0.0.5/main', '[true, -]')
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if value is None:
         return "-"
     if isinstance(value, tuple | list):
         return printable(f"[{', '.join(map(_shown, value))}]", _MOST_LETTERS)
-    return printable(str(value), _MOST_LETTERS)
+    return printable(_PASSWORD.sub("//***@", str(value)), _MOST_LETTERS)
 
 
 def _number(values: Mapping[str, Any], key: str) -> float | None:

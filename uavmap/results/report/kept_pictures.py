@@ -18,7 +18,6 @@ from uavmap.record.frames import FRAMES, KeptFrame
 from uavmap.results.boundary_told import BoundaryTold
 from uavmap.results.flown import Flown
 from uavmap.results.map_layers import kept_by_time
-from uavmap.results.outline import outline
 from uavmap.text_files import read_bytes
 
 MOST: Final = 8
@@ -59,7 +58,7 @@ def _nearest(
         drift = np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * t_s
         line = shapely.transform(line, lambda points: points - drift)
     else:
-        line = outline(flown.data.roi_cells, grid).boundary
+        line = flown.extent.outline.boundary
     if line.is_empty:
         return []
     rings = list(shapely.get_parts(line))

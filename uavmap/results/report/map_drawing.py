@@ -18,7 +18,6 @@ from uavmap.results.boundary_file import runs
 from uavmap.results.boundary_told import BoundaryTold
 from uavmap.results.flown import Flown
 from uavmap.results.legend import nice_length_m
-from uavmap.results.outline import outline
 from uavmap.results.palette import (
     BOUNDARY,
     OUTLINE,
@@ -101,8 +100,7 @@ def css(colour: Colour) -> str:
 def _marks(flown: Flown, view: View, boundary: BoundaryTold | None) -> Iterator[str]:
     data = flown.data
     yield from _cells(flown, view)
-    shape = outline(data.roi_cells, data.grid)
-    yield _rings(_rings_of(flown, shape), view, OUTLINE, 2.5)
+    yield _rings(_rings_of(flown, flown.extent.outline), view, OUTLINE, 2.5)
     if data.truth is not None:
         yield _rings(_rings_of(flown, data.truth), view, TRUTH, 1.6)
     if boundary is not None:

@@ -38,6 +38,7 @@ from uavmap.results.log import FlightLog
 from uavmap.results.map_layers import layers
 from uavmap.results.model import MapData
 from uavmap.results.palette import STATES
+from uavmap.results.report.page import encode
 
 MapMaker = Callable[..., MapData]
 AREA_M2 = 96.0
@@ -161,6 +162,21 @@ def test_kept_frames_tell_their_names_and_places(tmp_path: Path) -> None:
     (others,) = (layer for layer in layers(bare) if layer.name == "frames")
     assert set(others.columns()["place_by"]) == {"telemetry"}
     assert len(others.rows) == len(frames.rows) == 34
+
+
+def test_a_place_that_is_none_is_left_out(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    keep_frames(folder)
+    poses = folder / "frames" / "poses.csv"
+    for bad in ("nan", "inf", "-1e300", "91"):
+        text = poses.read_text("utf-8").replace("47.30011000", bad, 3)
+        poses.write_text(text, "utf-8")
+    flown = flown_of(folder)
+    (frames,) = (layer for layer in layers(flown) if layer.name == "frames")
+    assert frames.columns()["place_by"].count("telemetry") == 12
+    for kind in FORMATS:
+        files_of(flown, kind)
+    assert encode(flown)
 
 
 # --- KML -----------------------------------------------------------------------------------------
