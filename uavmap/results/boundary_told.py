@@ -35,6 +35,7 @@ class BoundaryTold:
         uncertainty_m: Of half of it, the half of the way from P = 0.1 to P = 0.9; None where P
             comes to 0.9 nowhere.
         open_m: Where it runs along the end of what pictures show.
+        position_m: Standard deviation of a picture's place.
     """
 
     region: Polygon | MultiPolygon
@@ -44,6 +45,7 @@ class BoundaryTold:
     length_m: float
     uncertainty_m: float | None
     open_m: float
+    position_m: float
 
 
 def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
@@ -75,14 +77,14 @@ def _told(features: Mapping[str, Any], data: MapData) -> BoundaryTold | None:
     numbers = [
         float(values["area_m2"]), float(values["area_low_m2"]), float(values["area_high_m2"]),
         float(sum(line["properties"]["length_m"] for line in lines)), float(values["open_m"]),
-        0.0 if uncertainty is None else float(uncertainty),
+        float(values["position_m"]), 0.0 if uncertainty is None else float(uncertainty),
     ]  # fmt: skip
     if not np.isfinite(numbers).all() or not np.isfinite(shapely.get_coordinates(region)).all():
         return None
-    area_m2, low_m2, high_m2, length_m, open_m, uncertainty_m = numbers
+    area_m2, low_m2, high_m2, length_m, open_m, position_m, uncertainty_m = numbers
     return BoundaryTold(
         region, area_m2, low_m2, high_m2, length_m,
-        None if uncertainty is None else uncertainty_m, open_m,
+        None if uncertainty is None else uncertainty_m, open_m, position_m,
     )  # fmt: skip
 
 

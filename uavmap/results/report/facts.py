@@ -84,13 +84,19 @@ def extent_facts(flown: Flown, boundary: BoundaryTold | None) -> Facts:
         ]
         if boundary.open_m:
             facts.append(("Open boundary", f"{boundary.open_m:,.1f} m at the end of the pictures"))
-    error_m = flown.setting.mission.camera.pose_error_m
-    facts.append((
-        "Position",
-        f"a picture's place is taken to be right to {error_m:g} m (camera.pose_error_m); an error "
-        "that all pictures share shifts the whole map",
-    ))  # fmt: skip
+    facts.append(("Position", _position(flown, boundary)))
     return facts
+
+
+def _position(flown: Flown, boundary: BoundaryTold | None) -> str:
+    """How well the places of pictures are known, and what follows."""
+    shared = "an error that all pictures share shifts the whole map"
+    if boundary is not None:
+        return f"standard deviation of a picture's place {boundary.position_m:.2g} m; {shared}"
+    error_m = flown.setting.mission.camera.pose_error_m
+    return (
+        f"a picture's place is taken to be right to {error_m:g} m (camera.pose_error_m); {shared}"
+    )
 
 
 def certificate(flown: Flown, boundary: BoundaryTold | None) -> tuple[Facts, Facts]:

@@ -294,7 +294,8 @@ def _legend(flown: Flown, boundary: BoundaryTold | None) -> Iterator[Legend]:
     if data.truth is not None:
         yield Legend(_stroke(TRUTH, 1.6), "true region")
     for track in data.tracks:
-        yield Legend(_stroke(track_colour(track.vehicle), 1.4), f"track of vehicle {track.vehicle}")
+        told = "way of the camera" if flown.recorded else f"track of vehicle {track.vehicle}"
+        yield Legend(_stroke(track_colour(track.vehicle), 1.4), told)
     if data.unsearched:
         yield Legend(_stroke(UNSEARCHED, 3.0), "search lane without a judged frame")
     yield Legend(_stroke(BOX, 1.6, "9 7"), "search box")
