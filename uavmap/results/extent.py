@@ -18,7 +18,6 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from missions.units import Cell
 from uavmap.results.model import MapData
-from uavmap.results.outline import outline
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +65,7 @@ def extent(data: MapData, share: float) -> Extent:
     judged = {row.cell for row in data.cells if row.state == "non-roi"}
     rim, beside, beyond, open_cells = _around(roi, judged)
     cell_m2 = data.grid.cell_m**2
-    shape = outline(roi, data.grid)
+    shape = data.outline
     parts = [] if shape.is_empty else list(getattr(shape, "geoms", [shape]))
     return Extent(
         len(roi) * cell_m2,
