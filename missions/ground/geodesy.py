@@ -91,6 +91,15 @@ class UtmZone:
         east, north = np.ascontiguousarray(points.T)
         return np.column_stack(_proj(self)(east, north, inverse=True))
 
+    def utm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The inverse of `lon_lat`.
+
+        >>> UtmZone(32, south=False).utm(np.array([[9.0, 0.0]])).round(3).tolist()
+        [[500000.0, 0.0]]
+        """
+        lon, lat = np.ascontiguousarray(points.T)
+        return np.column_stack(_proj(self)(lon, lat))
+
     def convergence_rad(self, position: LatLon) -> float:
         """Angle from true north to grid north at a place, clockwise positive.
 

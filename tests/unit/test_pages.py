@@ -20,7 +20,7 @@ from sitl.testing import Vehicle
 from uavmap.cli import parser
 
 ROOT = Path(__file__).parents[2]
-FILES = ("tlog", "gif")
+FILES = ("tlog", "gif", "kml", "gpx")
 """Suffixes of files whose names look like keys of a mission."""
 ROOMS = ("missions", "vision", "sitl", "uavmap", "tests")
 PAGES = [

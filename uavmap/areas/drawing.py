@@ -107,6 +107,10 @@ def names_home(name: str) -> bool:
     return bool(_HOME.search(name))
 
 
+NAME_COLUMNS: Final = ("name", "title", "label", "id", "fid", "objectid")
+"""What a table calls the column that names its shapes, in small letters; the first one counts."""
+
+
 def shown_name(value: object, otherwise: str) -> str:
     """A name from a file, made harmless and short.
 

@@ -20,6 +20,7 @@ from uavmap.areas.drawing import (
     MOST_BYTES,
     MOST_LAYERS,
     MOST_SHAPES,
+    NAME_COLUMNS,
     Layer,
     Point,
     Role,
@@ -34,7 +35,6 @@ from uavmap.areas.drawing import (
 _ENVELOPE_BYTES: Final = (0, 32, 48, 48, 64)
 _MOST_STEPS: Final = 3000
 """Of a thousand instructions of SQLite each: a view may never end."""
-_NAMES: Final = ("name", "title", "label", "id", "fid", "objectid")
 
 
 def read_geopackage(path: Path, source: str) -> list[Layer]:
@@ -90,7 +90,7 @@ def _layer(file: sqlite3.Connection, table: tuple[Any, ...], source: str) -> Lay
         raise AreaError(f"{source}: gpkg_geometry_columns names no table; export it anew")
     listed = [row[1] for row in file.execute(f"PRAGMA table_info({_quoted(name)})")]
     lower = {str(one).lower(): str(one) for one in listed}
-    key = next((lower[one] for one in _NAMES if one in lower), None)
+    key = next((lower[one] for one in NAME_COLUMNS if one in lower), None)
     wanted = ", ".join(map(_quoted, [column, key or column]))
     query = f"SELECT {wanted} FROM {_quoted(name)} LIMIT {MOST_SHAPES + 1}"
     rows = [(blob, value if key else None) for blob, value in file.execute(query)]

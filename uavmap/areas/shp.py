@@ -20,6 +20,7 @@ from uavmap.areas import crs
 from uavmap.areas.archive import read_member
 from uavmap.areas.drawing import (
     MOST_SHAPES,
+    NAME_COLUMNS,
     Layer,
     Point,
     Role,
@@ -33,7 +34,6 @@ from uavmap.areas.drawing import (
 
 _POLYGONS: Final = (shapefile.POLYGON, shapefile.POLYGONZ, shapefile.POLYGONM)
 _POINTS: Final = (shapefile.POINT, shapefile.POINTZ, shapefile.POINTM)
-_NAMES: Final = ("name", "title", "label", "id", "fid", "objectid")
 _DAMAGED: Final = (
     shapefile.ShapefileException, struct.error, ValueError, KeyError, IndexError, TypeError,
     AttributeError, OverflowError, EOFError, OSError, LookupError, AssertionError,
@@ -150,7 +150,7 @@ def _titles(parts: Mapping[str, bytes]) -> list[object]:
             ) as table,
         ):
             fields = {field[0].lower(): field[0] for field in table.fields}
-            key = next((fields[name] for name in _NAMES if name in fields), None)
+            key = next((fields[name] for name in NAME_COLUMNS if name in fields), None)
             if key is None:
                 return []
             titles: list[object] = []

@@ -1,4 +1,4 @@
-"""uavmap export: the search of a mission, or a mapped region, as a file for a ground station."""
+"""uavmap export: a mission, or what was mapped, as files for ground stations and a GIS."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from missions.mission_file.schema import Mission
 from missions.state import Setting
 from missions.units import LatLon
 from uavmap.cli.common import number_type, vehicle_count
+from uavmap.cli.export_map import add_map_options, export_map
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source
 from uavmap.offline.plan_file import Firmware, Survey, plan, waypoints
@@ -34,6 +35,9 @@ examples:
   uavmap export spill --plan second.plan --vehicle 2
   uavmap export results/field-1 --plan again.plan         the mapped region as a survey
   uavmap export results/field-1 --plan again.plan --height 30 --overlap 80 --side-overlap 60
+  uavmap export results/field-1 --to gpkg                 map.gpkg, with layers and styles, for QGIS
+  uavmap export results/field-1 --to shp --out for-gis    Shapefiles, a layer each, in that folder
+  uavmap export results/field-1 --to kml --out field.kml  tracks in time, for Google Earth
 
 A plan has the fence, the vehicle's home as rally point, and a flight that takes off, flies its
 lines with pictures, comes back over its home and returns. Whoever flies it flies the lines and no
@@ -58,7 +62,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         description="Write the search of a mission, or a survey of a mapped region, as a file for "
-        "QGroundControl or Mission Planner.",
+        "QGroundControl or Mission Planner; or a map and its flight, also of one that was "
+        "interrupted, as files for a GIS.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -108,13 +113,18 @@ def add_parser(commands: Any) -> None:
         type=percent,
         help="of results: with the next line (default 65)",
     )
+    add_map_options(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Export."""
+    if options.to is not None or options.out is not None:
+        return export_map(options, Terminal().say)
     if options.plan is None and options.waypoints is None:
-        raise UavmapError("nothing to write; give --plan FILE.plan or --waypoints FILE.waypoints")
+        raise UavmapError(
+            "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints or --to FORMAT"
+        )
     if options.plan == options.waypoints:
         raise UavmapError(f"--plan and --waypoints are both {options.plan}; give each its own file")
     if options.waypoints is not None and options.firmware is Firmware.PX4:

@@ -181,7 +181,8 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
                 write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
                 progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             began_s = time.perf_counter()
-            with Journal.create(folder / JOURNAL, _meta(source, options.path)) as journal:
+            meta = _meta(source, options.path) | looked.taken()
+            with Journal.create(folder / JOURNAL, meta) as journal:
                 summary = looked.written(journal, folder, progress)
             progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
         except OSError as error:

@@ -40,6 +40,7 @@ from uavmap.record.frames import FrameKeeper
 from uavmap.record.journal import Journal
 from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
+from uavmap.results.documents import with_documents
 from uavmap.results.score import true_roi
 from uavmap.results.write_results import write_results
 
@@ -156,7 +157,7 @@ def resume(
         )
         if state.over and state.completed:
             progress.say("the mission is completed already; writing its results anew")
-            return _results(plan, setting, folder, journal, None)
+            return _results(plan, setting, folder, journal, None, progress.say)
         again = plan.simulated and not (from_home or plan.rehomed)
         if again and state.over:
             raise JournalError(
@@ -224,7 +225,9 @@ class _Flight:
                 if len(self._journal):
                     self._progress.say(f"to go on: uavmap resume {self._folder}")
             raise
-        return _results(self._plan, self._setting, self._folder, self._journal, self._truth)
+        return _results(
+            self._plan, self._setting, self._folder, self._journal, self._truth, self._progress.say
+        )
 
     def _now_s(self) -> float:
         """Mission time."""
@@ -386,7 +389,12 @@ def _all_wait(state: State, waiting: set[int]) -> bool:
 
 
 def _results(
-    plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None
+    plan: FlightPlan,
+    setting: Setting,
+    folder: Path,
+    journal: Journal,
+    truth: Truth | None,
+    say: Callable[[str], None],
 ) -> dict[str, Any]:
     """Write the results; what the simulator watched is kept for when they are written anew."""
     if truth is not None:
@@ -396,8 +404,11 @@ def _results(
         roi = true_roi(setting.mission, setting.grid)
     seed = plan.seed if plan.simulated else None
     events = list(journal.events())
+    calendar, also = with_documents(folder, plan, setting, events, say)
     try:
-        return write_results(folder, setting, events, seed, journal.meta.get("truth"), roi)
+        return write_results(
+            folder, setting, events, seed, journal.meta.get("truth"), roi, calendar, also
+        )
     except OSError as error:
         raise OutputError(
             f"{folder}: the results cannot be written ({error.strerror}); the journal is whole: "

@@ -26,9 +26,12 @@ from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.frames import FRAMES, POSES
 from uavmap.record.journal import Journal
 from uavmap.results import boundary_file, picture
+from uavmap.results.documents import write_documents
 from uavmap.results.figures import figures
+from uavmap.results.flown import flown_from
+from uavmap.results.log import FlightLog
 from uavmap.results.score import true_roi
-from uavmap.results.write_results import map_data
+from uavmap.results.write_results import flight_values, map_data
 
 
 def kept_frames(folder: Path) -> bool:
@@ -67,7 +70,8 @@ def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> Non
     with Journal.open(folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
         setting = plan.setting(lambda _: None)
-        state, found = figures(setting, journal.events())
+        events, simulated = list(journal.events()), journal.meta.get("truth")
+    state, found = figures(setting, events)
     gathered = gather(FlightFrames(folder))
     progress.say(
         f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "
@@ -81,9 +85,14 @@ def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> Non
     told = _told(fine, looked, state)
     boundary_file.write(told, folder / boundary_file.FILE)
     truth = _truth(setting) if plan.simulated else None
-    data = replace(map_data(setting, state, found, truth), boundary=fine.boundary.region)
+    cells = map_data(setting, state, found, truth)
+    data = replace(cells, boundary=fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
     picture.write(data, folder / "map.png", ground)
+    seed = plan.seed if plan.simulated else None
+    values = flight_values(setting, state, found, seed, simulated, truth)
+    flown = flown_from(folder, plan, setting, cells, values, FlightLog.of(events))
+    write_documents(flown, progress.say)
     placed = [shot.placed for shot in looked.shots]
     rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
     rasters.write(folder, wishes, progress)

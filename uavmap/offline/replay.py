@@ -14,8 +14,9 @@ A bad picture is refused with its reason, and never ends the run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -40,8 +41,14 @@ from uavmap.offline.spool import Said, Spool
 from uavmap.offline.surface import Footing
 from uavmap.offline.tally import Votes
 from uavmap.offline.workers import Crew, Threads, worker_count
+from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.boundary_file import BoundaryMap
+from uavmap.results.calendar import TAKEN, Calendar, taken_meta
+from uavmap.results.documents import write_documents
+from uavmap.results.flown import Flown
+from uavmap.results.log import FlightLog
+from uavmap.results.model import MapData
 from uavmap.results.replay_results import Replayed, write_replay
 from vision.camera import Camera
 from vision.lens import Lens
@@ -129,7 +136,8 @@ class Looked:
         mission = self.setting.mission
         votes = Votes(mission.votes.frames, mission.votes.positive)
         evidence = Evidence() if mission.by_evidence else None
-        journal.append_all(self._events(votes, evidence))
+        log = FlightLog()
+        journal.append_all(log.noting(self._events(votes, evidence)))
         decided = votes if evidence is None else evidence
         mapped = Replayed(
             decided.cells(),
@@ -140,10 +148,27 @@ class Looked:
             self.gathered.copies,
             {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()},
         )
-        summary = self._maps(folder, mapped, decided.undecided_cells())
+        calendar = Calendar.of_replay(journal.meta.get(TAKEN))
+        plan = FlightPlan.read(journal)
+
+        def also(data: MapData, values: Mapping[str, Any]) -> None:
+            flown = Flown(folder, plan, self.setting, data, values, log, calendar, recorded=True)
+            write_documents(flown, progress.say)
+
+        write = partial(write_replay, folder, self.setting, mapped, calendar=calendar, also=also)
+        summary = self._maps(write, mapped, decided.undecided_cells())
         write_pictures(self._rows(), folder / FILE)
         self._say(progress)
         return summary
+
+    def taken(self) -> dict[str, Any]:
+        """When the first picture was taken, and by which clock, for the journal's meta."""
+        pictures = [shot.placed.picture for shot in self.shots]
+        times = [picture.taken_s for picture in pictures if picture.taken_s is not None]
+        clocks = {picture.clock for picture in pictures if picture.taken_s is not None}
+        if not times or not clocks <= {"utc", "camera"}:
+            return {}
+        return taken_meta(min(times), "utc" if clocks == {"utc"} else "camera")
 
     def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> bool:
         """ortho.tif and probability.tif, after all else; returns whether any was written.
@@ -170,12 +195,14 @@ class Looked:
             if not shot.reason and shot.camera is not None
         ]
 
-    def _maps(self, folder: Path, mapped: Replayed, undecided: set[Cell]) -> dict[str, Any]:
+    def _maps(
+        self, write: Callable[..., dict[str, Any]], mapped: Replayed, undecided: set[Cell]
+    ) -> dict[str, Any]:
         """The maps, with the boundary at pixel level and the ground where pictures show any."""
         setting, spool, workers = self.setting, self.spool, self.workers
         scene = scene_of(setting, self.footings())
         if scene is None:
-            return write_replay(folder, setting, mapped)
+            return write()
         t_s = max(t_s for t_s, _, _ in mapped.taken)
 
         def boundary() -> BoundaryMap:
@@ -184,7 +211,7 @@ class Looked:
             return fine.told(t_s, positions_m, mapped.cells.keys(), undecided)
 
         ground = beneath(scene, spool, setting.grid, workers, t_s)
-        return write_replay(folder, setting, mapped, boundary, ground)
+        return write(boundary=boundary, beneath=ground)
 
     @property
     def _used(self) -> list[Shot]:

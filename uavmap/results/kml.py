@@ -94,8 +94,8 @@ def _outline(document: ET.Element, data: MapData) -> None:
     shape = data.outline
     if shape.is_empty:
         return
-    mark = _placemark(folder, "Region", "outline")
-    _text(mark, "description", f"{len(data.roi_cells)} cells, {shape.area:.0f} m2")
+    told = f"{len(data.roi_cells)} cells, {shape.area:.0f} m2"
+    mark = _placemark(folder, "Region", "outline", told)
     many = ET.SubElement(mark, "MultiGeometry")
     for part in shape.geoms if isinstance(shape, MultiPolygon) else [shape]:
         polygon = ET.SubElement(many, "Polygon")
@@ -129,8 +129,8 @@ def _cells(data: MapData) -> Iterator[str]:
 _CELL: Final = """\
         <Placemark>
           <name>{0.east}, {0.north}</name>
-          <styleUrl>#{1}</styleUrl>
           <description>{2} of {3} frames positive</description>
+          <styleUrl>#{1}</styleUrl>
           <Polygon>
             <outerBoundaryIs>
               <LinearRing>
@@ -173,9 +173,12 @@ def _folder(parent: ET.Element, name: str) -> ET.Element:
     return folder
 
 
-def _placemark(parent: ET.Element, name: str, style: str) -> ET.Element:
+def _placemark(parent: ET.Element, name: str, style: str, description: str = "") -> ET.Element:
+    """Its elements stand in the order of the schema."""
     mark = ET.SubElement(parent, "Placemark")
     _text(mark, "name", name)
+    if description:
+        _text(mark, "description", description)
     _text(mark, "styleUrl", f"#{style}")
     return mark
 

@@ -14,6 +14,8 @@ from missions.units import Cell, LatLon
 from uavmap.results import boundary_file, geojson, kml, picture
 from uavmap.results import summary as summary_file
 from uavmap.results.boundary_file import BoundaryMap
+from uavmap.results.calendar import Calendar
+from uavmap.results.flown import dated
 from uavmap.results.model import CellRow, MapData, Track
 
 KIND = "recorded pictures"
@@ -60,14 +62,18 @@ def write_replay(
     replayed: Replayed,
     boundary: Callable[[], BoundaryMap | None] = lambda: None,
     beneath: picture.Beneath | None = None,
+    calendar: Calendar | None = None,
+    also: Callable[[MapData, Mapping[str, Any]], None] | None = None,
 ) -> dict[str, Any]:
     """Write the maps and the summary of a replay; returns the summary.
 
     `boundary` reckons that at pixel level, which takes as long as all the rest: both are done at
-    the same time. `beneath` is the ground of the map's picture.
+    the same time. `beneath` is the ground of the map's picture; `calendar` says when it was. `also`
+    is given the map and the summary once all of it is on the disk.
     """
     data = replay_map(setting, replayed)
-    values = replay_summary(setting, replayed)
+    share = setting.mission.detector.share
+    values = dated(replay_summary(setting, replayed), data, share, calendar or Calendar(None))
     with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
         cells = pool.submit(_write_cells, folder, data, beneath)
         found = boundary()
@@ -80,6 +86,8 @@ def write_replay(
         if written is not None:
             written.result()
     summary_file.write(values, folder / "summary.json")
+    if also is not None:
+        also(data, values)
     return values
 
 

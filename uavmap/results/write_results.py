@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,9 @@ from missions.state import Setting, State
 from missions.units import Cell
 from uavmap.results import geojson, kml, picture
 from uavmap.results import summary as summary_file
+from uavmap.results.calendar import Calendar
 from uavmap.results.figures import Figures, figures, summary
+from uavmap.results.flown import dated
 from uavmap.results.model import CellRow, MapData, Track
 from uavmap.results.model import State as CellState
 from uavmap.results.score import score
@@ -88,24 +90,15 @@ def weighed_state(cell: Cell, evidence: Evidence, share: float) -> CellState:
     return "explored" if evidence.is_roi(cell, share) else "non-roi"
 
 
-def write_results(
-    folder: Path,
+def flight_values(
     setting: Setting,
-    events: list[Event],
+    state: State,
+    found: Figures,
     seed: int | None,
     simulated: Mapping[str, Any] | None = None,
     roi: BaseGeometry | None = None,
 ) -> dict[str, Any]:
-    """Write the maps and the summary of a journal; returns the summary.
-
-    `roi` is the true ROI in the moving frame, where it is known; `simulated` what the simulator
-    watched.
-    """
-    state, found = figures(setting, events)
-    data = map_data(setting, state, found, roi)
-    geojson.write(data, folder / "map.geojson")
-    kml.write(data, folder / "map.kml")
-    picture.write(data, folder / "map.png")
+    """The figures of a flight, with what the truth says of them, where it is known."""
     values = summary(setting, state, found, seed)
     values |= {"cells_skipped": len(state.skipped)}
     if roi is not None:
@@ -116,6 +109,34 @@ def write_results(
             "cells_missed": marks.cells_missed,
             "iou_cells": round(marks.iou_cells, 4),
         }
-    values |= simulated or {}
+    return values | dict(simulated or {})
+
+
+def write_results(
+    folder: Path,
+    setting: Setting,
+    events: list[Event],
+    seed: int | None,
+    simulated: Mapping[str, Any] | None = None,
+    roi: BaseGeometry | None = None,
+    calendar: Calendar | None = None,
+    also: Callable[[MapData, Mapping[str, Any]], None] | None = None,
+) -> dict[str, Any]:
+    """Write the maps and the summary of a journal; returns the summary.
+
+    `roi` is the true ROI in the moving frame, where it is known; `simulated` what the simulator
+    watched; `calendar` when it was. `also` is given the map and the summary once all of it is on
+    the disk.
+    """
+    state, found = figures(setting, events)
+    data = map_data(setting, state, found, roi)
+    geojson.write(data, folder / "map.geojson")
+    kml.write(data, folder / "map.kml")
+    picture.write(data, folder / "map.png")
+    values = flight_values(setting, state, found, seed, simulated, roi)
+    share = setting.mission.detector.share
+    values = dated(values, data, share, calendar or Calendar(None))
     summary_file.write(values, folder / "summary.json")
+    if also is not None:
+        also(data, values)
     return values

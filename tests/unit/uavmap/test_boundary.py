@@ -5,9 +5,11 @@ A region of 30 m by 20 m with a hole, seen from 40 m; two of the photographs are
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import resource
+import sqlite3
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -195,6 +197,33 @@ def test_any_number_of_workers_gives_the_same_bytes(
     assert not (tmp_path / "one" / rasters.ORTHO).exists()
 
 
+def test_a_replay_leaves_a_report_and_a_geopackage_with_its_boundary(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    package, page = results / "map.gpkg", results / "report.html"
+    told = features(results)["boundary"]["properties"]
+    summary = json.loads((results / "summary.json").read_text("utf-8"))
+    assert summary["begun_utc"] is None  # a camera's clock has no zone
+    text = page.read_text("utf-8")
+    assert "2024-05-01 10:00:00 by the camera&#39;s clock" in text
+    assert f"{told['area_m2']:,.0f} m²" in text
+    assert "boundary by pixels" in text
+    assert "Pictures from" in text
+    with contextlib.closing(sqlite3.connect(package)) as database:
+        (area_m2,) = database.execute("SELECT area_m2 FROM boundary").fetchone()
+        (frames,) = database.execute("SELECT count(*) FROM frames").fetchone()
+        (places,) = database.execute("SELECT count(*) FROM tracks").fetchone()
+    assert (area_m2, frames, places) == (told["area_m2"], summary["photographs_judged"], 1)
+    before = package.read_bytes()
+    assert main(["export", str(results), "--to", "gpkg"]) == 0
+    assert package.read_bytes() == before
+    assert main(["report", str(results)]) == 0
+    assert page.read_text("utf-8") == text
+    (results / "summary.json").write_text('{"completed": "<b>", "finding": "<script>"}')
+    assert main(["report", str(results)]) == 0
+    assert "&lt;script&gt;" in page.read_text("utf-8")
+
+
 def test_without_rasterio(
     field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -225,6 +254,7 @@ def test_ctrl_c_in_the_mosaic_leaves_all_else(
     assert "interrupted: ortho.tif is not written; all other results" in err
     there = [path.name for path in (tmp_path / "map").iterdir()]
     others = {"journal.db", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
+    others |= {"map.gpkg", "report.html"}
     assert set(there) == {*others, FILE, rasters.PROBABILITY}
 
 

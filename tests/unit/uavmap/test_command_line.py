@@ -116,7 +116,7 @@ def test_a_shell_completes_commands_missions_strategies_and_files(
     script = tmp_path / "uavmap.bash"
     script.write_text(capsys.readouterr().out, encoding="utf-8")
     asked = {
-        "re": ["resume", "replay"],
+        "re": ["resume", "replay", "report"],
         "fly runw": ["runway", "runway-field"],
         "fly runway --strategy sw": ["swath"],
         "fly runway --sp": ["--speedup"],

@@ -198,7 +198,7 @@ def test_a_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
     images = row(tmp_path / "images", good, good, cap, paint(16.0, 12.0, 0.0, seed=2))
     heard = Heard()
-    with Journal.create(tmp_path / JOURNAL, {}) as journal:
+    with Journal.create(tmp_path / JOURNAL, META) as journal:
         summary = replay(images, setting(), journal, tmp_path, heard)
         lost = [e for e in journal.events() if isinstance(e, FrameLost)]
     assert [line.split(":")[0] for line in heard.lines if "not judged" in line] == [

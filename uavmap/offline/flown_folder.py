@@ -1,0 +1,88 @@
+"""A folder of results, read back from its journal: also of a flight that was interrupted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from missions.events import Event, FrameSeen, Tracked, Weighed
+from missions.mapping.evidence import Evidence
+from missions.state import Setting
+from missions.units import LatLon
+from uavmap.offline.tally import Votes
+from uavmap.record.flight_plan import JOURNAL, FlightPlan
+from uavmap.record.journal import Journal
+from uavmap.results.calendar import TAKEN, Calendar
+from uavmap.results.figures import figures
+from uavmap.results.flown import Flown, dated, flown_from
+from uavmap.results.log import FlightLog
+from uavmap.results.replay_results import Replayed, replay_map, replay_summary
+from uavmap.results.score import true_roi
+from uavmap.results.write_results import flight_values, map_data
+from uavmap.text_files import read_text
+
+_MOST_BYTES: Final = 10_000_000
+
+
+def flown_of(folder: Path) -> Flown:
+    """What a folder tells. Raises `JournalError`, `MissionFileError`."""
+    with Journal.open(folder / JOURNAL) as journal:
+        meta = journal.meta
+        plan = FlightPlan.read(journal)
+        events = list(journal.events())
+    setting = Setting.of(plan.mission())
+    if "replay" in meta:
+        return _replayed(folder, plan, setting, events, Calendar.of_replay(meta.get(TAKEN)))
+    state, found = figures(setting, events)
+    roi = None
+    if plan.simulated and setting.mission.sim.roi:
+        roi = true_roi(setting.mission, setting.grid)
+    data = map_data(setting, state, found, roi)
+    seed = plan.seed if plan.simulated else None
+    values = flight_values(setting, state, found, seed, meta.get("truth"), roi)
+    return flown_from(folder, plan, setting, data, values, FlightLog.of(events))
+
+
+def _replayed(
+    folder: Path, plan: FlightPlan, setting: Setting, events: Sequence[Event], calendar: Calendar
+) -> Flown:
+    """A replay: its pictures are elsewhere, and what they said is in the journal."""
+    mission, grid = setting.mission, setting.grid
+    votes = Votes(mission.votes.frames, mission.votes.positive)
+    evidence = Evidence() if mission.by_evidence else None
+    taken: list[tuple[float, LatLon, float]] = []
+    place: Tracked | None = None
+    said: FrameSeen | None = None
+    for event in events:
+        if isinstance(event, Tracked):
+            place = event
+        elif isinstance(event, FrameSeen):
+            said = event
+            if place is not None:
+                taken.append((event.t_s, grid.position(place.position), place.height_m))
+            if evidence is None and event.vantage is not None:
+                votes.add(event.vantage, event.votes)
+        elif isinstance(event, Weighed) and evidence is not None and said is not None:
+            evidence.add(said.votes, event.weights)
+    decided = votes if evidence is None else evidence
+    log = FlightLog.of(events)
+    roi = frozenset(votes.roi) if evidence is None else evidence.roi(mission.detector.share)
+    belief = {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()}
+    replayed = Replayed(
+        decided.cells(), roi, decided.undecided, taken, len(log.troubles), 0, belief
+    )
+    data = replay_map(setting, replayed)
+    values = _kept_summary(folder) or replay_summary(setting, replayed)
+    values = dated(values, data, mission.detector.share, calendar)
+    return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
+
+
+def _kept_summary(folder: Path) -> dict[str, Any] | None:
+    """The summary that the replay has written: it counts what the journal does not know."""
+    try:
+        values = json.loads(read_text(folder / "summary.json", _MOST_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return values if isinstance(values, dict) and "completed" in values else None

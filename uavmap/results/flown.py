@@ -1,0 +1,94 @@
+"""All that is known of a flight, or of recorded pictures, for whoever writes it down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from missions.state import Setting
+from uavmap import __version__
+from uavmap.record.flight_plan import FlightPlan
+from uavmap.results.calendar import Calendar
+from uavmap.results.extent import Extent, extent
+from uavmap.results.log import FlightLog
+from uavmap.results.model import MapData
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What report and files are made of.
+
+    Attributes:
+        folder: Of the results.
+        plan: What it was started with.
+        setting: The mission.
+        data: The map.
+        values: summary.json.
+        log: Its course.
+        calendar: When mission seconds were.
+        recorded: Whether it is a replay of recorded pictures: nobody has flown.
+    """
+
+    folder: Path
+    plan: FlightPlan
+    setting: Setting
+    data: MapData
+    values: Mapping[str, Any]
+    log: FlightLog
+    calendar: Calendar
+    recorded: bool = False
+    _extent: list[Extent] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    @property
+    def completed(self) -> bool:
+        """Whether the mission is complete."""
+        return bool(self.values.get("completed"))
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the world was a simulated one."""
+        return self.plan.simulated and not self.recorded
+
+    @property
+    def extent(self) -> Extent:
+        """How large the region is; it is asked for often, and reckoned once."""
+        if not self._extent:
+            share = self.setting.mission.detector.share
+            self._extent.append(extent(self.data, share))
+        return self._extent[0]
+
+    @property
+    def crs(self) -> str:
+        """The coordinate reference system of the grid.
+
+        It is that of maps in metres; maps in degrees are in WGS84, EPSG:4326.
+        """
+        return f"EPSG:{self.data.grid.zone.epsg}"
+
+
+def flown_from(
+    folder: Path,
+    plan: FlightPlan,
+    setting: Setting,
+    data: MapData,
+    values: Mapping[str, Any],
+    log: FlightLog,
+) -> Flown:
+    """A flight, its figures dated."""
+    calendar = Calendar.of_flight(plan)
+    values = dated(values, data, setting.mission.detector.share, calendar)
+    return Flown(folder, plan, setting, data, values, log, calendar)
+
+
+def dated(values: Mapping[str, Any], data: MapData, share: float, when: Calendar) -> dict[str, Any]:
+    """A summary with the extent of the region, dates, coordinates and version."""
+    return {
+        **values,
+        **extent(data, share).figures(),
+        "begun_utc": when.utc(0.0),
+        "ended_utc": when.utc(data.t_s),
+        "crs": f"EPSG:{data.grid.zone.epsg}",
+        "version": __version__,
+    }

@@ -1,0 +1,79 @@
+"""report.html: a page without a script, that loads nothing; what comes from outside is escaped."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
+
+from uavmap import __version__
+from uavmap.printable import printable
+from uavmap.results.boundary_told import BoundaryTold, read_boundary
+from uavmap.results.flown import Flown
+from uavmap.results.report import facts
+from uavmap.results.report.kept_pictures import boundary_frames
+from uavmap.results.report.map_drawing import draw_map
+from uavmap.results.report.timeline import draw_timeline, minutes
+
+_TEMPLATE: Final = "page.html"
+
+
+def encode(flown: Flown) -> bytes:
+    """The page."""
+    boundary = read_boundary(flown.folder, flown.data)
+    return _template().render(_told(flown, boundary)).encode(errors="xmlcharrefreplace")
+
+
+@lru_cache(maxsize=1)
+def _template() -> Template:
+    # names of templates do not end in .html where somebody renames one: escape in every case
+    environment = Environment(
+        loader=PackageLoader("uavmap.results.report", ""),
+        autoescape=select_autoescape(default=True, default_for_string=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(_TEMPLATE)
+
+
+def _told(flown: Flown, boundary: BoundaryTold | None) -> dict[str, Any]:
+    """What the template shows."""
+    judged, missing = facts.certificate(flown, boundary)
+    troubles, more = facts.trouble_rows(flown)
+    calendar, data = flown.calendar, flown.data
+    mission = flown.setting.mission
+    return {
+        "mission": printable(data.mission),
+        "finding": printable(str(flown.values.get("finding", ""))),
+        "completed": flown.completed,
+        "recorded": flown.recorded,
+        "simulated": flown.simulated,
+        "begun": calendar.told(0.0),
+        "ended": calendar.told(data.t_s),
+        "lasted": minutes(data.t_s),
+        "crs": flown.crs,
+        "zone": f"{data.grid.zone.number}{'S' if data.grid.zone.south else 'N'}",
+        "drift_m_s": data.grid.drift_speed_m_s,
+        "map": draw_map(flown, boundary),
+        "extent": facts.extent_facts(flown, boundary),
+        "judged": judged,
+        "missing": missing,
+        "truth": facts.truth_facts(flown),
+        "flight": facts.flight_facts(flown),
+        "timeline": draw_timeline(flown),
+        "sorties": facts.sortie_rows(flown),
+        "troubles": troubles,
+        "more_troubles": more,
+        "notes": facts.notes(flown),
+        "frames": boundary_frames(flown, boundary),
+        "calendar": calendar,
+        "settings": facts.settings(flown),
+        "strategy": mission.strategy,
+        "vehicles": len(mission.vehicles),
+        "seed": flown.plan.seed if flown.simulated else None,
+        "driver": flown.plan.driver,
+        "flown_by": printable(flown.plan.version),
+        "written_by": __version__,
+    }
