@@ -43,8 +43,6 @@ class Timeline:
 
     def add(self, t_s: float, delta: Delta) -> None:
         """The next delta; mission times do not fall."""
-        if delta["since"] != self._newest.version:  # a snapshot after a gap is a key in any case
-            delta = {**delta, "since": 0}
         self._newest.apply(delta)
         if len(self._times) % KEY_EVERY == 0:
             self._keys.append(self._newest.since(0))

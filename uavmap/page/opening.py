@@ -34,7 +34,7 @@ def opened(wishes: Wishes, config: Words, say: Callable[[str], None]) -> Iterato
         wishes: How it is served.
         config: What it shows: `title`; `steers`, whether there are buttons; `why` there are none;
             `timeline`, whether earlier times can be looked at; `frames`, the folder of the
-            pictures; `pictures`, why there are none; `past`, whether nothing will come.
+            pictures; `pictures`, why there are none.
         say: Takes lines for the operator.
 
     Raises:

@@ -253,7 +253,7 @@ class Visitor:
         self._show_buttons(self._hub.board)
         self._listed = sorted(board.vehicles)
         link = {
-            "live": not (self._at_s or self._hub.ended or self._config.get("past")),
+            "live": self._at_s is None and not self._hub.ended,
             "text": self._hub.ended,
             "pictures": self._config.get("pictures", ""),
         }

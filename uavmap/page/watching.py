@@ -205,7 +205,7 @@ class Watcher:
         board.set_field("frames", [self._judged, self._lost])
         board.set_field("paused", state.paused)
         board.set_field("recalled", state.recalled)
-        board.set_field("over", state.over and not self._recorded)
+        board.set_field("over", state.over or self._recorded)
         board.set_field("completed", state.completed)
 
     def _show_figures(self) -> None:
