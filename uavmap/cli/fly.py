@@ -202,8 +202,7 @@ def run(options: argparse.Namespace) -> int:
     code, summary = 0, None
     try:
         before = None if options.sim else preflight
-        beside = page_beside(options, mission.name, folder, progress, simulated=options.sim)
-        with beside as (heard, seen):
+        with page_beside(options, plan, folder, progress) as (heard, seen):
             summary = fly(
                 plan, folder, heard, before, keep_frames=options.keep_frames, onlooker=seen
             )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.errors import JournalError
-from uavmap.cli.page_options import add_host_option, port
+from uavmap.cli.page_options import add_common_options, port
 from uavmap.fly.progress import Terminal
 from uavmap.page.address import PORT
 from uavmap.page.following import Follower
@@ -21,6 +21,7 @@ _EXAMPLES = f"""\
 examples:
   uavmap watch results/field-1                      a flight under way, or one of the past
   uavmap watch results/field-1 --port 0             on any port that is free (default {PORT})
+  uavmap watch results/field-1 --tiles area.mbtiles  over a map from a file
   uavmap watch results/field-1 --page-host 0.0.0.0  for a phone in the same network
 
 It reads the journal in the folder and changes nothing; a flight under way does not notice it. There
@@ -45,7 +46,7 @@ def add_parser(commands: Any) -> None:
         default=PORT,
         help=f"serve the page on this port (default {PORT}), 0 for any that is free",
     )
-    add_host_option(parser)
+    add_common_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -54,7 +55,8 @@ def run(options: argparse.Namespace) -> int:
     folder, say = Path(options.folder), Terminal().say
     if not folder.is_dir():
         raise JournalError(f"{folder}: there is no such folder; name the results of a flight")
-    follower = Follower(JournalReader(folder / JOURNAL))
+    tiles = Path(options.tiles) if options.tiles else None
+    follower = Follower(JournalReader(folder / JOURNAL), tiles)
     config = {
         "title": follower.title,
         "steers": False,

@@ -80,13 +80,16 @@ class Feed:
         """Whether it has taken nearly everything that it was told."""
         return not self._dead and self._messages.qsize() <= 1
 
-    def put(self, words: Words, data: bytes = b"") -> bool:
-        """Tell it something, unless too much waits; whether it is told."""
+    def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
+        """Tell it something, unless too much waits; whether it is told.
+
+        `wait_s`: for who has nothing else to do, how long to wait for room, real seconds.
+        """
         if self._dead:
             self._tell()
             return False
         try:
-            self._messages.put_nowait(packed(words, data))
+            self._messages.put(packed(words, data), wait_s > 0.0, wait_s or None)
         except queue.Full:
             return False
         return True

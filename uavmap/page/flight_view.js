@@ -582,6 +582,8 @@ export default {
       const image = new Image();
       image.onload = () => {
         if (this.map.board.fields.picture !== picture) return; // a newer one is under way
+        const yes = picture.cells.filter((cell) => cell[8]).length;
+        this.caption = `vehicle ${picture.vehicle} at ${clock(picture.t_s)}: ${yes} of ${picture.cells.length} cells look like region`;
         const canvas = this.$refs.picture;
         const width = (canvas.width = image.naturalWidth);
         const height = (canvas.height = image.naturalHeight);
@@ -599,8 +601,6 @@ export default {
           }
       };
       image.src = "picture/" + encodeURIComponent(picture.id);
-      const yes = picture.cells.filter((cell) => cell[8]).length;
-      this.caption = `vehicle ${picture.vehicle} at ${clock(picture.t_s)}: ${yes} of ${picture.cells.length} cells look like region`;
     },
   },
 };

@@ -13,7 +13,10 @@ from missions.events import Event, FrameSeen
 from missions.mapping.evidence import Evidence
 from missions.state import Setting, State
 from missions.step import step
+from uavmap.offline.rasters import ORTHO
+from uavmap.page.background import of_mosaic, of_tiles
 from uavmap.page.feed import Feed
+from uavmap.page.live import tell_scene
 from uavmap.page.marks import marks_of
 from uavmap.page.scene import scene_of
 from uavmap.page.watching import Watcher
@@ -40,16 +43,21 @@ _UNMATCHED: Final = 64
 class Follower:
     """Tells a page what a journal holds, and what is added to it.
 
-    Raises `JournalError` for a folder without a journal, `MissionFileError` for a mission that this
-    program does not fly.
+    `tiles`: an MBTiles file to lie under the map; else the mosaic in the folder does. Raises
+    `MissionFileError` for a mission that this program does not fly, `OutputError` for the tiles.
     """
 
-    def __init__(self, reader: JournalReader) -> None:
+    def __init__(self, reader: JournalReader, tiles: Path | None = None) -> None:
         self._reader = reader
         self._folder = reader.path.parent
         self.recorded = "replay" in reader.meta
         plan = FlightPlan.read(reader)
         self.setting = Setting.of(plan.mission())
+        self._background = (
+            of_mosaic(self._folder / ORTHO, self.setting)
+            if tiles is None
+            else of_tiles(tiles, self.setting)
+        )
         self._pictures = Pictures(self._folder, self.setting)
         self._evidence: Evidence | None = None
         self._version = 0
@@ -66,7 +74,8 @@ class Follower:
             self._evidence = Evidence()
         state = State.initial(self.setting)
         watcher = Watcher(self.setting, state, recorded=self.recorded, evidence=self._evidence)
-        feed.put({"kind": "scene", "scene": scene_of(self.setting, recorded=self.recorded)})
+        scene = scene_of(self.setting, self._background, recorded=self.recorded)
+        tell_scene(feed, scene, self._background)
         step_s = max(STEP_S, self._reader.last_s / MOST_STEPS)
         due_s = float("-inf")
         while True:
@@ -96,10 +105,9 @@ class Follower:
         delta = board.since(self._version)
         if delta["v"] == self._version:
             return
-        while not feed.put({"kind": "delta", "delta": delta}):
+        while not feed.put({"kind": "delta", "delta": delta}, wait_s=LOOK_S):
             if feed.dead:
                 raise OutputError(GONE)
-            time.sleep(LOOK_S)
         self._version = delta["v"]
 
 

@@ -18,6 +18,7 @@ from missions.events import Event, FrameSeen
 from missions.state import Setting, State
 from uavmap.fly.onlooker import Steered
 from uavmap.fly.progress import Progress
+from uavmap.page.background import Background
 from uavmap.page.feed import Feed
 from uavmap.page.marks import marks_of
 from uavmap.page.orders import carry_out
@@ -47,12 +48,14 @@ class FlightPage:
         inner: Progress,
         *,
         simulated: bool,
+        background: Background | None = None,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._feed = feed
         self._inner = inner
         self._hands_off = SIMULATED if simulated else NOT_YET
         self._now_s = now_s
+        self._background = background
         self._watcher: Watcher | None = None
         self._said: list[str] = []
         """What was said before there was a board."""
@@ -80,7 +83,7 @@ class FlightPage:
         with self._harmless():
             self._watcher = Watcher(setting, State.initial(setting), words=False, now_s=self._now_s)
             self._watcher.board.set_field("hands_off", self._hands_off)
-            self._feed.put({"kind": "scene", "scene": scene_of(setting)})
+            tell_scene(self._feed, scene_of(setting, self._background), self._background)
             for text in self._said:
                 self._watcher.say(text)
             self._show()
@@ -195,3 +198,10 @@ class FlightPage:
                 f"the live page has failed ({type(failure).__name__}: {failure}); the flight goes "
                 "on without it"
             )
+
+
+def tell_scene(feed: Feed, scene: Words, background: Background | None) -> None:
+    """Tell a page what does not change, what lies under the map first."""
+    if background is not None:
+        feed.put({"kind": "background"}, background.jpeg)
+    feed.put({"kind": "scene", "scene": scene})

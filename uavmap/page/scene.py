@@ -8,6 +8,7 @@ from typing import Any, Final
 from missions.mission_file.schema import positions
 from missions.state import Setting
 from missions.units import LatLon
+from uavmap.page.background import Background
 from uavmap.results.model import State
 from uavmap.results.palette import STATES as COLOURS
 from uavmap.results.palette import TRACKS
@@ -26,8 +27,10 @@ _NAMES: Final[dict[State, str]] = {
 }
 
 
-def scene_of(setting: Setting, *, recorded: bool = False) -> dict[str, Any]:
-    """The scene of a mission, for JSON.
+def scene_of(
+    setting: Setting, background: Background | None = None, *, recorded: bool = False
+) -> dict[str, Any]:
+    """The scene of a mission, for JSON, with what lies under its map.
 
     Points are metres east and north in the grid's fixed frame; cells are in the moving one, which
     drifts with `drift_m_s`. The two are the same at mission time 0.
@@ -52,5 +55,6 @@ def scene_of(setting: Setting, *, recorded: bool = False) -> dict[str, Any]:
         "states": [
             [_NAMES[state], "#{:02x}{:02x}{:02x}".format(*COLOURS[state])] for state in STATES
         ],
+        "background": None if background is None else background.place,
         "tracks": ["#{:02x}{:02x}{:02x}".format(*colour) for colour in TRACKS],
     }

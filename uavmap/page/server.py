@@ -213,7 +213,9 @@ class Visitor:
             if self._at_s >= last_s:
                 self._playing, self._at_s = False, None
         self._play.set_text("Stop" if self._playing else "Play")
-        self._slider.props(f"min={first_s} max={last_s}")
+        if (self._slider.props["min"], self._slider.props["max"]) != (first_s, last_s):
+            self._slider.props["min"], self._slider.props["max"] = first_s, last_s
+            self._slider.update()
         at_s = last_s if self._at_s is None else self._at_s
         if self._slider.value != at_s:
             self._slider.set_value(at_s)

@@ -30,14 +30,15 @@ def time_left(setting: Setting, state: State) -> dict[str, Any]:
             "what": f"{left_m:.0f} m of search lanes",
             "about_s": round(left_m / speed_m_s / team),
         }
-    cells = [cell for cell, vertex in state.tree.vertices.items() if not vertex.looked]
-    open_cells = [c for c in cells if c not in state.abandoned and c not in state.skipped]
+    known = [cell for cell, vertex in state.tree.vertices.items() if not vertex.looked]
+    open_cells = [c for c in known if c not in state.abandoned and c not in state.skipped]
     if setting.nonstop:
         footprint = setting.mission.camera.optics.footprint(setting.mission.altitude_m(0))
         each_s = setting.grid.cell_m**2 / footprint.short_m / speed_m_s
     else:
         each_s = setting.look_s + setting.energy.leg_s(setting.grid.cell_m)
+    cells = "1 known cell" if len(open_cells) == 1 else f"{len(open_cells)} known cells"
     return {
-        "what": f"{len(open_cells)} known cells to look from",
-        "about_s": round(len(open_cells) * each_s / team),
+        "what": f"{cells} to look from",
+        "about_s": round(len(open_cells) * each_s / team) or None,
     }

@@ -1,0 +1,149 @@
+"""A page beside a flight: it is told everything, and never ends or changes the flight."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from missions.events import from_json
+from missions.state import State
+from missions.step import step
+from tests.golden.recording import STOPS
+from uavmap.fly.flight import fly
+from uavmap.fly.progress import Silent
+from uavmap.mission_source import load_source
+from uavmap.page.board import Board
+from uavmap.page.live import SIMULATED, FlightPage
+from uavmap.page.pipe import Words
+from uavmap.page.scene import STATES
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.journal import Journal
+
+MISSION = str(Path(__file__).parents[3] / "data" / "speck.toml")
+
+
+BROKEN = (
+    "the live page has failed (RuntimeError: the page is broken); the flight goes on without it"
+)
+
+
+class Told(Silent):
+    """Remembers what the operator was told."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def say(self, text: str) -> None:
+        self.lines.append(text)
+
+
+class Feed:
+    """A page's process that takes what it is told, or breaks at some message."""
+
+    orders_file = -1
+
+    def __init__(self, breaks_at: int = 10**9) -> None:
+        self.told: list[tuple[Words, bytes]] = []
+        self.dead = False
+        self._asked = 0
+        self._breaks_at = breaks_at
+
+    def put(self, words: Words, data: bytes = b"") -> bool:
+        if len(self.told) >= self._breaks_at:
+            raise RuntimeError("the page is broken")
+        self.told.append((json.loads(json.dumps(words)), data))
+        return True
+
+    @property
+    def idle(self) -> bool:
+        """It is busy now and then."""
+        self._asked += 1
+        return self._asked % 5 != 0
+
+    def orders(self) -> list[Words]:
+        return []
+
+
+def flown(folder: Path, page: FlightPage | None) -> list[str]:
+    """The journal of a simulated flight."""
+    source = load_source(MISSION)
+    plan = FlightPlan(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
+    fly(plan, folder, page or Silent(), onlooker=page)
+    with Journal.open(folder / JOURNAL) as journal:
+        return journal.bodies()
+
+
+def ticking() -> Any:
+    """A clock that goes on by 0.07 s each time that it is asked."""
+    times = iter(range(10**9))
+    return lambda: 0.07 * next(times)
+
+
+def test_the_page_is_told_the_flight_and_neither_changes_nor_ends_it(tmp_path: Path) -> None:
+    """The same flight twice, beside a page that works and beside one that breaks soon."""
+    told, broken = Told(), Feed(20)
+    page = FlightPage(cast(Any, broken), told, simulated=True, now_s=ticking())
+    bodies = flown(tmp_path / "broken", page)
+    page.close("the flight is over")
+    assert [line for line in told.lines if "live page" in line] == [BROKEN]
+    feed: Any = Feed()
+    page = FlightPage(feed, Silent(), simulated=True, now_s=ticking())
+    assert flown(tmp_path, page) == bodies
+    page.close("the flight is over")
+    kinds = [words["kind"] for words, _ in feed.told]
+    assert (kinds[0], kinds[-1]) == ("scene", "ended")
+    board = Board()
+    for words, _ in feed.told:
+        if words["kind"] == "delta":
+            board.apply(words["delta"])
+    roi = json.loads((tmp_path / "summary.json").read_text())["cells_roi"]
+    codes = [STATES[code] for code in board.cells.values()]
+    assert codes.count("explored") == roi == board.field("roi")
+    assert board.field("hands_off") != ""
+    assert board.field("picture")["cells"]
+    shown = [data for words, data in feed.told if words["kind"] == "picture"]
+    assert shown
+    assert kinds.count("delta") > 20
+
+
+def told_of(feed: Any, told: Told) -> FlightPage:
+    """A page that has heard of a recorded flight."""
+    setting, page = STOPS.setting(), FlightPage(feed, told, simulated=True, now_s=ticking())
+    state = State.initial(setting)
+    page.begin(setting, again=False)
+    for line in STOPS.lines():
+        state, _ = step(setting, state, event := from_json(line))
+        page.update(event, state, 0)
+    page.end()
+    return page
+
+
+@pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
+def test_whenever_it_fails_it_is_told_once(breaks_at: int) -> None:
+    told = Told()
+    page = told_of(Feed(breaks_at), told)
+    page.say("something else")
+    page.close("the flight is over")
+    assert told.lines == [BROKEN, "something else"]
+
+
+def test_a_page_that_never_reads_is_told_nothing_more() -> None:
+    class Full(Feed):
+        idle = property(lambda self: False)
+
+    feed = Full()
+    told_of(feed, Told())
+    assert [words["kind"] for words, _ in feed.told] == [
+        "scene",
+        "delta",
+    ]  # the last one, at the end
+
+
+def test_a_simulated_flight_takes_no_orders() -> None:
+    feed = Feed()
+    told_of(feed, Told())
+    (first, *_) = [words["delta"] for words, _ in feed.told if words["kind"] == "delta"]
+    assert first["fields"]["hands_off"] == SIMULATED
