@@ -6,6 +6,7 @@ With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page th
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import queue
 import re
@@ -13,6 +14,9 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import pytest
+from PIL import Image
 
 from tests.browser import browser, need_browser
 from tests.e2e.rig import (
@@ -77,8 +81,10 @@ class Page:
         wait_until(lambda: bool(self.shows(script)), script)
 
     def picture(self, name: str) -> None:
+        """A picture for the documentation, small enough to be kept with it."""
         if FOLDER:
-            self.driver.save_screenshot(str(Path(FOLDER) / name))
+            with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as image:
+                image.convert("RGB").quantize(128).save(Path(FOLDER) / name, optimize=True)
 
 
 def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: Path) -> None:
@@ -127,6 +133,23 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: P
     assert code == 3
     kinds = [event["kind"] for event in events(folder, "paused", "continued", "recalled")]
     assert kinds == ["paused", "continued", "recalled"]
+
+
+def test_pictures_for_the_documentation(tmp_path: Path) -> None:
+    if not FOLDER:
+        pytest.skip("UAVMAP_PICTURES=FOLDER asks for the pictures of docs/page.md")
+    need_browser()
+    flight = ["fly", "runway", "--sim", "--vehicles", 2, "--speedup", 10, "--page", 0]
+    with (
+        with_page(*flight, "--out", tmp_path / "out") as (process, url),
+        browser(1180, 860) as driver,
+    ):
+        page = Page(driver)
+        driver.get(url)
+        page.wait("flightMap.board.fields.roi > 90 && flightMap.board.fields.picture")
+        page.wait("document.querySelector('.flight-picture figcaption').textContent")
+        page.picture("page.png")
+        assert process.wait() == 0
 
 
 def test_what_cannot_be_watched_is_said_in_a_line(tmp_path: Path) -> None:

@@ -563,7 +563,7 @@ export default {
         rows.push(["pictures judged", f.frames[0] + (f.frames[1] ? ", " + f.frames[1] + " lost" : "")]);
       const c = f.certificate;
       if (c && c.lower_bound_s) {
-        rows.push(["exploration so far", clock(c.exploration_s)]);
+        rows.push(["exploration up to " + clock(c.t_s), clock(c.exploration_s)]);
         rows.push(["nobody can be faster than", clock(c.lower_bound_s)]);
         if (c.ratio) rows.push(["ratio of the two", c.ratio.toFixed(2)]);
         if (c.bound_s) rows.push(["the strategy's bound", clock(c.bound_s)]);

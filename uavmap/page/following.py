@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -73,7 +74,9 @@ class Follower:
         if self.recorded and any(event.kind == "weighed" for event in events):
             self._evidence = Evidence()
         state = State.initial(self.setting)
-        watcher = Watcher(self.setting, state, recorded=self.recorded, evidence=self._evidence)
+        watcher = Watcher(
+            self.setting, state, recorded=self.recorded, evidence=self._evidence, dear_s=math.inf
+        )
         scene = scene_of(self.setting, self._background, recorded=self.recorded)
         tell_scene(feed, scene, self._background)
         step_s = max(STEP_S, self._reader.last_s / MOST_STEPS)

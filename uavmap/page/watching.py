@@ -7,6 +7,7 @@ so seldom that they take a small share of the time.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -44,12 +45,15 @@ from uavmap.results.counting import LIFT_OFF_M, Counter
 from uavmap.results.figures import figures_of, finding
 from uavmap.results.write_results import cell_state, weighed_state
 
-MOST_CELLS: Final = 800
-"""A refresh looks at no more cells of the tree, and the next one goes on from there."""
+MOST_CELLS: Final = 100
+"""A refresh looks at no more cells of the tree, and the next one goes on from there: what the
+pictures changed is looked at at once, and this finds what else has."""
 FIGURES_S: Final = 5.0
-"""The certificate is reckoned no more often, seconds of the clock."""
+"""The certificate and the time left are reckoned no more often, seconds of the clock."""
 FIGURES_SHARE: Final = 0.005
-"""... nor so often that it takes a larger share of the time."""
+"""... nor so often that they take a larger share of the time."""
+DEAR_S: Final = 0.02
+"""A certificate that takes longer, of a large region, is reckoned next when the flight is over."""
 STEP_M: Final = 0.5
 """Points of a track lie no closer."""
 _LEVELS: Final = {0: "grave", 1: "grave", 2: "grave", 3: "grave", 4: "warning"}
@@ -66,6 +70,7 @@ class Watcher:
         recorded: Whether the pictures were recorded, and nobody flies.
         evidence: Where recorded pictures are weighed.
         words: Whether what vehicles say goes into the log: not where somebody tells it anyway.
+        dear_s: How long a certificate may take, seconds of the clock, to be reckoned again.
         now_s: A clock, seconds.
     """
 
@@ -77,6 +82,7 @@ class Watcher:
         recorded: bool = False,
         evidence: Evidence | None = None,
         words: bool = True,
+        dear_s: float = DEAR_S,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.board = Board()
@@ -85,6 +91,7 @@ class Watcher:
         self._recorded = recorded
         self._evidence = evidence
         self._words = words
+        self._dear_s = dear_s
         self._now_s = now_s
         self._counter = Counter(state.vehicles)
         self._marked: dict[Cell, None] = {}
@@ -94,7 +101,7 @@ class Watcher:
         self._seen: FrameSeen | None = None
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
-        self._figures_due_s = float("-inf")
+        self._due_s = self._certificate_due_s = float("-inf")
 
     # --- events ----------------------------------------------------------------------------
     def take_in(self, event: Event, state: State) -> None:
@@ -149,10 +156,12 @@ class Watcher:
     # --- the board -------------------------------------------------------------------------
     def refresh(self, *, whole: bool = False) -> bool:
         """Bring the board up to date; whether anything changed. `whole`: however much it is."""
-        for cell in self._marked:
-            self._show(cell)
-        self._marked.clear()
         tree = self.state.tree
+        for cell in self._marked:
+            at: Cell | None = cell
+            while at is not None and self._show(at):  # what is found below changes those above
+                at = tree.parent(at) if tree is not None and at in tree else None
+        self._marked.clear()
         if tree is not None and tree is not self._tree and not self._waiting:
             self._tree = tree
             self._waiting.extend(tree.vertices)
@@ -166,16 +175,22 @@ class Watcher:
             if not self._recorded:
                 self.board.set_vehicle(number, self._record(vehicle))
         self._show_fields()
-        if whole or self._now_s() >= self._figures_due_s:
-            self._show_figures()
+        if whole or self._now_s() >= self._due_s:
+            self._due_s = self._paced(self._show_left)
+        if whole or self._now_s() >= self._certificate_due_s:
+            self._certificate_due_s = self._paced(self._show_certificate, self._dear_s)
         return self.board.commit()
 
-    def _show(self, cell: Cell) -> None:
+    def _show(self, cell: Cell) -> bool:
+        """Put a cell on the board; whether it is another than before."""
         if self._evidence is None:
             state = cell_state(cell, self.state, recorded=self._recorded)
         else:
             state = weighed_state(cell, self._evidence, self.setting.mission.detector.share)
-        self.board.set_cell((cell.east, cell.north), _CODES[state])
+        place, code = (cell.east, cell.north), _CODES[state]
+        changed = self.board.cell(place) != code
+        self.board.set_cell(place, code)
+        return changed
 
     def _record(self, vehicle: VehicleState) -> dict[str, Any]:
         energy = self.setting.energy
@@ -208,26 +223,38 @@ class Watcher:
         board.set_field("over", state.over or self._recorded)
         board.set_field("completed", state.completed)
 
-    def _show_figures(self) -> None:
-        """The certificate and the time left: dear, so they are paced by what they cost."""
+    def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
+        """Do what is dear; when it may be done again, by what it cost."""
         begin_s = self._now_s()
+        show()
+        cost_s = self._now_s() - begin_s
+        if cost_s > dear_s:
+            return math.inf
+        return begin_s + max(FIGURES_S, cost_s / FIGURES_SHARE)
+
+    def _show_left(self) -> None:
+        """What is known, and the time that is left."""
         state, board = self.state, self.board
+        board.set_field("finding", finding(state))
         if not self._recorded:
-            found = figures_of(self.setting, state, self._counter)
-            board.set_field(
-                "certificate",
-                {
-                    "exploration_s": found.exploration_s,
-                    "lower_bound_s": found.lower_bound_s,
-                    "ratio": found.ratio,
-                    "bound_s": found.bound_makespan_s,
-                },
-            )
             board.set_field("left", time_left(self.setting, state))
             board.set_field("known", cells_known(state))
-        board.set_field("finding", finding(state))
-        cost_s = self._now_s() - begin_s
-        self._figures_due_s = begin_s + max(FIGURES_S, cost_s / FIGURES_SHARE)
+
+    def _show_certificate(self) -> None:
+        """The exploration between its bounds, as far as it has come."""
+        if self._recorded or self.state.tree is None:
+            return
+        found = figures_of(self.setting, self.state, self._counter)
+        self.board.set_field(
+            "certificate",
+            {
+                "exploration_s": found.exploration_s,
+                "lower_bound_s": found.lower_bound_s,
+                "ratio": found.ratio,
+                "bound_s": found.bound_makespan_s,
+                "t_s": round(self.state.t_s, 1),
+            },
+        )
 
 
 def _ordered(event: Event) -> str:

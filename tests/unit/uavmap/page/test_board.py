@@ -26,7 +26,7 @@ Change = Callable[[Board], None]
 
 
 @given(st.lists(st.tuples(st.lists(changes, max_size=8), st.booleans()), max_size=12))
-@settings(max_examples=30)
+@settings(max_examples=25)
 def test_deltas_add_up_to_the_snapshot(turns: list[tuple[list[Change], bool]]) -> None:
     """A browser that is told at once, one that is told now and then, and one that comes late."""
     board, quick, slow = Board(), Board(), Board()
@@ -76,8 +76,8 @@ def test_a_delta_after_a_gap_is_refused() -> None:
         Board().apply(board.since(2))
 
 
-@given(st.lists(st.lists(changes, max_size=4), min_size=1, max_size=100), st.integers(0, 120))
-@settings(max_examples=25)
+@given(st.lists(st.lists(changes, max_size=4), min_size=1, max_size=60), st.integers(0, 80))
+@settings(max_examples=12)
 def test_a_timeline_has_every_time(turns: list[list[Change]], at: int) -> None:
     board, timeline, then = Board(), Timeline(), []
     for t, several in enumerate(turns):
