@@ -45,8 +45,9 @@ def busy() -> tuple[Setting, State]:
             cell = Cell(east, north)
             parent = Cell(east, north - 1) if north else Cell(east - 1, 0) if east else None
             vertices[cell] = Vertex(parent, east + north, looked=north < SIDE // 2)
-            for t_s in range(3):
-                belief = belief.with_frame(cell, FrameId(1, float(t_s)), {cell: True})
+            verdicts = dict.fromkeys(cell.cross(), True)
+            for t_s in range(5):
+                belief = belief.with_frame(cell, FrameId(1, t_s + 1.0), verdicts)
     vehicles = {
         number: replace(vehicle, phase=Phase.AIRBORNE, landed=False, remaining_wh=40.0)
         for number, vehicle in state.vehicles.items()

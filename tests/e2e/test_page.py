@@ -84,7 +84,8 @@ class Page:
         """A picture for the documentation, small enough to be kept with it."""
         if FOLDER:
             with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as image:
-                image.convert("RGB").quantize(128).save(Path(FOLDER) / name, optimize=True)
+                image.thumbnail((900, 900))
+                image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)
 
 
 def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: Path) -> None:
@@ -115,7 +116,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: P
             page.wait("flightMap.board.version && flightMap.frames")
             width = driver.execute_script("return document.documentElement.scrollWidth")
             assert width <= driver.execute_script("return window.innerWidth") <= 400
-            page.picture("page-phone.png")
+            page.picture("page-phone.jpg")
             driver.close()
             driver.switch_to.window(first)
             driver.set_window_size(1280, 800)
@@ -142,13 +143,13 @@ def test_pictures_for_the_documentation(tmp_path: Path) -> None:
     flight = ["fly", "runway", "--sim", "--vehicles", 2, "--speedup", 10, "--page", 0]
     with (
         with_page(*flight, "--out", tmp_path / "out") as (process, url),
-        browser(1180, 860) as driver,
+        browser(1180, 880) as driver,
     ):
         page = Page(driver)
         driver.get(url)
         page.wait("flightMap.board.fields.roi > 90 && flightMap.board.fields.picture")
         page.wait("document.querySelector('.flight-picture figcaption').textContent")
-        page.picture("page.png")
+        page.picture("page.jpg")
         assert process.wait() == 0
 
 

@@ -16,8 +16,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
+import uavmap
 from missions.errors import OutputError
 from uavmap.page.pipe import Lines, Words, packed
 
@@ -27,6 +29,13 @@ END_S: Final = 3.0
 """Real seconds in which its process takes in what it was told last, and ends."""
 WAITING: Final = 8
 """So many messages may wait to be written."""
+
+
+def _environment() -> dict[str, str]:
+    """The environment in which the page's process finds this very program."""
+    here = str(Path(uavmap.__file__).parents[1])
+    paths = [here, *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 class Feed:
@@ -42,7 +51,9 @@ class Feed:
         self._dead = self._told = False
         self._complaint = b""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "uavmap.page.child"],
+            # -P: a folder `missions` where somebody works must not be taken for ours
+            [sys.executable, "-P", "-m", "uavmap.page.child"],
+            env=_environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -71,7 +82,6 @@ class Feed:
                 self._listener.join(END_S)
                 why = self._last_words() or f"its process ended with {self._process.returncode}"
                 break
-        self.close()
         raise OutputError(f"the live page does not begin: {why}")
 
     # --- there -----------------------------------------------------------------------------

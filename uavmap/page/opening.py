@@ -45,8 +45,8 @@ def opened(wishes: Wishes, config: Words, say: Callable[[str], None]) -> Iterato
     url, served = address.url, {"token": address.token, "port": address.port}
     with address.listening:  # the page's process has its own from then on
         feed = Feed({**config, **served}, address.listening, say)
-    feed.wait_ready()
     try:
+        feed.wait_ready()
         say(f"live page: {url}")
         if wishes.host != LOOPBACK:
             say("live page: whoever reaches this computer and has the token can give orders there")

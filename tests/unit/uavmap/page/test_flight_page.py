@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import os
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,7 +20,7 @@ from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
 from uavmap.page.board import Board
 from uavmap.page.live import SIMULATED, FlightPage
-from uavmap.page.pipe import Words
+from uavmap.page.pipe import Lines, Words
 from uavmap.page.scene import STATES
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
@@ -35,9 +37,12 @@ class Told(Silent):
 
     def __init__(self) -> None:
         self.lines: list[str] = []
+        self.heard: asyncio.Queue[str] | None = None
 
     def say(self, text: str) -> None:
         self.lines.append(text)
+        if self.heard is not None:
+            self.heard.put_nowait(text)
 
 
 class Feed:
@@ -137,3 +142,64 @@ def test_a_simulated_flight_takes_no_orders() -> None:
     told_of(feed, Told())
     (first, *_) = [words["delta"] for words, _ in feed.told if words["kind"] == "delta"]
     assert first["fields"]["hands_off"] == SIMULATED
+
+
+class Steered:
+    """A service that notes what it is asked for."""
+
+    flying = True
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def pause(self) -> bool:
+        self.asked.append("pause")
+        return True
+
+    def go_on(self) -> bool:
+        raise RuntimeError("a defect")
+
+
+def test_orders_reach_the_service_while_it_flies_and_not_before_or_after() -> None:
+    read, write = os.pipe()
+    os.set_blocking(read, False)
+    lines, service = Lines(), Steered()
+
+    class Piped(Feed):
+        orders_file = read
+
+        def orders(self) -> list[Words]:
+            try:
+                return lines.of(os.read(read, 1000))
+            except BlockingIOError:
+                return []
+
+    def ask(order: str) -> None:
+        os.write(write, json.dumps({"do": order, "id": "7"}).encode() + b"\n")
+
+    feed, told = Piped(), Told()
+    page = FlightPage(cast(Any, feed), told, simulated=False)
+    page.begin(STOPS.setting(), again=False)
+
+    async def flight() -> None:
+        ask("pause")  # before anybody could fly: forgotten
+        told.heard = heard = asyncio.Queue()
+        with page.hand(cast(Any, service), told.say):
+            await asyncio.sleep(0.01)
+            assert service.asked == []
+            ask("pause")
+            await heard.get()
+            ask("continue")  # and what fails in there ends the page only
+            await heard.get()
+        ask("pause")
+        await asyncio.sleep(0.01)
+
+    asyncio.run(flight())
+    assert service.asked == ["pause"]
+    assert told.lines[0] == "page: paused: everybody holds"
+    assert {"kind": "answer", "id": "7", "text": "paused: everybody holds"} in [
+        words for words, _ in feed.told
+    ]
+    assert "a defect" in told.lines[1]
+    os.close(read)
+    os.close(write)

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import os
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from missions.errors import JournalError
-from missions.events import from_json
+from missions.events import FrameSeen, Vote, from_json
+from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
+from uavmap.cli import main, watch
 from uavmap.mission_source import load_source
+from uavmap.page import following
 from uavmap.page.board import Board
-from uavmap.page.following import WATCHES, Follower
+from uavmap.page.following import WATCHES, Follower, Pictures
+from uavmap.page.opening import Wishes
 from uavmap.page.pipe import Words
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.frames import FrameKeeper, KeptFrame
 from uavmap.record.journal import Journal
 from uavmap.record.reading import JournalReader
 from uavmap.results.figures import figures
@@ -145,3 +154,57 @@ def test_a_damaged_event_and_an_exchanged_journal_are_said(tmp_path: Path) -> No
         database.commit()
     with pytest.raises(JournalError, match="event 2 cannot be read"):
         JournalReader(tmp_path / JOURNAL).new_events()
+
+
+def test_the_command_watches_until_control_c(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the folder is as it was."""
+    with begun(tmp_path) as journal:
+        journal.append_all(from_json(line) for line in LINES)
+    before = (tmp_path / JOURNAL).read_bytes()
+    asked: list[Any] = []
+
+    class Interrupted(Feed):
+        def orders(self) -> list[Words]:  # asked for when everything is told
+            raise KeyboardInterrupt
+
+    feed = Interrupted()
+
+    @contextlib.contextmanager
+    def opened(wishes: Wishes, config: Words, say: Any) -> Iterator[Any]:
+        asked.append((wishes, config))
+        yield feed
+
+    monkeypatch.setattr(watch, "opened", opened)
+    monkeypatch.setattr(following, "LOOK_S", 0.0)
+    assert main(["watch", str(tmp_path), "--port", "9123", "--page-host", "0.0.0.0"]) == 0
+    ((wishes, config),) = asked
+    assert (wishes.port, wishes.host, wishes.option) == (9123, "0.0.0.0", "--port")
+    assert (config["steers"], config["timeline"]) == (False, True)
+    assert feed.board.field("over")
+    assert os.listdir(tmp_path) == [JOURNAL]
+    assert (tmp_path / JOURNAL).read_bytes() == before
+
+
+def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
+    """Also those that are written after their events, and with lines that are damaged."""
+    setting = STOPS.setting()
+    pictures = Pictures(tmp_path, setting)
+    seen = FrameSeen(1, 12.5, None, (Vote(Cell(0, 0), True, 0.9), Vote(Cell(1, 0), False, 0.1)))
+    pictures.note(seen)
+    assert pictures.newest() is None
+    with FrameKeeper(tmp_path, lambda text: None) as keeper:
+        down = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
+        pose = Pose(setting.mission.home, 12.0, down)
+        keeper.keep(KeptFrame("", 1, 12.5, pose, 80.0), np.zeros((24, 32, 3), np.uint8))
+    with (tmp_path / "frames" / "poses.csv").open("a") as file:
+        file.write("damaged\n")
+    pictures.note(seen)
+    found: Any = pictures.newest()
+    assert found["id"] == "1-000012.500.jpg"
+    first, second = found["cells"]
+    assert (first[8:], second[8:]) == ([1, 0.9], [0, 0.1])
+    assert sum(first[0:8:2]) / 4 == pytest.approx(0.5, abs=0.01)  # right below the camera
+    assert sum(first[1:8:2]) / 4 == pytest.approx(0.5, abs=0.01)
+    assert pictures.newest() is None
