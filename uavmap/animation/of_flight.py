@@ -14,7 +14,7 @@ from missions.state import Setting, State
 from missions.step import step
 from missions.units import Cell
 from uavmap.animation.film import Change, Film, Fix, Place, Unit
-from uavmap.results.figures import LIFT_OFF_M
+from uavmap.results.counting import LIFT_OFF_M
 from uavmap.results.model import State as CellState
 from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
 from uavmap.results.write_results import cell_state, weighed_state

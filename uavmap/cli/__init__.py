@@ -28,6 +28,7 @@ COMMANDS: Final = {
     "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
     "resume": "go on with an interrupted mission",
+    "watch": "show a flight in a browser, live or from its journal",
     "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",
     "camera": "make a device of this computer a MAVLink camera",
     "sitl": "simulated vehicles on sockets, for any MAVLink client",

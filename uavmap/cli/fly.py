@@ -21,6 +21,7 @@ from uavmap.cli.common import (
 )
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
+from uavmap.cli.page_options import add_page_options, page_beside
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.flight import fly
@@ -46,6 +47,7 @@ examples:
                         --connect udpin://0.0.0.0:14550?system=2
   uavmap fly field.toml --connect serial:///dev/ttyUSB0:57600 --forward udpout://127.0.0.1:14550
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --page         a live page in the browser
 
 In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
@@ -125,6 +127,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="keep every picture with its pose in the results, for `uavmap replay`",
     )
+    add_page_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -199,7 +202,10 @@ def run(options: argparse.Namespace) -> int:
     code, summary = 0, None
     try:
         before = None if options.sim else preflight
-        summary = fly(plan, folder, progress, before, keep_frames=options.keep_frames)
+        with page_beside(options, plan, folder, progress) as (heard, seen):
+            summary = fly(
+                plan, folder, heard, before, keep_frames=options.keep_frames, onlooker=seen
+            )
     except* NotFlownError as group:
         for over in leaves(group):
             complain(str(over))

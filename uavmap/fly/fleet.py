@@ -21,7 +21,7 @@ from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
 from uavmap.link.identity import same_aircraft
 from uavmap.record.flight_plan import FlightPlan
-from uavmap.record.frames import FrameKeeper
+from uavmap.record.frames import Keeper
 from vision.detectors import Detector
 
 LINK_LOST_WALL_S: Final = 2.0
@@ -40,7 +40,7 @@ def vehicles_of(
     crew: Crew,
     mission_time_s: Callable[[], float],
     say: Callable[[str], None],
-    keeper: FrameKeeper | None = None,
+    keeper: Keeper | None = None,
     *,
     recall: bool = False,
 ) -> dict[int, MavlinkVehicle]:

@@ -29,6 +29,7 @@ from uavmap.fly.interrupts import interrupts
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
+from uavmap.fly.onlooker import Both, Onlooker
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
@@ -36,7 +37,7 @@ from uavmap.fly.watch_over import watched_over
 from uavmap.kept_detector import drop_detector, keep_detector
 from uavmap.link.urls import parse_url
 from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, Driver, FlightPlan
-from uavmap.record.frames import FrameKeeper
+from uavmap.record.frames import FrameKeeper, Keeper
 from uavmap.record.journal import Journal
 from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
@@ -62,11 +63,13 @@ def fly(
     preflight: Preflight | None = None,
     *,
     keep_frames: bool = False,
+    onlooker: Onlooker | None = None,
 ) -> dict[str, Any]:
     """Fly a new mission into a folder; returns the summary.
 
     `preflight`: what is looked at, asked and set before real aircraft take off; a flight that is
     simulated in this process has none. `keep_frames`: whether the pictures stay in the folder.
+    `onlooker` sees the pictures, and passes the operator's orders on to real aircraft.
 
     Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
     when the operator leaves before the end.
@@ -83,7 +86,7 @@ def fly(
             journal.discard()
             raise
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
-        flight.preflight = preflight
+        flight.preflight, flight.onlooker = preflight, onlooker
         if preflight is not None and preflight.keep_fence:
             journal.put_meta(KEEP_FENCE, True)
         if keep_frames:
@@ -206,6 +209,7 @@ class _Flight:
         self.ask: Callable[[str], bool] | None = None
         """Puts a question to the operator, where there is one."""
         self.preflight: Preflight | None = None
+        self.onlooker: Onlooker | None = None
         self.recall = False
         """Whether whoever is in the air is only brought home."""
         self._truth: Truth | None = None
@@ -301,8 +305,11 @@ class _Flight:
         keeper = None
         if self._journal.meta.get(KEEP_FRAMES):
             keeper = FrameKeeper(self._folder, say, aside=not may_stop)
+        seen_by: Keeper | None = keeper or self.onlooker
+        if keeper is not None and self.onlooker is not None:
+            seen_by = Both(keeper, self.onlooker)
         vehicles = vehicles_of(
-            self._plan, self._setting, links, crew, self._now_s, say, keeper, recall=self.recall
+            self._plan, self._setting, links, crew, self._now_s, say, seen_by, recall=self.recall
         )
         before = None if self._plan.simulated else self._before(links)
 
@@ -325,6 +332,8 @@ class _Flight:
                 if not may_stop:
                     hand.enter_context(interrupts(service, say))
                     hand.enter_context(keyboard(Keys(service, say), crew, say))
+                    if self.onlooker is not None:
+                        hand.enter_context(self.onlooker.hand(service, say))
                 self._state = await watched_over(
                     guardians,
                     self._fly(vehicles, links, service, before),

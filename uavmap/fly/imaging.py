@@ -18,7 +18,7 @@ from uavmap.cameras.source import Announcement, FrameSource, decoded
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.frames import Frames, suppressed_silence
 from uavmap.printable import printable
-from uavmap.record.frames import FrameKeeper, KeptFrame
+from uavmap.record.frames import Keeper, KeptFrame
 from vision.look import Frame
 
 
@@ -32,7 +32,7 @@ class CameraDriver:
         poses: Poses,
         classifier: Classifier,
         mission_time_s: Callable[[], float],
-        keeper: FrameKeeper | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         self._number = number
         self._source = source

@@ -143,7 +143,7 @@ class Terminal:
 
     def update(self, event: Event, state: State, again: int) -> None:
         """An event was taken in."""
-        if text := _remarkable(event, state):
+        if text := remarkable(event, state):
             self.say(f"{state.t_s:7.0f} s  {text}")
         now_s = time.monotonic()
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
@@ -163,12 +163,12 @@ class Terminal:
 
     def _line(self, state: State, again: int) -> str:
         vehicles = "; ".join(
-            f"{v.vehicle}: {_doing(v)} at {round(v.position.east_m)} m E"
+            f"{v.vehicle}: {doing(v)} at {round(v.position.east_m)} m E"
             f" {round(v.position.north_m)} m N"
             f" {round(v.height_m)} m up, battery {self._battery(v):.0f} %"
             for v in state.vehicles.values()
         )
-        return f"{state.t_s:7.0f} s  {phase(state)}, {_cells(state)}  [{vehicles}]" + (
+        return f"{state.t_s:7.0f} s  {phase(state)}, {cells_known(state)}  [{vehicles}]" + (
             f"  ({again} recorded events to repeat)" if again else ""
         )
 
@@ -179,13 +179,13 @@ class Terminal:
         for v in state.vehicles.values():
             table.add_row(
                 str(v.vehicle),
-                Text(_doing(v)),  # as it is: a note may hold what looks like markup
+                Text(doing(v)),  # as it is: a note may hold what looks like markup
                 f"{v.position.east_m:.1f}",
                 f"{v.position.north_m:.1f}",
                 f"{v.height_m:.1f}",
                 f"{self._battery(v):.0f} %",
             )
-        head = f"{phase(state)}  {_cells(state)}  mission time {state.t_s:.0f} s"
+        head = f"{phase(state)}  {cells_known(state)}  mission time {state.t_s:.0f} s"
         if again:
             head += f"  ({again} recorded events to repeat)"
         return Group(Text(head, style="bold"), table)
@@ -212,7 +212,8 @@ def phase(state: State) -> str:
     return "searching" if state.tree is None else "exploring"
 
 
-def _doing(vehicle: VehicleState) -> str:
+def doing(vehicle: VehicleState) -> str:
+    """What a vehicle does just now, in words."""
     if vehicle.phase in _NOTED:
         return printable(vehicle.note) or vehicle.phase.value
     if vehicle.phase is Phase.FINISHED:
@@ -222,7 +223,8 @@ def _doing(vehicle: VehicleState) -> str:
     return _DOING.get(type(vehicle.order), "waiting")
 
 
-def _cells(state: State) -> str:
+def cells_known(state: State) -> str:
+    """How far the map is, in words."""
     if state.tree is None:
         return f"{state.belief.cells_searched} cells searched"
     if state.belief.open_ballots:
@@ -243,7 +245,7 @@ def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: St
     return f"{text}: it stays there; once it is put into {_OURS}, it {then}"
 
 
-def _remarkable(event: Event, state: State) -> str:
+def remarkable(event: Event, state: State) -> str:
     """What the operator has to know at once."""
     if isinstance(event, Overridden | Landed):
         vehicle = state.vehicles[event.vehicle]

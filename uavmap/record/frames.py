@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple, Protocol, Self
 
 import cv2
 import numpy as np
@@ -54,6 +54,14 @@ class KeptFrame(NamedTuple):
     t_s: float
     pose: Pose
     hfov_deg: float
+
+
+class Keeper(Protocol):
+    """Takes the pictures of a flight, each just before it is judged."""
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """Take a picture: the file that came, or pixels, blue-green-red."""
+        ...
 
 
 class FrameKeeper:

@@ -3,57 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.arena.passing_bound import passing_bound_s
-from missions.events import BatterySwapped, Connected, Event, Landed, Told, Tracked
+from missions.events import Event
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.optics import kinematics
-from missions.orders import FlyPath
-from missions.state import Phase, Setting, State, VehicleState
+from missions.state import Setting, State
 from missions.step import step
 from missions.units import GridPoint
+from uavmap.results.counting import Counter
 from vision.look import SEEN_SHARE
-
-LIFT_OFF_M = 0.3
-
-
-@dataclass(slots=True)
-class _Sortie:
-    """What is counted for one vehicle."""
-
-    position: GridPoint | None = None
-    distance_m: float = 0.0
-    last_on_ground_s: float = 0.0
-    lift_off_s: float | None = None
-    flight_s: float = 0.0
-    sorties: int = 0
-    swaps: int = 0
-    on_task_s: float = 0.0
-    on_tree: bool = False
-    stints: int = 0
-    points: list[tuple[float, GridPoint, float]] = field(default_factory=list)
-
-    def track(self, event: Tracked) -> None:
-        if self.position is not None:
-            self.distance_m += self.position.distance_to(event.position)
-        self.position = event.position
-        if event.height_m < LIFT_OFF_M and self.lift_off_s is None:
-            self.last_on_ground_s = event.t_s
-            return
-        if self.lift_off_s is None:
-            self.lift_off_s = self.last_on_ground_s
-            self.sorties += 1
-        self.points.append((event.t_s, event.position, event.height_m))
-
-    def land(self, t_s: float) -> None:
-        if self.lift_off_s is not None:
-            self.flight_s += t_s - self.lift_off_s
-        self.lift_off_s = None
-        self.last_on_ground_s = t_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,68 +57,28 @@ class Figures:
 def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """The final state and the figures of a journal."""
     state = State.initial(setting)
-    counts = {number: _Sortie() for number in state.vehicles}
-    first_s, last_s = None, 0.0
-    before_s = 0.0
+    counter = Counter(state.vehicles)
     for event in events:
-        if isinstance(event, Told):  # words are no part of a flight's times
-            state, _ = step(setting, state, event)
-            continue
-        for number, vehicle in state.vehicles.items():
-            _on_task(counts[number], vehicle, state, max(event.t_s - before_s, 0.0))
-        before_s = max(before_s, event.t_s)
+        counter.before(event, state)
         state, _ = step(setting, state, event)
-        number = getattr(event, "vehicle", 0)
-        if isinstance(event, Tracked):
-            counts[number].track(event)
-            if first_s is None and counts[number].lift_off_s is not None:
-                first_s = counts[number].lift_off_s
-        elif isinstance(event, Landed):
-            counts[number].land(event.t_s)
-            last_s = event.t_s
-        elif isinstance(event, Connected):
-            last_s = max(last_s, _reconnect(counts[number], event))
-        elif isinstance(event, BatterySwapped):
-            counts[number].swaps += 1
-    everybody = counts.values()
-    return state, Figures(
+        counter.after(event)
+    return state, figures_of(setting, state, counter)
+
+
+def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
+    """The figures of a flight up to a state, of which the counter has seen every event."""
+    everybody = counter.vehicles.values()
+    return Figures(
         flight_time_s=round(sum(c.flight_s for c in everybody), 1),
-        makespan_s=round(max(last_s - (first_s or 0.0), 0.0), 1),
+        makespan_s=round(max(counter.last_s - (counter.first_s or 0.0), 0.0), 1),
         distance_m=round(sum(c.distance_m for c in everybody), 1),
         sorties=sum(c.sorties for c in everybody),
         battery_swaps=sum(c.swaps for c in everybody),
         exploration_s=round(max(c.on_task_s for c in everybody), 1),
         lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
         bound_makespan_s=_bound_s(setting, state),
-        tracks={number: tuple(c.points) for number, c in counts.items()},
+        tracks={number: tuple(c.points) for number, c in counter.vehicles.items()},
     )
-
-
-def _reconnect(count: _Sortie, event: Connected) -> float:
-    """After an interruption: what nobody saw is not counted. Returns when a flight so ended."""
-    count.position = None
-    if event.airborne or count.lift_off_s is None:
-        return 0.0
-    last_seen_s = count.points[-1][0]
-    count.land(last_seen_s)
-    count.last_on_ground_s = event.t_s
-    return last_seen_s
-
-
-def _on_task(count: _Sortie, vehicle: VehicleState, state: State, elapsed_s: float) -> None:
-    """Add the time that a vehicle spends on the tree; one that does not stop is there at once."""
-    if (
-        state.tree is None
-        or vehicle.phase is not Phase.AIRBORNE
-        or vehicle.return_reason is not None
-    ):
-        count.on_tree = False
-        return
-    if not count.on_tree and (vehicle.at_target or isinstance(vehicle.order, FlyPath)):
-        count.on_tree = True
-        count.stints += 1
-    if count.on_tree:
-        count.on_task_s += elapsed_s
 
 
 def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:

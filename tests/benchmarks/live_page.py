@@ -1,0 +1,147 @@
+"""What a live page costs the flight, and how often a browser draws it: 20 vehicles, 5,000 cells.
+
+    python -m tests.benchmarks.live_page [FOLDER]
+
+A picture of the page is left in the folder. The browser is a Chromium without a graphics card.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from missions.events import FrameSeen, Tracked, Vote
+from missions.mapping.belief import Belief, FrameId
+from missions.mapping.tree import Tree, Vertex
+from missions.state import Phase, Setting, State
+from missions.units import Cell, GridPoint
+from tests.browser import browser
+from uavmap.mission_source import load_source
+from uavmap.page.feed import Feed
+from uavmap.page.opening import Wishes, opened
+from uavmap.page.scene import scene_of
+from uavmap.page.watching import Watcher
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+
+VEHICLES, SIDE = 20, 71  # 71 x 71 cells are 5,041
+SECONDS = 10.0
+
+
+def busy() -> tuple[Setting, State]:
+    """A mission with a large region, half of which is explored."""
+    source = load_source("runway")
+    plan = FlightPlan(source.source, source.text, "rdfs", VEHICLES, 1, (), None, SIM_EPOCH_UTC_S)
+    plan = replace(plan, mission_text=f"{source.text}\n[team]\nlayer_m = 5.0\n")
+    setting = Setting.of(plan.mission())
+    state, belief = State.initial(setting), Belief(5, 3)
+    vertices = {}
+    for east in range(SIDE):
+        for north in range(SIDE):
+            cell = Cell(east, north)
+            parent = Cell(east, north - 1) if north else Cell(east - 1, 0) if east else None
+            vertices[cell] = Vertex(parent, east + north, looked=north < SIDE // 2)
+            verdicts = dict.fromkeys(cell.cross(), True)
+            for t_s in range(5):
+                belief = belief.with_frame(cell, FrameId(1, t_s + 1.0), verdicts)
+    vehicles = {
+        number: replace(vehicle, phase=Phase.AIRBORNE, landed=False, remaining_wh=40.0)
+        for number, vehicle in state.vehicles.items()
+    }
+    return setting, replace(
+        state, belief=belief, tree=Tree.of(Cell(0, 0), vertices), vehicles=vehicles, found_s=0.0
+    )
+
+
+class Team:
+    """Vehicles that fly about and take pictures; ten steps are a second."""
+
+    def __init__(self) -> None:
+        self.setting, self.state = busy()
+        self.watcher = Watcher(self.setting, self.state)
+        self.watcher.board.set_field("hands_off", "")
+        self.step = 0
+
+    def fly(self) -> None:
+        """A tenth of a second: two vehicles are heard, and two judge a picture."""
+        self.step += 1
+        t_s = round(self.step / 10.0, 3)
+        for part in (0, 1):
+            number = (2 * self.step + part) % VEHICLES + 1
+            angle = t_s / 15.0 + number
+            reach_m = 40.0 + 5.0 * number
+            place = GridPoint(140 + reach_m * math.sin(angle), 140 + reach_m * math.cos(2 * angle))
+            vehicle = replace(self.state.vehicles[number], position=place, height_m=12.0)
+            self.state = replace(self.state.with_vehicle(vehicle), t_s=t_s)
+            self.watcher.take_in(Tracked(number, t_s, place, 12.0, 40.0), self.state)
+            below = self.setting.grid.cell_of(place)
+            votes = tuple(Vote(cell, True, 0.9) for cell in below.cross())
+            if below in self.state.tree:  # type: ignore[operator]
+                tree = self.state.tree.looked(below, ())  # type: ignore[union-attr]
+                self.state = replace(self.state, tree=tree)
+            self.watcher.take_in(FrameSeen(number, t_s, below, votes), self.state)
+
+
+def on_the_flight() -> None:
+    """What the flight's own loop spends."""
+    team, version, spent_ms = Team(), 0, []
+    for _ in range(400):
+        team.fly()
+        begin_s = time.process_time()
+        team.watcher.refresh()
+        version = team.watcher.board.since(version)["v"]
+        spent_ms.append(1000.0 * (time.process_time() - begin_s))
+    print(
+        f"telling the page, ten times a second: {statistics.median(spent_ms):.2f} ms in the "
+        f"median, {max(spent_ms):.1f} ms at most, "
+        f"{sum(spent_ms) / 100 / len(spent_ms):.1%} of a core"
+    )
+
+
+def in_the_browser(out: Path) -> None:
+    """How often it is drawn."""
+    said: list[str] = []
+    config = {"title": "20 vehicles, 5,000 cells", "steers": True}
+    with opened(Wishes(0, "--page"), config, said.append) as feed, browser() as driver:
+        team = Team()
+        feed.put({"kind": "scene", "scene": scene_of(team.setting)}, wait_s=5.0)
+        version = told(team, feed, 0, 3.0, lambda: driver.get(said[0].removeprefix("live page: ")))
+        count = "window.ticks = 0; (function t() { ticks += 1; requestAnimationFrame(t) })();"
+        driver.execute_script(count)
+        read = "return [flightMap.frames, flightMap.drawn_ms, ticks, flightMap.board.cells.size]"
+        before: list[Any] = driver.execute_script(read)
+        begin_s = time.monotonic()
+        told(team, feed, version, SECONDS, lambda: None)
+        after = driver.execute_script(read)
+        elapsed_s = time.monotonic() - begin_s
+        drawn = after[0] - before[0]
+        print(
+            f"{after[3]} cells, {VEHICLES} vehicles: drawn {drawn / elapsed_s:.0f} times a second, "
+            f"{(after[1] - before[1]) / max(drawn, 1):.1f} ms each; the browser's own frames: "
+            f"{(after[2] - before[2]) / elapsed_s:.0f} a second"
+        )
+        driver.save_screenshot(str(out / "live-page-20.png"))
+
+
+def told(team: Team, feed: Feed, version: int, seconds: float, act: Any) -> int:
+    """Fly and tell for a while; `act` is done at its beginning."""
+    begin_s = time.monotonic()
+    act()
+    while (now_s := time.monotonic()) - begin_s < seconds:
+        team.fly()
+        team.watcher.refresh()
+        if feed.idle:
+            delta = team.watcher.board.since(version)
+            if feed.put({"kind": "delta", "delta": delta}):
+                version = delta["v"]
+        time.sleep(max(0.1 - (time.monotonic() - now_s), 0.0))
+    return version
+
+
+if __name__ == "__main__":
+    on_the_flight()
+    in_the_browser(Path(sys.argv[1] if len(sys.argv) > 1 else "."))

@@ -1,0 +1,73 @@
+"""uavmap watch: a flight of another program, or one of the past, as a page in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from pathlib import Path
+from typing import Any
+
+from missions.errors import JournalError
+from uavmap.cli.page_options import add_common_options, port
+from uavmap.fly.progress import Terminal
+from uavmap.page.address import PORT
+from uavmap.page.following import Follower
+from uavmap.page.opening import Wishes, opened
+from uavmap.record.flight_plan import JOURNAL
+from uavmap.record.frames import FRAMES
+from uavmap.record.reading import JournalReader
+
+_EXAMPLES = f"""\
+examples:
+  uavmap watch results/field-1                      a flight under way, or one of the past
+  uavmap watch results/field-1 --port 0             on any port that is free (default {PORT})
+  uavmap watch results/field-1 --tiles area.mbtiles  over a map from a file
+  uavmap watch results/field-1 --page-host 0.0.0.0  for a phone in the same network
+
+It reads the journal in the folder and changes nothing; a flight under way does not notice it. There
+are no buttons: the program that flies takes the orders (`uavmap fly --page`). Ctrl-C ends it.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "watch",
+        description="Show the mission of a results folder in a browser: live while it is flown, "
+        "with a time slider.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
+    parser.add_argument(
+        "--port",
+        metavar="N",
+        type=port,
+        default=PORT,
+        help=f"serve the page on this port (default {PORT}), 0 for any that is free",
+    )
+    add_common_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Watch until Ctrl-C."""
+    folder, say = Path(options.folder), Terminal().say
+    if not folder.is_dir():
+        raise JournalError(f"{folder}: there is no such folder; name the results of a flight")
+    tiles = Path(options.tiles) if options.tiles else None
+    follower = Follower(JournalReader(folder / JOURNAL), tiles)
+    config = {
+        "title": follower.title,
+        "steers": False,
+        "timeline": True,
+        "frames": str((folder / FRAMES).absolute()),
+        "pictures": "no picture is kept: fly with --keep-frames",
+    }
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        opened(Wishes(options.port, "--port", options.page_host), config, say) as feed,
+    ):
+        say("Ctrl-C ends it")
+        follower.run(feed)
+    return 0

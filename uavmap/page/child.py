@@ -1,0 +1,74 @@
+"""The process of a page: `python -m uavmap.page.child`, started by `uavmap.page.feed`.
+
+What the flight tells comes in at standard input, orders go out at standard output. When the flight
+ends, or dies, this process ends too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import sys
+from typing import Final
+
+from uavmap.page.hub import Hub
+from uavmap.page.pipe import Words, read
+
+LAST_S: Final = 1.0
+"""So long browsers are still told what was new at the end, real seconds."""
+DIED: Final = "the flight's program has ended without a word; `uavmap resume` goes on with it"
+
+
+def main() -> None:
+    """Serve a page until the flight ends."""
+    out = os.dup(sys.stdout.fileno())
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody's print is an order
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(out))
+
+
+async def _serve(out: int) -> None:
+    reader = asyncio.StreamReader(limit=1 << 20)
+    loop = asyncio.get_running_loop()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    config, _ = await read(reader)
+
+    def send(words: Words) -> None:
+        with contextlib.suppress(OSError):
+            os.write(out, json.dumps(words).encode() + b"\n")
+
+    try:
+        from uavmap.page.server import serving  # noqa: PLC0415 - an extra, and it takes seconds
+    except ImportError as error:
+        send({"failed": f"NiceGUI cannot be loaded ({error}); install uavmap[page]"})
+        return
+    hub = Hub(config)
+    server = serving(hub, config, send)
+    listening = socket.socket(fileno=config["socket"])
+    running = asyncio.create_task(server.serve(sockets=[listening]))
+    begun = asyncio.create_task(server.begun.wait())
+    await asyncio.wait((running, begun), return_when=asyncio.FIRST_COMPLETED)
+    if begun.done():
+        send({"ready": True})
+        await _listen(hub, reader)
+    server.should_exit = True
+    await running
+
+
+async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
+    """Take in what the flight tells, to its end."""
+    try:
+        while True:
+            await hub.take(*await read(reader))
+    except (asyncio.IncompleteReadError, ValueError):
+        pass
+    hub.ended = hub.ended or DIED
+    hub.wake()
+    await asyncio.sleep(LAST_S)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""A flight's page, from the side of the flight: what happens goes out, orders come in.
+
+Whatever goes wrong with it is told in a line, and the flight goes on without a page.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.events import Event, FrameSeen
+from missions.state import Setting, State
+from uavmap.fly.onlooker import Steered
+from uavmap.fly.progress import Progress
+from uavmap.page.background import Background
+from uavmap.page.feed import Feed
+from uavmap.page.marks import marks_of
+from uavmap.page.orders import carry_out
+from uavmap.page.pipe import Words
+from uavmap.page.scene import scene_of
+from uavmap.page.watching import Watcher
+from uavmap.record.frames import KeptFrame
+
+UPDATE_S: Final = 0.1
+"""The page is told what is new no more often, real seconds."""
+PICTURE_S: Final = 1.0
+"""... nor of a picture."""
+SIMULATED: Final = "a flight that is simulated with --sim takes no orders: nobody could repeat it"
+NOT_YET: Final = "orders are taken once the vehicles have answered"
+LANDED: Final = "the flight is over"
+
+
+class FlightPage:
+    """Tells a page of a flight: a `Progress` that another one hears too, and an `Onlooker`.
+
+    `simulated`: the flight takes no orders. `now_s` is real time, seconds.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        inner: Progress,
+        *,
+        simulated: bool,
+        background: Background | None = None,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._feed = feed
+        self._inner = inner
+        self._hands_off = SIMULATED if simulated else NOT_YET
+        self._now_s = now_s
+        self._background = background
+        self._watcher: Watcher | None = None
+        self._said: list[str] = []
+        """What was said before there was a board."""
+        self._version = 0
+        """Of the board, as the page knows it."""
+        self._due_s = self._picture_due_s = float("-inf")
+        self._pictures: dict[int, tuple[KeptFrame, bytes | NDArray[np.uint8]]] = {}
+        self._shown = 0
+        """How many pictures."""
+        self._broken = False
+
+    # --- progress --------------------------------------------------------------------------
+    def say(self, text: str) -> None:
+        """A line that stays."""
+        self._inner.say(text)
+        with self._harmless():
+            if self._watcher is None:
+                self._said.append(text)
+            else:
+                self._watcher.say(text)
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """The flight starts."""
+        self._inner.begin(setting, again=again)
+        with self._harmless():
+            self._watcher = Watcher(setting, State.initial(setting), words=False, now_s=self._now_s)
+            self._watcher.board.set_field("hands_off", self._hands_off)
+            tell_scene(self._feed, scene_of(setting, self._background), self._background)
+            for text in self._said:
+                self._watcher.say(text)
+            self._show()
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """An event was taken in."""
+        self._inner.update(event, state, again)
+        with self._harmless():
+            if self._watcher is None:
+                return
+            self._watcher.take_in(event, state)
+            now_s = self._now_s()
+            if isinstance(event, FrameSeen):
+                self._show_picture(event, now_s)
+            if now_s >= self._due_s:
+                self._due_s = now_s + UPDATE_S
+                self._show()
+
+    def end(self) -> None:
+        """The flight is over."""
+        self._inner.end()
+        with self._harmless():
+            if self._watcher is not None:
+                self._watcher.board.set_field("hands_off", LANDED)
+                self._show(whole=True)
+
+    def close(self, text: str) -> None:
+        """Tell those who look why nothing more will come."""
+        with self._harmless():
+            self._show(whole=True)
+            self._feed.put({"kind": "ended", "text": text})
+
+    # --- onlooker --------------------------------------------------------------------------
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """A picture is about to be judged: remembered until its verdicts come."""
+        if not self._broken:
+            self._pictures[frame.vehicle] = (frame, picture)
+
+    @contextlib.contextmanager
+    def hand(self, service: Steered, say: Callable[[str], None]) -> Iterator[None]:
+        """Hear the page's orders."""
+        loop, file = asyncio.get_running_loop(), self._feed.orders_file
+
+        def hear() -> None:
+            with self._harmless():
+                for order in self._feed.orders():
+                    self._obey(service, order, say)
+            if self._feed.dead or self._broken:
+                loop.remove_reader(file)
+
+        self._feed.orders()  # what was clicked before anybody could fly is no order
+        self._set("hands_off", "")
+        with contextlib.suppress(OSError, ValueError):
+            loop.add_reader(file, hear)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError, ValueError):
+                loop.remove_reader(file)
+            self._set("hands_off", LANDED)
+
+    def _obey(self, service: Steered, order: Words, say: Callable[[str], None]) -> None:
+        answer = carry_out(service, order)
+        say(f"page: {answer}")
+        self._feed.put({"kind": "answer", "id": order.get("id"), "text": answer})
+
+    # --- out -------------------------------------------------------------------------------
+    def _set(self, name: str, value: Any) -> None:
+        with self._harmless():
+            if self._watcher is not None:
+                self._watcher.board.set_field(name, value)
+                self._show()
+
+    def _show(self, *, whole: bool = False) -> None:
+        """Tell what is new; while the page is busy nothing, and more of it later."""
+        watcher, feed = self._watcher, self._feed
+        if watcher is None or not (whole or feed.idle):
+            if feed.dead:
+                feed.put({})  # which tells it
+            return
+        watcher.refresh(whole=whole)
+        delta = watcher.board.since(self._version)
+        if delta["v"] != self._version and feed.put({"kind": "delta", "delta": delta}):
+            self._version = delta["v"]
+
+    def _show_picture(self, event: FrameSeen, now_s: float) -> None:
+        frame, picture = self._pictures.pop(event.vehicle, (None, b""))
+        if now_s < self._picture_due_s or not self._feed.idle or self._watcher is None:
+            return
+        if frame is None or frame.t_s != event.t_s:
+            return
+        self._picture_due_s = now_s + PICTURE_S
+        self._shown += 1
+        words: Words = {"kind": "picture", "id": str(self._shown)}
+        if not isinstance(picture, bytes):
+            words, picture = {**words, "shape": picture.shape}, picture.tobytes()
+        if self._feed.put(words, picture):
+            marks = marks_of(self._watcher.setting, frame, event.votes)
+            self._watcher.board.set_field("picture", {"id": words["id"], **marks})
+
+    @contextlib.contextmanager
+    def _harmless(self) -> Iterator[None]:
+        """Whatever goes wrong in here ends the page, and nothing else."""
+        try:
+            yield
+        except Exception as failure:
+            if self._broken:
+                return
+            self._broken, self._watcher = True, None
+            self._pictures.clear()
+            self._inner.say(
+                f"the live page has failed ({type(failure).__name__}: {failure}); the flight goes "
+                "on without it"
+            )
+
+
+def tell_scene(feed: Feed, scene: Words, background: Background | None) -> None:
+    """Tell a page what does not change, what lies under the map first."""
+    if background is not None:
+        feed.put({"kind": "background"}, background.jpeg)
+    feed.put({"kind": "scene", "scene": scene})
