@@ -18,7 +18,7 @@ from typing import Any
 from shapely.geometry import MultiPolygon, Polygon
 
 from missions.units import GridPoint, LatLon
-from uavmap.results.atomic import write_text
+from uavmap.results.atomic import write_parts
 from uavmap.results.model import MapData, Track
 
 DECIMALS = 7
@@ -29,7 +29,7 @@ Feature = dict[str, Any]
 
 def write(data: MapData, path: Path) -> None:
     """Write the map to `path`."""
-    write_text(path, encode(data))
+    write_parts(path, (part.encode() for part in _parts(data)))
 
 
 def encode(data: MapData) -> str:
@@ -44,18 +44,23 @@ def encode(data: MapData) -> str:
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
     * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
+    return "".join(_parts(data))
+
+
+def _parts(data: MapData) -> Iterator[str]:
     corners = data.corners
     features = [_outline(data), *_tracks(data), *_unsearched(data)]
     lons = [_longitude(lon_deg, data.start) for lon_deg in corners.lon_deg]
     lats = [round(lat_deg, DECIMALS) for lat_deg in corners.lat_deg]
-    lines = [*_cells(data, lons, lats)]
-    lines += [json.dumps(feature, allow_nan=False) for feature in features]
     head = json.dumps(
         {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
         | ({"bbox": box} if (box := _bbox(features, lons, lats)) else {})
     )
-    text = ",\n".join(lines)
-    return f'{head[:-1]}, "features": [\n{text}\n]}}\n'
+    yield f'{head[:-1]}, "features": [\n'
+    for cell in _cells(data, lons, lats):
+        yield f"{cell},\n"
+    yield ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
+    yield "\n]}\n"
 
 
 def _cells(data: MapData, lons: Sequence[float], lats: Sequence[float]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from typing import Final
 from shapely.geometry import MultiPolygon
 
 from missions.units import GridPoint, LatLon
-from uavmap.results.atomic import write_bytes
+from uavmap.results.atomic import write_parts
 from uavmap.results.model import NOT_ROI, MapData, State
 from uavmap.results.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
 
@@ -23,29 +23,30 @@ NAMESPACE = "http://www.opengis.net/kml/2.2"
 
 def write(data: MapData, path: Path) -> None:
     """Write the map to `path`."""
-    write_bytes(path, encode(data))
+    write_parts(path, (f"{line}\n".encode() for line in _all_lines(data)))
 
 
 def encode(data: MapData) -> bytes:
     """The map as a KML document in UTF-8: folders Outline, Cells (a folder a state), Tracks,
     and Not searched where ground was left out."""
+    return "".join(f"{line}\n" for line in _all_lines(data)).encode()
+
+
+def _all_lines(data: MapData) -> Iterator[str]:
     document, after = ET.Element("Document"), ET.Element("Document")
     _text(document, "name", data.mission)
     _styles(document, data)
     _outline(document, data)
     _tracks(after, data)
     _unsearched(after, data)
-    lines = [
-        "<?xml version='1.0' encoding='utf-8'?>",
-        f'<kml xmlns="{NAMESPACE}">',
-        "  <Document>",
-        *_written(document),
-        *_cells(data),
-        *_written(after),
-        "  </Document>",
-        "</kml>\n",
-    ]
-    return "\n".join(lines).encode()
+    yield "<?xml version='1.0' encoding='utf-8'?>"
+    yield f'<kml xmlns="{NAMESPACE}">'
+    yield "  <Document>"
+    yield from _written(document)
+    yield from _cells(data)
+    yield from _written(after)
+    yield "  </Document>"
+    yield "</kml>"
 
 
 def _written(document: ET.Element) -> Iterator[str]:
