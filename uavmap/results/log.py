@@ -36,7 +36,7 @@ from missions.events import (
 )
 from missions.units import GridPoint
 from uavmap.printable import printable
-from uavmap.results.figures import LIFT_OFF_M
+from uavmap.results.counting import LIFT_OFF_M
 
 E = TypeVar("E", bound=Event)
 
