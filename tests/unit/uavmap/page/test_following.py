@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from missions.errors import JournalError
-from missions.events import FrameSeen, Vote, from_json
+from missions.events import FrameSeen, Vote, Weighed, from_json
 from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
 from uavmap.cli import main, watch
@@ -27,6 +27,7 @@ from uavmap.page.board import Board
 from uavmap.page.following import WATCHES, Follower, Pictures
 from uavmap.page.opening import Wishes
 from uavmap.page.pipe import Words
+from uavmap.page.scene import STATES
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.frames import FrameKeeper, KeptFrame
 from uavmap.record.journal import Journal
@@ -208,3 +209,29 @@ def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
     assert sum(first[0:8:2]) / 4 == pytest.approx(0.5, abs=0.01)  # right below the camera
     assert sum(first[1:8:2]) / 4 == pytest.approx(0.5, abs=0.01)
     assert pictures.newest() is None
+
+
+@pytest.mark.parametrize("weighed", [True, False])
+def test_recorded_pictures_are_shown_by_their_rule(weighed: bool, tmp_path: Path) -> None:
+    """Nobody flies in a replay; its cells are decided by evidence, or counted."""
+    begun(tmp_path).close()
+    with Journal.open(tmp_path / JOURNAL) as journal:
+        journal.put_meta("replay", "photos")
+        for t_s, positive in enumerate((True, True, True, False)):
+            votes = (Vote(Cell(0, 0), positive, 0.9 * positive), Vote(Cell(1, 0), False, 0.0))
+            journal.append(FrameSeen(1, float(t_s), None, votes))
+            if weighed:
+                journal.append(Weighed(1, float(t_s), (0.5, 0.5)))
+    follower, feed = Follower(JournalReader(tmp_path / JOURNAL)), Feed()
+    with pytest.raises(EnoughError):
+        follower.run(cast(Any, feed), enough)
+    shown = {cell: STATES[code] for cell, code in feed.board.cells.items()}
+    assert shown == {(0, 0): "explored", (1, 0): "non-roi"}
+    assert feed.board.vehicles == ()
+    assert feed.board.field("hands_off") == following.RECORDED
+    assert feed.board.field("frames") == [4, 0]
+
+
+def enough(_: float) -> None:
+    """Nothing new is there."""
+    raise EnoughError
