@@ -15,7 +15,7 @@ from shapely.geometry import Point
 from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.errors import UavmapError
 from missions.ground.grid import Grid
-from missions.guardian import PAD_M
+from missions.guardian import HARD_M_S, PAD_M
 from missions.state import Phase, Setting
 from missions.step import fold
 from missions.units import GridPoint
@@ -23,10 +23,11 @@ from sitl.vehicle import SimVehicle
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap import simulation
 from uavmap.fly.flight import fly as fly_plan
+from uavmap.fly.impact import GRAVITY_M_S2
 from uavmap.fly.progress import Silent
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
-from uavmap.simulation import Truth
+from uavmap.simulation import STEP_S, Truth
 
 from .outcome import FORBIDDEN, Outcome
 from .plan import Plan, plan
@@ -111,6 +112,8 @@ class Witness(Truth):
     flagged: set[tuple[int, str]] = field(default_factory=set)
     crashed_at: dict[int, GridPoint] = field(default_factory=dict)
     at: dict[int, GridPoint] = field(default_factory=dict)
+    struck_m_s: dict[int, float] = field(default_factory=dict)
+    """How fast each came down in the moment before it met the ground last."""
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         """Look at all vehicles at one instant."""
@@ -119,6 +122,8 @@ class Witness(Truth):
             number, truth = vehicle.spec.system_id, vehicle.truth
             at = setting.grid.fixed(truth.position)
             self.last[number], self.at[number] = truth, at
+            if not truth.landed:
+                self.struck_m_s[number] = -truth.velocity_m_s[2]
             out_m = float(setting.fence.outer.distance(Point(at)))
             if truth.landed or out_m < 0.01:
                 self.outside_s.pop(number, None)
@@ -223,7 +228,10 @@ def _judged(
         if not truth.landed and not truth.crashed and not silent and not theirs:
             found.append(("air", f"vehicle {number} is in the air in {truth.mode.name}"))
         told = phases.get(number) in (Phase.DOWN, Phase.LOST, Phase.OFFLINE)
-        if truth.crashed and not told and witness.at[number].distance_to(_home(number)) > PAD_M:
+        away = witness.at[number].distance_to(_home(number)) > PAD_M
+        # a fall from a quarter of a metre tells itself from a landing by no message
+        hard = witness.struck_m_s.get(number, 0.0) > HARD_M_S - STEP_S * GRAVITY_M_S2
+        if truth.crashed and not told and away and hard:
             found.append(("unreported", f"vehicle {number} is down as {phases.get(number)}"))
     if summary.get("completed") and not blind:
         if summary.get("cells_missed"):

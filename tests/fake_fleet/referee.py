@@ -58,6 +58,8 @@ class Notes:
     """Since when the mission knows of that."""
     silent_s: float = -math.inf
     """When it fell silent last."""
+    unlandable_s: float = -math.inf
+    """When its autopilot refused to land last."""
     guarded_s: float = -math.inf
     deaf_s: float = -math.inf
     """When no command reached it last."""
@@ -117,6 +119,8 @@ class Referee:
             notes.silent_s = t_s
         if not driver.obeys or fleet.gone:
             notes.deaf_s = t_s
+        if "Land" in driver.refuses:
+            notes.unlandable_s = t_s
         if vehicle.phase is not Phase.GUARDED:
             notes.guarded_s = t_s
         if craft.flying and not notes.was_flying:
@@ -152,7 +156,8 @@ class Referee:
             notes.breach_told = True
             self.note(t_s, "breach", f"vehicle {craft.number} is {out_m:.1f} m outside the fence")
         heard = t_s - notes.deaf_s > FORGIVEN_S
-        late = t_s - notes.outside_s > FORGIVEN_S and heard
+        lands = t_s - notes.unlandable_s > FORGIVEN_S
+        late = t_s - notes.outside_s > FORGIVEN_S and heard and lands
         if forgiven and late and not notes.breach_told:
             notes.breach_told = True
             text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and in the air"
