@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import json
 import re
 import threading
@@ -94,9 +95,10 @@ class Tab:
             self._news.notify_all()
         if self.confirms:
             answer = {"request_id": message["request_id"], "result": result}
-            self._socket.emit(
-                "javascript_response", answer | {"client_id": self._query["client_id"]}
-            )
+            with contextlib.suppress(socketio.exceptions.SocketIOError):  # the tab is closed
+                self._socket.emit(
+                    "javascript_response", answer | {"client_id": self._query["client_id"]}
+                )
 
     def _update(self, message: dict[str, Any]) -> None:
         with self._news:
