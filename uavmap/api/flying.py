@@ -100,9 +100,10 @@ def fly(
         AircraftError: The flight failed with an aircraft that is not at home.
         UavmapError: Any other cause outside of the program; all above are of this class.
 
-    >>> fly("runwya", sim=True)
-    Traceback (most recent call last):
-    missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
+    Examples:
+        >>> fly("runwya", sim=True)
+        Traceback (most recent call last):
+        missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
     """
     return waited_for(
         _flight(
@@ -186,11 +187,12 @@ async def fly_async(**options: Any) -> Results:
     return (`AircraftError` where one is not), and not before: `asyncio.timeout` and
     `asyncio.wait_for` wait for them, too.
 
-    >>> import asyncio
-    >>> async def main() -> None:
-    ...     async with asyncio.timeout(600.0):
-    ...         flight = await fly_async("runway", sim=True)
-    ...     print(flight.area_m2)
+    Examples:
+        >>> import asyncio
+        >>> async def main() -> None:
+        ...     async with asyncio.timeout(600.0):
+        ...         flight = await fly_async("runway", sim=True)
+        ...     print(flight.area_m2)
     """
     return await awaited(_flight(**options))
 

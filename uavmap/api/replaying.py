@@ -60,9 +60,10 @@ def replay(
         ImageError: No picture can be used, or a calibration cannot be read.
         UavmapError: Any other cause outside of the program; those above are of this class.
 
-    >>> replay("no-such-folder")
-    Traceback (most recent call last):
-    missions.errors.ImageError: no-such-folder: ...
+    Examples:
+        >>> replay("no-such-folder")
+        Traceback (most recent call last):
+        missions.errors.ImageError: no-such-folder: ...
     """
     if video_start is not None and video_start.tzinfo is None:
         raise UavmapError(f"video_start = {video_start!r}: expected a time with its time zone")

@@ -37,9 +37,10 @@ def open_results(folder: Paths) -> Results:
         ResultsError: There is no map in it, as after a flight that was interrupted, or its files
             are damaged.
 
-    >>> open_results("no-such-folder")
-    Traceback (most recent call last):
-    missions.errors.ResultsError: no-such-folder: there is no such folder
+    Examples:
+        >>> open_results("no-such-folder")
+        Traceback (most recent call last):
+        missions.errors.ResultsError: no-such-folder: there is no such folder
     """
     where = Path(path_text("folder", folder))
     if not where.is_dir():

@@ -99,11 +99,12 @@ def simulate(
         RoiError: A file or a growth that is no region.
         StrategyError: A strategy that is not known, or that cannot do what is asked.
 
-    >>> done = simulate("eden:40:7", strategy=["rdfs", "greedy"], robots=3)
-    >>> [run["strategy"] for run in done.runs]
-    ['rdfs', 'greedy']
-    >>> done.means["rdfs"]["makespan"] >= done.means["rdfs"]["lower_bound"]
-    True
+    Examples:
+        >>> done = simulate("eden:40:7", strategy=["rdfs", "greedy"], robots=3)
+        >>> [run["strategy"] for run in done.runs]
+        ['rdfs', 'greedy']
+        >>> done.means["rdfs"]["makespan"] >= done.means["rdfs"]["lower_bound"]
+        True
     """
     names = _names(strategy)
     count = whole("robots", robots, 1, MOST_ROBOTS)
