@@ -21,6 +21,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).parents[1]
 log = logging.getLogger("mkdocs.hooks.site")
 PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+DECISIONS = "decisions/index.md"
 ASIDE = ("LICENSE", "CITATION.cff")
 
 
@@ -39,12 +40,33 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, f"examples/{path.stem}.md", content=text))
         for name, data in pictures.items():
             files.append(File.generated(config, f"examples/{name}", content=data))
+    files.append(File.generated(config, DECISIONS, content=decisions_page()))
     return files
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Pages that the navigation does not name stand at its end: none is without a way to it."""
+    named = set(re.findall(r"[\w./-]+\.md", json.dumps(config.nav)))
+    docs = Path(config.docs_dir)
+    rest = [path.name for path in sorted(docs.glob("*.md")) if path.name not in named]
+    if rest and config.nav is not None:
+        config.nav.append({"More": rest})
+    return config
+
+
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links to the notebooks lead to their pages."""
+    """Links to the notebooks, and to the folder of decisions, lead to their pages."""
+    markdown = markdown.replace("](decisions/)", f"]({DECISIONS})")
     return re.sub(r"\]\(\.\./examples/([\w-]+)\.ipynb\)", r"](examples/\1.md)", markdown)
+
+
+def decisions_page() -> str:
+    """A list of the decisions, by number."""
+    lines = ["# Decisions", "", "Why things are as they are, and what else was tried.", ""]
+    for path in sorted((ROOT / "docs" / "decisions").glob("0*.md")):
+        title = path.read_text("utf-8").partition("\n")[0].lstrip("# ")
+        lines.append(f"* [{title}]({path.name})")
+    return "\n".join(lines) + "\n"
 
 
 # --- notebooks -----------------------------------------------------------------------------------
