@@ -79,6 +79,11 @@ def fly(
     """
     setting = plan.setting(progress.say)
     refuse_unknown_ground(setting.mission, plan.mission_source)
+    if plan.simulated and not setting.mission.sim.roi:
+        progress.say(
+            f"{plan.mission_source}: [[sim.roi]] is missing: there is nothing to be found on the "
+            "simulated ground; give it a polygon"
+        )
     check_urls(plan.urls)
     for url in plan.forward:
         parse_url(url)
