@@ -12,7 +12,12 @@ from missions.mission_file import flyable
 from missions.state import Setting
 from uavmap.cli.plan_map import box_line, check_kind, write_map, zone_name
 from uavmap.mission_source import load_source
-from uavmap.preflight.plan_figures import estimate, ground_figures, ground_lines
+from uavmap.preflight.plan_figures import (
+    estimate,
+    ground_figures,
+    ground_lines,
+    taken_lines,
+)
 
 
 def add_parser(commands: Any) -> None:
@@ -51,12 +56,15 @@ def run(options: argparse.Namespace) -> int:
             figures["first_sighting_without_prior_s"] = round(late_s, 1)
         figures["ground"] = ground_figures(setting)
         figures["warnings"] = warnings
+        figures["taken"] = taken_lines(setting.mission)
         json.dump(figures, sys.stdout, indent=2)
         sys.stdout.write("\n")
         return 0
     print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
     for warning in warnings:
         print(f"  {warning}")
+    for line in taken_lines(setting.mission):
+        print(f"  {line}")
     print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
     print(f"  height and speed of each layer; {reason} sets the height:")

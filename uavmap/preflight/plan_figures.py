@@ -10,6 +10,7 @@ from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
 from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
 from missions.mission_file.places import far_homes
+from missions.mission_file.schema import Mission
 from missions.mission_file.terrain_checks import off_if_flat_m
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import LANE_CUTS_M, rounded_path
@@ -102,6 +103,28 @@ def ground_lines(setting: Setting) -> list[str]:
     return lines
 
 
+def taken_lines(mission: Mission) -> list[str]:
+    """What is taken where the file leaves out a table that a flight depends on.
+
+    >>> from uavmap.mission_source import load_source
+    >>> taken_lines(load_source("runway").parse())
+    []
+    """
+    battery, camera, wind = mission.battery, mission.camera, mission.wind
+    values = {
+        "battery": f"{battery.capacity_wh:g} Wh, {battery.hover_power_w:g} W in hover, a reserve "
+        f"of {100.0 * battery.reserve:g} %",
+        "camera": f"{camera.hfov_deg:g} degrees across, {camera.width_px} x {camera.height_px} "
+        f"pixels, {camera.mounting}",
+        "wind": f"{wind.speed_m_s:g} m/s",
+    }
+    return [
+        f"[{name}] is not in the file; taken: {value}"
+        for name, value in values.items()
+        if name not in mission.model_fields_set
+    ]
+
+
 def plan_lines(setting: Setting) -> list[str]:
     """What would be flown, for people who decide whether to take off."""
     mission, figures = setting.mission, estimate(setting)
@@ -119,6 +142,7 @@ def plan_lines(setting: Setting) -> list[str]:
         f"reserve, {battery.hover_power_w:g} W in hover",
         f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
         f"{mission.fence.margin_m:g} m inside",
+        *(f"  {line}" for line in taken_lines(mission)),
         *(f"  {line}" for line in far_homes(mission, setting.grid)),
         *(f"  {line}" for line in ground_lines(setting)),
     ]

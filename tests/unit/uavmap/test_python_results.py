@@ -13,7 +13,11 @@ import shapely
 
 import uavmap
 from missions.ground.geodesy import Utm, UtmZone
+from missions.state import Setting
+from tests.unit.test_pages import ROOT
 from uavmap.api.aside import single
+from uavmap.mission_source import MissionSource, load_source
+from uavmap.preflight.plan_figures import plan_lines, taken_lines
 
 ZONE = UtmZone(32, south=False)
 EAST_M, NORTH_M = 500_000.0, 5_300_000.0
@@ -203,3 +207,26 @@ def test_what_cannot_be_simulated_is_said(options: dict[str, Any], said: str) ->
         uavmap.simulate("eden:30:1", **options)
     with pytest.raises(uavmap.RoiError, match="roi is empty"):
         uavmap.simulate([])
+
+
+# --- what is said before a flight ----------------------------------------------------------------
+def test_what_the_file_leaves_out_is_said_by_the_plan() -> None:
+    text = load_source("runway").text
+    begin, end = text.index("[battery]"), text.index("[wind]")
+    without = MissionSource("without.toml", text[:begin] + text[end:]).parse()
+    assert taken_lines(without) == [
+        "[battery] is not in the file; taken: 60 Wh, 300 W in hover, a reserve of 15 %"
+    ]
+    assert f"  {taken_lines(without)[0]}" in plan_lines(Setting.of(without))
+
+
+def test_a_simulated_flight_without_a_region_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "tests" / "data" / "speck.toml").read_text("utf-8")
+    bare = tmp_path / "bare.toml"
+    bare.write_text(text[: text.index("[[sim.roi]]")], "utf-8")
+    flight = uavmap.fly(bare, sim=True, out=tmp_path / "out")
+    assert "[[sim.roi]] is missing" in capsys.readouterr().err
+    assert flight.region.is_empty
+    assert "no region found" in flight.finding
