@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from pathlib import Path
@@ -12,10 +13,12 @@ import pytest
 import shapely
 
 import uavmap
+from missions.events import Paused
 from missions.ground.geodesy import Utm, UtmZone
-from missions.state import Setting
+from missions.state import Setting, State
 from tests.unit.test_pages import ROOT
 from uavmap.api.aside import single
+from uavmap.fly.progress import Terminal
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.preflight.plan_figures import plan_lines, taken_lines
 
@@ -230,3 +233,18 @@ def test_a_simulated_flight_without_a_region_says_so(
     assert "[[sim.roi]] is missing" in capsys.readouterr().err
     assert flight.region.is_empty
     assert "no region found" in flight.finding
+
+
+def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A notebook's kernel sets FORCE_COLOR, and cannot move a cursor."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    text = io.StringIO()
+    progress = Terminal(text)
+    setting = Setting.of(load_source("runway").parse())
+    progress.begin(setting, again=False)
+    progress.update(Paused(1.0), State.initial(setting), 0)
+    progress.end()
+    assert "searching" in text.getvalue()
+    assert "\x1b" not in text.getvalue()
