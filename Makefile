@@ -1,12 +1,15 @@
 # make run    set up, fly the shipped runway mission in the simulator, show the results
 # make test   set up, run every test
-# make check  set up, ruff, mypy --strict, import-linter
+# make check  set up, ruff, mypy --strict, import-linter, the documentation without a broken link
+# make docs   set up, the documentation as a site: site/index.html
 # make setup  only .venv, whose bin/uavmap is the command
 # make kernels  compile what numba compiles, which else the first flight and each worker of the tests do
 # make lock   resolve the two requirements files anew (needs uv)
 
 PYTHON ?= python3
 BIN := .venv/bin
+# the generator of the site speaks of its own future otherwise
+SITE = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 # one more than there are cores: tests on sockets wait for a simulator most of their time
 WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 # a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
@@ -20,7 +23,7 @@ ifneq (,$(filter check,$(MAKECMDGOALS)))
 test: check
 endif
 
-.PHONY: run test check setup kernels lock clean
+.PHONY: run test check docs setup kernels lock clean
 
 run: setup
 	$(BIN)/uavmap fly runway --sim
@@ -34,6 +37,10 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(SITE) --quiet
+
+docs: setup
+	$(SITE)
 
 setup: .venv/ready
 

@@ -11,6 +11,7 @@
     ├── StudyError              a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
     ├── EventError              an event with a number that no journal can hold; a ValueError, too
+    ├── ResultsError            a folder without the results of a flight, or with damaged ones
     ├── OutputError             a file that cannot be written, or of a kind that is not written
     ├── PreflightError          what keeps a mission on the ground: a finding, or the operator's no
     │   └── NotFlownError             nothing is wrong: a dry run is over
@@ -66,6 +67,10 @@ class JournalError(UavmapError):
 
 class EventError(UavmapError, ValueError):
     """An event that cannot be written down: a NaN, an infinity, a text that is no Unicode."""
+
+
+class ResultsError(UavmapError):
+    """A folder in which no map lies, or one that cannot be read."""
 
 
 class OutputError(UavmapError):

@@ -138,10 +138,16 @@ class TcpPort:
         if self._served is None:
             self._serve(connection)
         elif len(self._waiting) < _MAX_WAITING:
-            connection.transport.pause_reading()  # what it says waits with it
             self._waiting.append(connection)
+            # not at once: a Python before 3.11.4 begins to read after this, and forgets the pause
+            asyncio.get_running_loop().call_soon(self._hold, connection)
         else:
             connection.transport.abort()
+
+    def _hold(self, connection: Connection) -> None:
+        """What a client says that waits, waits with it."""
+        if connection in self._waiting:
+            connection.transport.pause_reading()
 
     def heard(self, connection: Connection, data: bytes) -> None:
         """The client speaks."""

@@ -21,7 +21,7 @@ Values = Mapping[str, Any]
 """What a mission says besides the defaults, by dotted key."""
 
 _COLUMN: Final = 40
-_UNITS: Final = (
+UNITS: Final = (
     ("_m_s", "m/s"), ("_wh", "Wh"), ("_w", "W"), ("_deg", "degrees"), ("_px", "pixels"),
     ("_m", "m"), ("_s", "s"),
 )  # fmt: skip
@@ -222,7 +222,7 @@ def _place(value: Sequence[float]) -> str:
 
 def _limits(key: str, field: FieldInfo) -> str:
     """The unit by the name of the key, and what is allowed by the schema."""
-    unit = next((unit for suffix, unit in _UNITS if key.endswith(suffix)), "")
+    unit = next((unit for suffix, unit in UNITS if key.endswith(suffix)), "")
     low, high = "", ""
     for limit in field.metadata:
         if isinstance(limit, annotated_types.Ge):

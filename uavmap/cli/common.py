@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime
@@ -16,15 +15,13 @@ from typing import Any, Final
 from rich.markup import escape
 from rich.table import Table
 
-from missions.errors import JournalError, OutputError, UavmapError
+from missions.errors import OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.fly.progress import PipeConsole
-from uavmap.record.flight_plan import JOURNAL
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 
-RESULTS: Final = "results"
 DETECTOR_HELP: Final = (
     "a folder that `uavmap tune` has written, or a detector.toml: judge pictures by this detector, "
     "not by that of the mission file"
@@ -156,67 +153,11 @@ def pair(what: str, text: str, expected: str) -> tuple[float, float]:
     return one, other
 
 
-def results_folder(out: str | None, name: str) -> Path:
-    """The folder for a run: the one asked for, or a new one under `results`.
-
-    Raises `JournalError` when a mission lies in it already: nothing is ever overwritten.
-    """
-    if out is not None:
-        if not out:
-            raise JournalError("--out is empty; name a folder")
-        folder = Path(out)
-        if folder.exists() and not folder.is_dir():
-            raise JournalError(f"--out {folder} is a file, not a folder")
-        if (folder / JOURNAL).exists():
-            raise JournalError(
-                f"--out {folder} holds a mission already; go on with `uavmap resume {folder}`, "
-                "or choose another folder"
-            )
-        return folder
-    for number in range(1, 10_000):
-        folder = Path(RESULTS) / f"{folder_name(name)}-{number}"
-        if not folder.exists():
-            return folder
-    raise JournalError(f"{RESULTS} is full; give --out")
-
-
-def folder_name(name: str) -> str:
-    """The name of a mission as the name of a folder: never one that leads elsewhere.
-
-    The mission file refuses such names; here it does not depend on that.
-
-    >>> folder_name("../../up"), folder_name("field 7"), folder_name("")
-    ('______up', 'field 7', 'mission')
-    """
-    kept = "".join(c if c.isalnum() or c in " -_" else "_" for c in name)
-    return kept.encode()[:200].decode(errors="ignore") or "mission"
-
-
 def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
     """Raise `OutputError` when one of the files to be written lies in the folder of --out."""
     for name in names:
         if (folder / name).exists():
             raise OutputError(f"--out {folder}: holds a {name} already; choose another folder")
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of --out, and those above it, unless it is there.
-
-    Raises `OutputError` when the disk refuses.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"--out {folder} cannot be made: {error.strerror}") from None
-
-
-def refuse_unwritable(folder: Path) -> None:
-    """Raise `OutputError` where a folder could not be written in, or not be made; none is made."""
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not there.is_dir():
-        raise OutputError(f"--out {folder} cannot be made: {there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise OutputError(f"--out {folder}: {there} cannot be written in; choose another folder")
 
 
 def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:

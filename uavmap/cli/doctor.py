@@ -17,7 +17,6 @@ from missions.errors import MissionFileError
 from missions.mission_file.schema import CameraSection
 from missions.state import Setting
 from uavmap.cameras.spec import HELP, CameraSpec, parse_camera
-from uavmap.cli.check import plan_lines
 from uavmap.cli.common import speedup
 from uavmap.cli.endings import INCOMPLETE
 from uavmap.cli.link_options import add_key_option, key_file
@@ -32,6 +31,7 @@ from uavmap.preflight.autopilot_fence import outside_m
 from uavmap.preflight.examination import Examination, connect
 from uavmap.preflight.finding import Finding, could_fly, ok
 from uavmap.preflight.installation import installation
+from uavmap.preflight.plan_figures import plan_lines
 from uavmap.preflight.setting_up import AutopilotSetup
 
 PICTURES: Final = "doctor"

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import time
 from typing import Any
 
-from missions.errors import LinkError, MissionFileError, NotFlownError, leaves
+from missions.errors import NotFlownError, leaves
 from missions.mission_file.checks import STRATEGIES
 from uavmap.cameras.spec import HELP
-from uavmap.cli.check import plan_lines
 from uavmap.cli.common import (
     DETECTOR_HELP,
     EXIT_CODES,
     report,
-    results_folder,
     seed_number,
     speedup,
     vehicle_count,
@@ -23,13 +20,15 @@ from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, page_beside
 from uavmap.fly.before_flight import Preflight
-from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.planned import Wanted, planned
 from uavmap.fly.progress import Terminal
-from uavmap.mission_source import load_source, shipped_missions
+from uavmap.mission_source import shipped_missions
 from uavmap.offline.after_flight import draw_boundary, kept_frames
-from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.preflight.plan_figures import plan_lines
+from uavmap.record.flight_plan import DRIVERS, PYMAVLINK
+from uavmap.record.results_folder import results_folder
 
 _EXAMPLES = """\
 examples:
@@ -157,41 +156,23 @@ def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
-    source = load_source(options.mission, options.detector)
-    mission = source.parse()
-    urls = tuple(options.connect)
-    if not options.sim and not urls:
-        urls = tuple(v.url for v in mission.vehicles if v.url is not None)
-        if 0 < len(urls) < len(mission.vehicles):
-            raise MissionFileError(
-                f"{options.mission}: vehicles: {len(urls)} of {len(mission.vehicles)} have a url; "
-                "give one to each, or use --connect once a vehicle"
-            )
-    if not options.sim and len(urls) == 0:
-        raise LinkError(
-            f"{options.mission}: no vehicle to fly; give --connect URL (or vehicles.url in the "
-            "mission file), or --sim for the simulator"
-        )
-    if options.sim and options.camera:
-        raise LinkError("--camera goes with --connect: with --sim the cameras are simulated, too")
-    plan = FlightPlan(
-        mission_source=source.source,
-        mission_text=source.text,
-        strategy=options.strategy,
+    wanted = Wanted(
+        mission=options.mission,
+        sim=options.sim,
+        connect=tuple(options.connect),
+        camera=tuple(options.camera),
         vehicles=options.vehicles,
+        strategy=options.strategy,
+        detector=options.detector,
         seed=options.seed,
-        urls=urls,
         speedup=options.speedup,
         auto_swap=options.auto_swap,
         driver=options.driver,
-        cameras=tuple(options.camera),
-        key_file=None if options.sim else key_file(options),
         onboard=options.onboard,
+        key=None if options.sim else key_file(options),
         forward=tuple(options.forward or ()),
-        epoch_utc_s=SIM_EPOCH_UTC_S if options.sim else time.time(),
     )
-    plan.check_driver()
-    cameras_of(plan.cameras, plan.mission())  # says what is wrong before a folder is made
+    plan, mission = planned(wanted)
     progress = Terminal()
     plan = with_ground(plan, progress.say)
     folder = results_folder(options.out, mission.name)

@@ -18,8 +18,7 @@ from uavmap.areas.drawing import Area, Drawing
 from uavmap.areas.drones import table_lines
 from uavmap.areas.layout import Layout, Wishes, lay_out
 from uavmap.areas.reading import KINDS, read_area_file
-from uavmap.cli.check import estimate
-from uavmap.cli.common import epsg_code, folder_name, number_type, pair
+from uavmap.cli.common import epsg_code, number_type, pair
 from uavmap.cli.endings import complain
 from uavmap.cli.new_aircraft import (
     LIST,
@@ -31,6 +30,8 @@ from uavmap.cli.new_aircraft import (
 )
 from uavmap.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
 from uavmap.mission_source import MissionSource
+from uavmap.preflight.plan_figures import estimate
+from uavmap.record.results_folder import folder_name
 from uavmap.results.atomic import write_text
 
 _EXAMPLES = """\

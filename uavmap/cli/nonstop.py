@@ -16,11 +16,12 @@ from missions.arena.roi import Roi
 from missions.errors import StrategyError, UavmapError
 from missions.swath.strategies import WithoutStopping
 from uavmap.animation import film_of_nonstop
-from uavmap.cli.common import make_folder, pair, print_figures
+from uavmap.cli.common import pair, print_figures
 from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.nonstop_options import DEFAULTS
 from uavmap.cli.pictures import wants_pictures, write_pictures
 from uavmap.notices import tell_if_uncompiled
+from uavmap.record.results_folder import make_folder
 
 if TYPE_CHECKING:
     from uavmap.offline.nonstop_trials import FlightTerms, NonstopTrial

@@ -3,48 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import errno
-import os
-import time
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-from missions.errors import OutputError
-from missions.mission_file.terrain_checks import refuse_unknown_ground
-from missions.state import Setting
-from uavmap.cli.common import (
-    DETECTOR_HELP,
-    make_folder,
-    number_type,
-    refuse_unwritable,
-    report,
-    results_folder,
-    utc_seconds,
-    worker_count,
-)
+from uavmap.cli.common import DETECTOR_HELP, number_type, report, utc_seconds, worker_count
 from uavmap.cli.endings import INTERRUPTED, complain
-from uavmap.detector_source import detector_text
 from uavmap.fly.progress import Terminal
-from uavmap.kept_detector import keep_detector, with_relative_model
-from uavmap.mission_source import MissionSource, load_source
-from uavmap.offline.calibration import calibration_of
 from uavmap.offline.cluster import Cluster
-from uavmap.offline.derived import DETECTOR, derived
-from uavmap.offline.gathering import Gathered, gather
-from uavmap.offline.rasters import ORTHO, Wishes
-from uavmap.offline.refined_pictures import RefinedSet, refined
-from uavmap.offline.replay import Looked, Options, look_at_all
-from uavmap.offline.sources.opening import open_source
-from uavmap.offline.spool import Spool
+from uavmap.offline.rasters import Wishes
+from uavmap.offline.replaying import Wanted, replay_pictures
 from uavmap.offline.workers import Crew, Threads
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
-from uavmap.results.atomic import write_text
-from vision.lens import Lens
-
-MISSION_FILE = "mission.toml"
-"""In the results, of a replay without --mission: what was derived from the pictures."""
 
 _EXAMPLES = """\
 examples:
@@ -148,111 +115,17 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace, crew: Crew) -> int:
-    progress, wishes = Terminal(), Wishes(options.ortho, options.gsd)
-    wishes.check()
-    given = None if options.mission is None else load_source(options.mission, options.detector)
-    asked = None if given is None else given.parse()  # say what is wrong before pictures are read
-    detector = DETECTOR
-    if given is None and options.detector is not None:
-        detector = detector_text(Path(options.detector))
-    lens = calibration_of(options.calibration, asked, options.mission)
-    if options.out is not None:  # said before pictures are read, which may take long
-        refuse_unwritable(results_folder(options.out, ""))
-    gathered = gather(open_source(Path(options.path), options.video_start))
-    better = _refined(gathered, lens, given, options, progress, crew)
-    gathered = gathered if better is None else better.gathered
-    source = given or _derived(gathered, lens, detector, any_day=options.any_day)
-    mission = source.parse()
-    refuse_unknown_ground(mission, source.source)
-    folder = results_folder(options.out, mission.name)
-    if given is None:
-        for line in _shown(source):
-            progress.say(line)
-    with Spool() as spool:
-        how = Options(crew, lens, options.any_day, refine=better is not None)
-        looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
-        looked.refuse_empty()
-        make_folder(folder)
-        keep_detector(mission.detector, source.text, folder)
-        try:
-            if better is not None:
-                better.write(folder)
-            if given is None:
-                write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
-                progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
-            began_s = time.perf_counter()
-            meta = _meta(source, options.path) | looked.taken()
-            with Journal.create(folder / JOURNAL, meta) as journal:
-                summary = looked.written(journal, folder, progress)
-            progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
-        except OSError as error:
-            raise OutputError(_unwritten(folder, error)) from None
-        code = _rasters(looked, folder, wishes, progress)
-    return report(summary, folder, as_json=options.json) or code
-
-
-def _unwritten(folder: Path, error: OSError) -> str:
-    """A line for results that the disk refuses: which file, why, and what helps."""
-    told = error.filename2 or error.filename  # the second one where a file takes its name
-    name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
-    helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
-    return (
-        f"{folder}: the results cannot be written ({name}{error.strerror}); {helps} replay into "
-        "another folder"
+    wanted = Wanted(
+        path=options.path,
+        mission=options.mission,
+        detector=options.detector,
+        out=options.out,
+        calibration=options.calibration,
+        any_day=options.any_day,
+        video_start=options.video_start,
+        refine=options.refine == "on",
+        rasters=Wishes(options.ortho, options.gsd),
     )
-
-
-def _rasters(looked: Looked, folder: Path, wishes: Wishes, progress: Terminal) -> int:
-    """The GeoTIFFs, without which the results are complete; what goes wrong is told in a line."""
-    began_s = time.perf_counter()
-    try:
-        if looked.write_rasters(folder, wishes, progress):
-            progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
-    except OutputError as error:
-        complain(f"{error}; all other results are complete")
-    except KeyboardInterrupt:
-        complain(f"interrupted: {ORTHO} is not written; all other results are complete")
-        return INTERRUPTED
-    return 0
-
-
-def _refined(
-    gathered: Gathered,
-    lens: Lens | None,
-    given: MissionSource | None,
-    options: argparse.Namespace,
-    progress: Terminal,
-    crew: Crew,
-) -> RefinedSet | None:
-    """The set with the poses that its overlaps give; None where those of the tags are wanted."""
-    if options.refine == "off":
-        return None
-    mission = None if given is None else given.parse()
-    return refined(gathered, progress, mission, lens=lens, crew=crew)
-
-
-def _derived(
-    gathered: Gathered, lens: Lens | None, detector: str, *, any_day: bool
-) -> MissionSource:
-    text = derived(gathered, lens, any_day=any_day, detector=detector)
-    return MissionSource("derived from the pictures", text)
-
-
-def _shown(source: MissionSource) -> list[str]:
-    """The lines of a derived mission that a user may want to change."""
-    lines = [line for line in source.text.splitlines() if line and not line.startswith("#")]
-    return ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
-
-
-def _meta(source: MissionSource, path: str) -> dict[str, Any]:
-    plan = FlightPlan(
-        source.source,
-        source.text,
-        strategy=None,
-        vehicles=None,
-        seed=0,
-        urls=(),
-        speedup=None,
-        epoch_utc_s=SIM_EPOCH_UTC_S,
-    )
-    return {"plan": asdict(plan), "replay": path}
+    done = replay_pictures(wanted, crew, Terminal(), complain)
+    code = report(done.summary, done.folder, as_json=options.json)
+    return code or (INTERRUPTED if done.interrupted else 0)

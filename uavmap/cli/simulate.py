@@ -21,14 +21,7 @@ from missions.explorers.metric import Metric
 from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.animation import film_of_run
-from uavmap.cli.common import (
-    make_folder,
-    number_type,
-    overwrite_nothing,
-    pair,
-    print_figures,
-    seed_number,
-)
+from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
 from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.nonstop_options import add_nonstop_options, refuse_nonstop_options
 from uavmap.cli.pictures import (
@@ -40,6 +33,7 @@ from uavmap.cli.pictures import (
 from uavmap.notices import tell_if_uncompiled
 from uavmap.offline.roi_files import load_rois
 from uavmap.offline.trials import Terms, Trial, explored, means, trials
+from uavmap.record.results_folder import make_folder
 
 MAX_ROBOTS: Final = 1000
 REPORT_S: Final = 2.0

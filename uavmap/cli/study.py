@@ -9,13 +9,8 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from missions.errors import StudyError
-from uavmap.cli.common import (
-    make_folder,
-    overwrite_nothing,
-    results_folder,
-    seed_number,
-    worker_count,
-)
+from uavmap.cli.common import overwrite_nothing, seed_number, worker_count
+from uavmap.record.results_folder import make_folder, results_folder
 from uavmap.studies import STUDIES
 from uavmap.studies.executors import Progress, spread
 from uavmap.studies.study import Page

@@ -12,11 +12,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import OutputError
-from uavmap.cli.common import number_type, overwrite_nothing, refuse_unwritable, seed_number
+from uavmap.cli.common import number_type, overwrite_nothing, seed_number
 from uavmap.fly.progress import PipeConsole, Terminal
 from uavmap.offline.tune.paint import paint
 from uavmap.offline.tune.run import FILES, Wishes, tune
 from uavmap.offline.tune.selection import KINDS, SETS
+from uavmap.record.results_folder import refuse_unwritable
 
 _EXAMPLES = """\
 examples:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +22,7 @@ from missions.step import fold
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
+from uavmap.fly.caller import Caller
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.fleet import each_its_own, vehicles_of
 from uavmap.fly.ground_crew import Crew
@@ -64,18 +65,25 @@ def fly(
     *,
     keep_frames: bool = False,
     onlooker: Onlooker | None = None,
+    caller: Caller | None = None,
 ) -> dict[str, Any]:
     """Fly a new mission into a folder; returns the summary.
 
     `preflight`: what is looked at, asked and set before real aircraft take off; a flight that is
     simulated in this process has none. `keep_frames`: whether the pictures stay in the folder.
     `onlooker` sees the pictures, and passes the operator's orders on to real aircraft.
+    `caller`: who interrupts it, where this is not the program's main thread.
 
     Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
     when the operator leaves before the end.
     """
     setting = plan.setting(progress.say)
     refuse_unknown_ground(setting.mission, plan.mission_source)
+    if plan.simulated and not setting.mission.sim.roi:
+        progress.say(
+            f"{plan.mission_source}: [[sim.roi]] is missing: there is nothing to be found on the "
+            "simulated ground; give it a polygon"
+        )
     check_urls(plan.urls)
     for url in plan.forward:
         parse_url(url)
@@ -87,6 +95,7 @@ def fly(
             raise
         flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
         flight.preflight, flight.onlooker = preflight, onlooker
+        flight.caller = caller
         if preflight is not None and preflight.keep_fence:
             journal.put_meta(KEEP_FENCE, True)
         if keep_frames:
@@ -115,6 +124,7 @@ def resume(
     from_home: bool = False,
     recall: bool = False,
     ask: Callable[[str], bool] | None = None,
+    caller: Caller | None = None,
 ) -> dict[str, Any]:
     """Go on with the mission of a folder; returns the summary.
 
@@ -176,6 +186,7 @@ def resume(
         flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
         flight.ask = ask
         flight.recall = recall
+        flight.caller = caller
         return flight.run()
 
 
@@ -210,6 +221,8 @@ class _Flight:
         """Puts a question to the operator, where there is one."""
         self.preflight: Preflight | None = None
         self.onlooker: Onlooker | None = None
+        self.caller: Caller | None = None
+        """Who interrupts a flight that runs in a thread of its own."""
         self.recall = False
         """Whether whoever is in the air is only brought home."""
         self._truth: Truth | None = None
@@ -220,10 +233,10 @@ class _Flight:
         try:
             if self._plan.simulated:
                 clock = VirtualClock(self._plan.speedup)
-                run(self._fly_simulated(), clock)
+                run(self._called(self._fly_simulated()), clock)
             else:
                 clock = ScaledClock(self._plan.speedup or 1.0)
-                run(self._fly_connected(), clock)
+                run(self._called(self._fly_connected()), clock)
         except BaseException:
             with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                 if len(self._journal):
@@ -232,6 +245,9 @@ class _Flight:
         return _results(
             self._plan, self._setting, self._folder, self._journal, self._truth, self._progress.say
         )
+
+    async def _called(self, flight: Awaitable[None]) -> None:
+        await (flight if self.caller is None else self.caller.until_done(flight))
 
     def _now_s(self) -> float:
         """Mission time."""
@@ -330,8 +346,9 @@ class _Flight:
                     hand.enter_context(keeper)
                 # a simulated flight just stops when it is interrupted: nobody is in the air
                 if not may_stop:
-                    hand.enter_context(interrupts(service, say))
-                    hand.enter_context(keyboard(Keys(service, say), crew, say))
+                    hand.enter_context(interrupts(service, say, self.caller))
+                    if self.caller is None:  # keys need the main thread's signals, too
+                        hand.enter_context(keyboard(Keys(service, say), crew, say))
                     if self.onlooker is not None:
                         hand.enter_context(self.onlooker.hand(service, say))
                 self._state = await watched_over(

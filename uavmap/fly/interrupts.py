@@ -8,6 +8,8 @@ import signal
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
+from uavmap.fly.caller import Caller
+
 PAUSE, GO_ON = signal.SIGUSR1, signal.SIGUSR2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -34,10 +36,13 @@ class Recallable(Protocol):
 
 
 @contextlib.contextmanager
-def interrupts(service: Recallable, say: Callable[[str], None]) -> Iterator[None]:
+def interrupts(
+    service: Recallable, say: Callable[[str], None], caller: Caller | None = None
+) -> Iterator[None]:
     """While real aircraft are flown: Ctrl-C, SIGTERM or SIGHUP once recalls, a second time cancels.
 
-    SIGUSR1 pauses the mission, SIGUSR2 lets it go on.
+    SIGUSR1 pauses the mission, SIGUSR2 lets it go on. A flight in a thread of its own hears its
+    `caller` instead of signals, which are the main thread's.
 
     Cancels the task that entered the context, out of which comes `KeyboardInterrupt` then. Before
     the service has begun the first time counts as the second.
@@ -55,14 +60,27 @@ def interrupts(service: Recallable, say: Callable[[str], None]) -> Iterator[None
         elif task is not None:
             task.cancel()
 
+    with contextlib.ExitStack() as hearing:
+        if caller is None:
+            hearing.enter_context(_signals(loop, interrupted, service))
+        else:
+            hearing.enter_context(caller.heard(interrupted))
+        try:
+            yield
+        except asyncio.CancelledError:
+            raise KeyboardInterrupt from None
+
+
+@contextlib.contextmanager
+def _signals(
+    loop: asyncio.AbstractEventLoop, interrupted: Callable[[], None], service: Recallable
+) -> Iterator[None]:
     for number in SIGNALS:
         loop.add_signal_handler(number, interrupted)
     loop.add_signal_handler(PAUSE, service.pause)
     loop.add_signal_handler(GO_ON, service.go_on)
     try:
         yield
-    except asyncio.CancelledError:
-        raise KeyboardInterrupt from None
     finally:
         for number in (*SIGNALS, PAUSE, GO_ON):
             loop.remove_signal_handler(number)

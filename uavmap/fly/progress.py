@@ -112,7 +112,11 @@ class Terminal:
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._console = PipeConsole(file=stream or sys.stderr, highlight=False)
+        file = stream or sys.stderr
+        # by the stream alone: a notebook, and FORCE_COLOR, make no terminal that can redraw a table
+        self._console = PipeConsole(
+            file=file, highlight=False, force_jupyter=False, force_terminal=_is_terminal(file)
+        )
         self._live: Live | None = None
         self._setting: Setting | None = None
         self._drawn_s = float("-inf")
@@ -194,6 +198,14 @@ class Terminal:
         if self._setting is None:
             return 0.0
         return 100.0 * vehicle.remaining_wh / self._setting.energy.capacity_wh
+
+
+def _is_terminal(stream: TextIO) -> bool:
+    """Whether what is written can be redrawn."""
+    try:
+        return stream.isatty()
+    except ValueError:  # closed on our side
+        return False
 
 
 def phase(state: State) -> str:

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from missions.mission_file.schema import parse_fields
 from uavmap.cli import main
-from uavmap.cli.common import RESULTS, folder_name, report, results_folder
+from uavmap.cli.common import report
 from uavmap.mission_source import load_source
+from uavmap.record.results_folder import RESULTS, folder_name, results_folder
 
 RUNWAY = load_source("runway").text
 BAD = {

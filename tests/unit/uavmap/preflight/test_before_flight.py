@@ -15,11 +15,11 @@ from missions.errors import NotFlownError, PreflightError
 from missions.mission_file.schema import Battery
 from missions.mission_file.sim_section import SimFault
 from tests.unit.uavmap.preflight.field import BOTH, Field, mission_of, on_field
-from uavmap.cli.check import plan_lines
 from uavmap.fly.before_flight import BeforeFlight, Preflight
 from uavmap.link.view import VehicleView
 from uavmap.preflight.finding import Finding, Level, bad, could_fly, warn
 from uavmap.preflight.kept import FILE
+from uavmap.preflight.plan_figures import plan_lines
 from uavmap.preflight.question import Operator
 
 

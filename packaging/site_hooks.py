@@ -1,0 +1,118 @@
+"""What the documentation site needs besides docs: pages that lie beside that folder, for GitHub.
+
+The guide for contributors, the changelog, and the notebooks of examples, each as a page; links to
+them are turned as they are read.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+log = logging.getLogger("mkdocs.hooks.site")
+PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+DECISIONS = "decisions/index.md"
+ASIDE = ("LICENSE", "CITATION.cff")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add them."""
+    for name, page in PAGES.items():
+        text = (ROOT / name).read_text("utf-8")
+        text = re.sub(r"\]\(docs/", "](", text)
+        for other, its_page in PAGES.items():
+            text = text.replace(f"]({other}", f"]({its_page}")
+        files.append(File.generated(config, page, content=text))
+    for name in ASIDE:
+        files.append(File.generated(config, name, abs_src_path=str(ROOT / name)))
+    for path in sorted((ROOT / "examples").glob("*.ipynb")):
+        text, pictures = notebook_page(json.loads(path.read_text("utf-8")), path.stem)
+        files.append(File.generated(config, f"examples/{path.stem}.md", content=text))
+        for name, data in pictures.items():
+            files.append(File.generated(config, f"examples/{name}", content=data))
+    files.append(File.generated(config, DECISIONS, content=decisions_page()))
+    return files
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Pages that the navigation does not name stand at its end: none is without a way to it."""
+    named = set(re.findall(r"[\w./-]+\.md", json.dumps(config.nav)))
+    docs = Path(config.docs_dir)
+    rest = [path.name for path in sorted(docs.glob("*.md")) if path.name not in named]
+    if rest and config.nav is not None:
+        config.nav.append({"More": rest})
+    return config
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Links to the notebooks, and to the folder of decisions, lead to their pages."""
+    markdown = markdown.replace("](decisions/)", f"]({DECISIONS})")
+    return re.sub(r"\]\(\.\./examples/([\w-]+)\.ipynb\)", r"](examples/\1.md)", markdown)
+
+
+def decisions_page() -> str:
+    """A list of the decisions, by number."""
+    lines = ["# Decisions", "", "Why things are as they are, and what else was tried.", ""]
+    for path in sorted((ROOT / "docs" / "decisions").glob("0*.md")):
+        title = path.read_text("utf-8").partition("\n")[0].lstrip("# ")
+        lines.append(f"* [{title}]({path.name})")
+    return "\n".join(lines) + "\n"
+
+
+# --- notebooks -----------------------------------------------------------------------------------
+def notebook_page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, bytes]]:
+    """A notebook as Markdown, and its pictures by the names of their files."""
+    parts: list[str] = []
+    pictures: dict[str, bytes] = {}
+    for cell in notebook["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(source.replace("](../docs/", "](../"))
+            continue
+        parts.append(f"```python\n{source}\n```")
+        for output in cell["outputs"]:
+            for text, data in shown(output):
+                if data is None:
+                    parts.append(f"```text\n{text.rstrip()}\n```")
+                else:
+                    file = f"{name}-{len(pictures) + 1}.png"
+                    pictures[file] = data
+                    parts.append(f"![{text}]({file})")
+    return "\n\n".join(parts) + "\n", pictures
+
+
+def shown(output: dict[str, Any]) -> Iterator[tuple[str, bytes | None]]:
+    """What a cell has shown: a text, or a picture with the text in its place."""
+    data = output.get("data", {})
+    text = "".join(data.get("text/plain", output.get("text", "")))
+    if "image/png" in data:
+        yield "What the cell above shows", base64.b64decode("".join(data["image/png"]))
+    elif text:
+        yield text, None
+
+
+# --- nothing from elsewhere ----------------------------------------------------------------------
+_FETCHED = re.compile(
+    r"<(?:script|img|iframe|source)\b[^>]*\bsrc=[\"']?(?:https?:)?//[^\"' >]+"
+    r"|<link\b[^>]*\brel=[\"']?(?:stylesheet|preconnect|icon|preload)[^>]*"
+    r"\bhref=[\"']?(?:https?:)?//[^>]+"
+    r"|url\((?:https?:)?//[^)]+",
+    re.IGNORECASE,
+)
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """A page that would load something from another host is a fault: who reads may be offline."""
+    for found in _FETCHED.findall(output):
+        log.warning("%s loads something from elsewhere: %s", page.file.src_uri, found)
+    return output

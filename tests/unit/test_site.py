@@ -1,0 +1,117 @@
+"""What of the documentation is made from the program: mission reference, notebooks, names."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import inspect
+import json
+from typing import Any
+
+import matplotlib as mpl
+import pytest
+from pydantic import BaseModel
+
+import uavmap
+from missions import errors
+from missions.mission_file.schema import Mission
+from tests.unit.test_pages import ROOT
+from uavmap.areas.mission_reference import described, reference
+from uavmap.areas.mission_text import section_of
+
+EXAMPLES = ROOT / "examples"
+
+
+# --- the reference of mission files --------------------------------------------------------------
+def keys_of(section: type[BaseModel], name: str = "") -> set[str]:
+    """Every key of a table and of those in it, with dots, as pydantic has them."""
+    found = set()
+    for key, field in section.model_fields.items():
+        full = f"{name}.{key}" if name else key
+        inner = _inner(field.annotation) or section_of(field)
+        found |= {full} if inner is None else keys_of(inner, full)
+    return found - {"detector.tables"}
+
+
+def _inner(kind: Any) -> type[BaseModel] | None:
+    """The table of a list of tables."""
+    parts = getattr(kind, "__args__", ())
+    return next((p for p in parts if isinstance(p, type) and issubclass(p, BaseModel)), None)
+
+
+def test_the_reference_is_that_of_the_schema() -> None:
+    page = (ROOT / "docs" / "missions.md").read_text("utf-8")
+    assert page == reference(), "python -m uavmap.areas.mission_reference > docs/missions.md"
+
+
+def test_the_reference_has_every_key_and_says_what_it_is() -> None:
+    said = dict(described())
+    assert keys_of(Mission) <= set(said)
+    assert [key for key, text in said.items() if not text] == []
+    page = reference()
+    assert '| `altitude_m` | number or `"auto"` | m | above 0, up to 1000 | `12.0` |' in page
+    assert "| `polygon` | ring |  |  | *needed* |" in page
+    assert "| `m_s` | number | m/s |" in page
+
+
+# --- the names of Python -------------------------------------------------------------------------
+def test_the_page_of_names_has_all_of_them() -> None:
+    page = (ROOT / "docs" / "api.md").read_text("utf-8")
+    names = {name for name in uavmap.__all__ if not name.endswith(("Error", "__"))}
+    shown = {line.rpartition(".")[2] for line in page.splitlines() if line.startswith("::: ")}
+    assert names | {"errors"} == shown
+
+
+def test_every_error_is_a_name_of_uavmap() -> None:
+    """But for the one of the journal's inside."""
+    known = {
+        name
+        for name, value in vars(errors).items()
+        if inspect.isclass(value) and issubclass(value, errors.UavmapError)
+    }
+    assert known - {"EventError"} == {name for name in uavmap.__all__ if name.endswith("Error")}
+
+
+# --- the notebooks -------------------------------------------------------------------------------
+async def ran(cell: str, names: dict[str, Any]) -> object:
+    """Run a cell as a notebook does; the value of its last line, if that is an expression."""
+    tree = ast.parse(cell)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    codes = [compile(tree, "cell", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT)]
+    if isinstance(last, ast.Expr):
+        expression = ast.Expression(last.value)
+        codes.append(compile(expression, "cell", "eval", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT))
+    value: object = None
+    for code in codes:
+        value = eval(code, names)
+        if inspect.iscoroutine(value):
+            value = await value
+    return value
+
+
+@pytest.mark.parametrize("name", ["flight", "pictures"])
+def test_a_notebook_shows_what_the_program_does(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each cell on a loop that runs, as in a notebook; `examples/renew.py` writes them anew."""
+    mpl.use("agg")
+    from matplotlib import pyplot as plt  # noqa: PLC0415 - after its backend
+
+    monkeypatch.chdir(EXAMPLES)
+    notebook = json.loads((EXAMPLES / f"{name}.ipynb").read_text("utf-8"))
+    names: dict[str, Any] = {"__name__": "__main__"}
+
+    async def whole() -> None:
+        for cell in notebook["cells"]:
+            if cell["cell_type"] == "code":
+                value = await ran("".join(cell["source"]), names)
+                told = [o for o in cell["outputs"] if o["output_type"] == "execute_result"]
+                texts = ["".join(o["data"]["text/plain"]) for o in told if len(o["data"]) == 1]
+                if texts:
+                    assert squeezed(repr(value)) == squeezed(texts[0])
+
+    asyncio.run(whole())
+    plt.close("all")
+
+
+def squeezed(text: str) -> str:
+    """Without the places where lines are broken."""
+    return "".join(text.split())

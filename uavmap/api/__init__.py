@@ -1,0 +1,23 @@
+"""uavmap from Python: fly, replay, simulate, and look at results.
+
+These names are also those of `uavmap` itself: `uavmap.fly`, `uavmap.Results` and so on.
+"""
+
+from __future__ import annotations
+
+from uavmap.api.flying import fly, fly_async, resume, resume_async
+from uavmap.api.replaying import replay
+from uavmap.api.results import Results, open_results
+from uavmap.api.simulating import Simulated, simulate
+
+__all__ = [
+    "Results",
+    "Simulated",
+    "fly",
+    "fly_async",
+    "open_results",
+    "replay",
+    "resume",
+    "resume_async",
+    "simulate",
+]

@@ -1,0 +1,290 @@
+"""Flights from Python: in the simulator, and with real aircraft."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any, Final, ParamSpec, cast
+
+from missions.errors import UavmapError
+from missions.mission_file.schema import MAX_VEHICLES
+from uavmap.api.arguments import Paths, choice, number, path_text, texts, whole
+from uavmap.api.aside import Job, awaited, waited_for
+from uavmap.api.results import Results, open_results
+from uavmap.fly import flight
+from uavmap.fly.before_flight import Preflight
+from uavmap.fly.caller import Caller
+from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.planned import Wanted, planned
+from uavmap.fly.progress import Progress, Silent, Terminal
+from uavmap.offline.after_flight import draw_boundary, kept_frames
+from uavmap.preflight.plan_figures import plan_lines
+from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, Driver
+from uavmap.record.results_folder import results_folder
+
+P = ParamSpec("P")
+KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
+_SPEEDUPS: Final = (0.001, 1000.0)
+_SEEDS: Final = 2**63 - 1
+
+
+def fly(
+    mission: Paths,
+    *,
+    sim: bool = False,
+    connect: str | Sequence[str] = (),
+    camera: str | Sequence[str] = (),
+    vehicles: int | None = None,
+    strategy: str | None = None,
+    detector: Paths | None = None,
+    seed: int = 1,
+    speedup: float | None = None,
+    auto_swap: bool = False,
+    driver: str = PYMAVLINK,
+    onboard: bool = False,
+    key: Paths | None = None,
+    forward: str | Sequence[str] = (),
+    yes: bool = False,
+    dry_run: bool = False,
+    keep_fence: bool = False,
+    keep_frames: bool = False,
+    out: Paths | None = None,
+    quiet: bool = False,
+) -> Results:
+    """Fly a mission: search the box, explore the region, come home, write the results.
+
+    It is what the command `uavmap fly` does, and returns when the flight is over. It may be called
+    where an event loop runs, as in a notebook; such a loop stands still meanwhile (`fly_async`
+    lets it go on).
+
+    Ctrl-C, and "interrupt" in a notebook, calls real aircraft home; a second time leaves that to
+    their autopilots. Either way `KeyboardInterrupt` is raised, when they are at home or are seen to
+    return. The results are in the folder, and `resume` goes on.
+
+    Args:
+        mission: A mission file, or the name of a shipped mission such as `"runway"`.
+        sim: Simulate the aircraft in this process, on virtual time.
+        connect: Where the vehicles are reached: a URL, or one each, such as
+            `"udpin://0.0.0.0:14550"`. By default the URLs of the mission file.
+        camera: The camera of each vehicle, as for `--camera`. By default those of the mission file.
+        vehicles: How many, 1 to 50. By default as many as the mission file or the URLs say.
+        strategy: Which strategy flies, instead of the mission file's.
+        detector: A folder that `uavmap tune` has written, instead of the mission file's detector.
+        seed: Of the simulation: the same seed gives the same flight. 0 or more.
+        speedup: Times real time, 0.001 to 1000. By default as fast as it can be computed with
+            `sim`, else 1.
+        auto_swap: Take off again as soon as a battery is fresh, unasked; for simulators only.
+        driver: Who speaks MAVLink: `"pymavlink"` or `"mavsdk"`.
+        onboard: Whether this computer flies with the vehicle.
+        key: The file of a signing key. By default the one that `UAVMAP_KEY_FILE` names.
+        forward: URLs of ground stations, to which all frames are passed on.
+        yes: Take off without a question. Without it somebody has to answer at a terminal; a
+            notebook has none. The bundled simulator takes off unasked.
+        dry_run: Do all but arm; ends in `NotFlownError`, whose `could_fly` is the answer.
+        keep_fence: Leave fences and return heights of the autopilots as they are.
+        keep_frames: Keep every picture with its pose in the results.
+        out: The folder of the results; by default a new one in `results`.
+        quiet: Say nothing on standard error.
+
+    Returns:
+        The results. `completed` is False where something is left to be done, and `aircraft_down`
+        names aircraft that somebody has to look after.
+
+    Raises:
+        MissionFileError: The mission file, by file, key, value and remedy.
+        LinkError: A URL, or a vehicle that does not answer.
+        PreflightError: Something keeps the mission on the ground, or nobody said yes.
+        AircraftError: The flight failed with an aircraft that is not at home.
+        UavmapError: Any other cause outside of the program; all above are of this class.
+
+    Examples:
+        >>> fly("runwya", sim=True)
+        Traceback (most recent call last):
+        missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
+    """
+    return waited_for(
+        _flight(
+            mission, sim=sim, connect=connect, camera=camera, vehicles=vehicles, strategy=strategy,
+            detector=detector, seed=seed, speedup=speedup, auto_swap=auto_swap, driver=driver,
+            onboard=onboard, key=key, forward=forward, yes=yes, dry_run=dry_run,
+            keep_fence=keep_fence, keep_frames=keep_frames, out=out, quiet=quiet,
+        )
+    )  # fmt: skip
+
+
+def resume(
+    folder: Paths,
+    *,
+    connect: str | Sequence[str] = (),
+    camera: str | Sequence[str] = (),
+    driver: str | None = None,
+    key: Paths | None = None,
+    forward: str | Sequence[str] | None = None,
+    from_home: bool = False,
+    recall: bool = False,
+    quiet: bool = False,
+) -> Results:
+    """Go on with the mission of a folder, as `uavmap resume` does.
+
+    To call it is your word that real aircraft may take off, unless `recall` is given.
+
+    Args:
+        folder: The folder of the results.
+        connect: Where the vehicles are reached now, if that has changed.
+        camera: Their cameras, if these have changed.
+        driver: Who speaks MAVLink from now on, if that shall change.
+        key: As for `fly`.
+        forward: As for `fly`, if that has changed.
+        from_home: In the simulator: begin again at home with full batteries.
+        recall: Only bring home who is in the air; nothing takes off.
+        quiet: Say nothing on standard error.
+
+    Returns:
+        The results, as of `fly`.
+
+    Raises:
+        JournalError: There is no mission in the folder, or its journal is damaged.
+        UavmapError: As `fly`.
+    """
+    return waited_for(
+        _resumption(
+            folder, connect=connect, camera=camera, driver=driver, key=key, forward=forward,
+            from_home=from_home, recall=recall, quiet=quiet,
+        )
+    )  # fmt: skip
+
+
+def _like(
+    call: Callable[P, Results],
+) -> Callable[[Callable[..., Awaitable[Results]]], Callable[P, Coroutine[Any, Any, Results]]]:
+    """Gives a coroutine the parameters of `call`, defaults and all."""
+    signature = inspect.signature(call)
+
+    def given(
+        other: Callable[..., Awaitable[Results]],
+    ) -> Callable[P, Coroutine[Any, Any, Results]]:
+        @wraps(other)
+        async def awaiting(*arguments: P.args, **options: P.kwargs) -> Results:
+            bound = signature.bind(*arguments, **options)
+            bound.apply_defaults()
+            return await other(**bound.arguments)
+
+        awaiting.__signature__ = signature  # type: ignore[attr-defined]
+        return awaiting
+
+    return given
+
+
+@_like(fly)
+async def fly_async(**options: Any) -> Results:
+    """Fly as `fly` does, while the program's event loop goes on; takes the same arguments.
+
+    Cancelling it is Ctrl-C: a first time calls real aircraft home, a second time leaves that to
+    their autopilots. `asyncio.CancelledError` is raised when they are at home, or are seen to
+    return (`AircraftError` where one is not), and not before: `asyncio.timeout` and
+    `asyncio.wait_for` wait for them, too.
+
+    Examples:
+        >>> import asyncio
+        >>> async def main() -> None:
+        ...     async with asyncio.timeout(600.0):
+        ...         flight = await fly_async("runway", sim=True)
+        ...     print(flight.area_m2)
+    """
+    return await awaited(_flight(**options))
+
+
+@_like(resume)
+async def resume_async(**options: Any) -> Results:
+    """Go on as `resume` does, while the program's event loop goes on. See `fly_async`."""
+    return await awaited(_resumption(**options))
+
+
+# --- the jobs ------------------------------------------------------------------------------------
+def _flight(mission: Paths, **given: Any) -> Job[Results]:
+    """The work of `fly`, its arguments checked."""
+    sim, quiet, yes, dry_run = (given[key] for key in ("sim", "quiet", "yes", "dry_run"))
+    if sim and given["connect"]:
+        raise UavmapError("sim=True and connect=... exclude each other: give one of them")
+    if quiet and not (sim or yes or dry_run):
+        raise UavmapError("quiet=True hides the question before take-off: give yes=True with it")
+    vehicles, speedup, detector = given["vehicles"], given["speedup"], given["detector"]
+    wanted = Wanted(
+        mission=path_text("mission", mission),
+        sim=sim,
+        connect=texts("connect", given["connect"]),
+        camera=texts("camera", given["camera"]),
+        vehicles=None if vehicles is None else whole("vehicles", vehicles, 1, MAX_VEHICLES),
+        strategy=given["strategy"],
+        detector=None if detector is None else path_text("detector", detector),
+        seed=whole("seed", given["seed"], 0, _SEEDS),
+        speedup=None if speedup is None else number("speedup", speedup, *_SPEEDUPS),
+        auto_swap=given["auto_swap"],
+        driver=_driver(given["driver"]),
+        onboard=given["onboard"],
+        key=None if sim else _key(given["key"]),
+        forward=texts("forward", given["forward"]),
+    )
+    out = None if given["out"] is None else path_text("out", given["out"])
+    before = None if sim else Preflight(plan_lines, yes, dry_run, given["keep_fence"])
+    if sim and dry_run:
+        raise UavmapError("dry_run=True is for real aircraft; `uavmap check` looks at a mission")
+
+    def job(caller: Caller) -> Results:
+        plan, flown = planned(wanted)
+        progress = _progress(quiet=quiet)
+        plan = with_ground(plan, progress.say)
+        folder = results_folder(out, flown.name)
+        progress.say(f"{flown.name} into {folder}; to go on if it is interrupted: uavmap.resume")
+        flight.fly(plan, folder, progress, before, keep_frames=given["keep_frames"], caller=caller)
+        return _finished(folder, progress)
+
+    return job
+
+
+def _resumption(folder: Paths, **given: Any) -> Job[Results]:
+    """The work of `resume`, its arguments checked."""
+    where = Path(path_text("folder", folder))
+    driver, forward = given["driver"], given["forward"]
+    options = {
+        "urls": texts("connect", given["connect"]),
+        "cameras": texts("camera", given["camera"]),
+        "driver": None if driver is None else _driver(driver),
+        "key_file": _key(given["key"]),
+        "forward": None if forward is None else texts("forward", forward),
+        "from_home": given["from_home"],
+        "recall": given["recall"],
+    }
+
+    def job(caller: Caller) -> Results:
+        progress = _progress(quiet=given["quiet"])
+        flight.resume(where, progress, caller=caller, **options)
+        return _finished(where, progress)
+
+    return job
+
+
+def _finished(folder: Path, progress: Progress) -> Results:
+    """The results of a flight, with what pictures that were kept add to them."""
+    results = open_results(folder)
+    if not kept_frames(folder) or results.aircraft_down:
+        return results
+    draw_boundary(folder, progress, progress.say)
+    return open_results(folder)
+
+
+def _progress(*, quiet: bool) -> Progress:
+    return Silent() if quiet else Terminal()
+
+
+def _driver(name: str) -> Driver:
+    return cast(Driver, choice("driver", name, DRIVERS))
+
+
+def _key(given: Paths | None) -> str | None:
+    """The file of the key as an absolute path, None without one."""
+    named = os.environ.get(KEY_VARIABLE) or None if given is None else path_text("key", given)
+    return None if named is None else str(Path(named).expanduser().absolute())

@@ -1,0 +1,72 @@
+"""A flight that another thread has asked for: how that thread's Ctrl-C reaches it.
+
+Signals are heard by a program's main thread alone. Where a flight runs in a thread of its own,
+whoever waits for it says `press` instead, and the flight does what it does on Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+
+
+class Caller:
+    """Who waits for a flight in another thread. `press` may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._act: Callable[[], object] | None = None
+        self._early = 0
+        self.presses = 0
+        """How often the caller has interrupted."""
+
+    def press(self) -> None:
+        """What Ctrl-C says: a first time come home, a second time leave at once.
+
+        Before there is a flight it is kept for it; after its end it says nothing any more.
+        """
+        with self._lock:
+            self.presses += 1
+            if self._loop is None:
+                self._early += 1
+                return
+            # the loop cannot be closed meanwhile: it is let go of under the same lock
+            self._loop.call_soon_threadsafe(self._pressed)
+
+    def _pressed(self) -> None:
+        if self._act is not None:
+            self._act()
+
+    @contextlib.contextmanager
+    def heard(self, act: Callable[[], object]) -> Iterator[None]:
+        """Within the loop of the flight: each press from now on, and those before, is `act`.
+
+        Contexts nest: the inner one hears.
+        """
+        with self._lock:
+            outer_loop, outer = self._loop, self._act
+            self._loop, self._act = asyncio.get_running_loop(), act
+            early, self._early = self._early, 0
+        for _ in range(early):
+            self._loop.call_soon(self._pressed)
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._loop, self._act = outer_loop, outer
+
+    async def until_done(self, flight: Awaitable[None]) -> None:
+        """A whole flight: where nobody inside of it hears a press, it ends the flight.
+
+        Raises `KeyboardInterrupt` then.
+        """
+        task = asyncio.current_task()
+        assert task is not None
+        with self.heard(task.cancel):
+            try:
+                await flight
+            except asyncio.CancelledError:
+                raise KeyboardInterrupt from None

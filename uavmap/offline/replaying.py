@@ -1,0 +1,191 @@
+"""A whole replay, from what is asked for to the files in its folder."""
+
+from __future__ import annotations
+
+import errno
+import os
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from missions.errors import OutputError
+from missions.mission_file.terrain_checks import refuse_unknown_ground
+from missions.state import Setting
+from uavmap.detector_source import detector_text
+from uavmap.fly.progress import Progress
+from uavmap.kept_detector import keep_detector, with_relative_model
+from uavmap.mission_source import MissionSource, load_source
+from uavmap.offline.calibration import calibration_of
+from uavmap.offline.derived import DETECTOR, derived
+from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.rasters import ORTHO, Wishes
+from uavmap.offline.refined_pictures import RefinedSet, refined
+from uavmap.offline.replay import Looked, Options, look_at_all
+from uavmap.offline.sources.opening import open_source
+from uavmap.offline.spool import Spool
+from uavmap.offline.workers import Crew
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.journal import Journal
+from uavmap.record.results_folder import make_folder, refuse_unwritable, results_folder
+from uavmap.results.atomic import write_text
+from vision.lens import Lens
+
+MISSION_FILE = "mission.toml"
+"""In the results, of a replay without --mission: what was derived from the pictures."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A replay as its user asks for it; the fields are the options of `uavmap replay`.
+
+    Attributes:
+        path: A folder of pictures, or one file.
+        mission: A mission file, or the name of a shipped one; None: derived from the pictures.
+        video_start: When a video with a .tlog beside it begins, in seconds since 1970.
+        refine: Whether poses are refined where pictures overlap.
+        rasters: Which GeoTIFFs are written.
+    """
+
+    path: str
+    mission: str | None = None
+    detector: str | None = None
+    out: str | None = None
+    calibration: str | None = None
+    any_day: bool = False
+    video_start: float | None = None
+    refine: bool = True
+    rasters: Wishes = field(default_factory=Wishes)
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A replay that is over. `interrupted`: all but the GeoTIFFs is complete."""
+
+    folder: Path
+    summary: dict[str, Any]
+    interrupted: bool = False
+
+
+def replay_pictures(
+    wanted: Wanted, crew: Crew, progress: Progress, complain: Callable[[str], None]
+) -> Done:
+    """Map what pictures show, into a folder.
+
+    `crew` looks at them; `complain` is told what went wrong with the GeoTIFFs, without which the
+    results are complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`.
+    """
+    wanted.rasters.check()
+    given = None if wanted.mission is None else load_source(wanted.mission, wanted.detector)
+    asked = None if given is None else given.parse()  # say what is wrong before pictures are read
+    detector = DETECTOR
+    if given is None and wanted.detector is not None:
+        detector = detector_text(Path(wanted.detector))
+    lens = calibration_of(wanted.calibration, asked, wanted.mission)
+    if wanted.out is not None:  # said before pictures are read, which may take long
+        refuse_unwritable(results_folder(wanted.out, ""))
+    gathered = gather(open_source(Path(wanted.path), wanted.video_start))
+    better = _refined(gathered, lens, given, wanted, progress, crew)
+    gathered = gathered if better is None else better.gathered
+    source = given or _derived(gathered, lens, detector, any_day=wanted.any_day)
+    mission = source.parse()
+    refuse_unknown_ground(mission, source.source)
+    folder = results_folder(wanted.out, mission.name)
+    if given is None:
+        for line in _shown(source):
+            progress.say(line)
+    with Spool() as spool:
+        how = Options(crew, lens, wanted.any_day, refine=better is not None)
+        looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
+        looked.refuse_empty()
+        make_folder(folder)
+        keep_detector(mission.detector, source.text, folder)
+        try:
+            if better is not None:
+                better.write(folder)
+            if given is None:
+                write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
+                progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
+            began_s = time.perf_counter()
+            meta = _meta(source, wanted.path) | looked.taken()
+            with Journal.create(folder / JOURNAL, meta) as journal:
+                summary = looked.written(journal, folder, progress)
+            progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
+        except OSError as error:
+            raise OutputError(_unwritten(folder, error)) from None
+        interrupted = _rasters(looked, folder, wanted.rasters, progress, complain)
+    return Done(folder, summary, interrupted)
+
+
+def _unwritten(folder: Path, error: OSError) -> str:
+    """A line for results that the disk refuses: which file, why, and what helps."""
+    told = error.filename2 or error.filename  # the second one where a file takes its name
+    name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
+    helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
+    return (
+        f"{folder}: the results cannot be written ({name}{error.strerror}); {helps} replay into "
+        "another folder"
+    )
+
+
+def _rasters(
+    looked: Looked,
+    folder: Path,
+    wishes: Wishes,
+    progress: Progress,
+    complain: Callable[[str], None],
+) -> bool:
+    """The GeoTIFFs, without which the results are complete; whether they were interrupted."""
+    began_s = time.perf_counter()
+    try:
+        if looked.write_rasters(folder, wishes, progress):
+            progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
+    except OutputError as error:
+        complain(f"{error}; all other results are complete")
+    except KeyboardInterrupt:
+        complain(f"interrupted: {ORTHO} is not written; all other results are complete")
+        return True
+    return False
+
+
+def _refined(
+    gathered: Gathered,
+    lens: Lens | None,
+    given: MissionSource | None,
+    wanted: Wanted,
+    progress: Progress,
+    crew: Crew,
+) -> RefinedSet | None:
+    """The set with the poses that its overlaps give; None where those of the tags are wanted."""
+    if not wanted.refine:
+        return None
+    mission = None if given is None else given.parse()
+    return refined(gathered, progress, mission, lens=lens, crew=crew)
+
+
+def _derived(
+    gathered: Gathered, lens: Lens | None, detector: str, *, any_day: bool
+) -> MissionSource:
+    text = derived(gathered, lens, any_day=any_day, detector=detector)
+    return MissionSource("derived from the pictures", text)
+
+
+def _shown(source: MissionSource) -> list[str]:
+    """The lines of a derived mission that a user may want to change."""
+    lines = [line for line in source.text.splitlines() if line and not line.startswith("#")]
+    return ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
+
+
+def _meta(source: MissionSource, path: str) -> dict[str, Any]:
+    plan = FlightPlan(
+        source.source,
+        source.text,
+        strategy=None,
+        vehicles=None,
+        seed=0,
+        urls=(),
+        speedup=None,
+        epoch_utc_s=SIM_EPOCH_UTC_S,
+    )
+    return {"plan": asdict(plan), "replay": path}
