@@ -17,8 +17,8 @@ from typing import Final
 from uavmap.page.hub import Hub
 from uavmap.page.pipe import Words, read
 
-LAST_S: Final = 1.0
-"""So long browsers are still told what was new at the end, real seconds."""
+LAST_S: Final = 4.0
+"""So long, at most, browsers are still told what was new at the end, real seconds."""
 DIED: Final = "the flight's program has ended without a word; `uavmap resume` goes on with it"
 
 
@@ -67,7 +67,8 @@ async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
         pass
     hub.ended = hub.ended or DIED
     hub.wake()
-    await asyncio.sleep(LAST_S)
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(hub.nobody(), LAST_S)
 
 
 if __name__ == "__main__":

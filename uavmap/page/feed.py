@@ -25,7 +25,7 @@ from uavmap.page.pipe import Lines, Words, packed
 
 START_S: Final = 60.0
 """Real seconds in which the page must be ready; it takes some 3 on a small computer."""
-END_S: Final = 3.0
+END_S: Final = 6.0
 """Real seconds in which its process takes in what it was told last, and ends."""
 WAITING: Final = 8
 """So many messages may wait to be written."""

@@ -528,6 +528,7 @@ export default {
       this.heard_ms = performance.now();
       this.link = link;
       document.body.classList.toggle("flight-ended", !!link.text);
+      this.check();
       if (!this.scene || !this.map.take(delta)) return 0;
       const board = this.map.board;
       if (Object.keys(delta.vehicles).length) this.listVehicles(board);

@@ -80,6 +80,24 @@ class Hub:
         self._frames = Path(config["frames"]) if config.get("frames") else None
         self._pictures: dict[str, bytes] = {}
         self._news = asyncio.Event()
+        self._present: set[object] = set()
+        self._nobody = asyncio.Event()
+        self._nobody.set()
+
+    def enter(self, visitor: object) -> None:
+        """A browser is there, and is told what is new."""
+        self._present.add(visitor)
+        self._nobody.clear()
+
+    def leave(self, visitor: object) -> None:
+        """It is gone, or knows that nothing more will come."""
+        self._present.discard(visitor)
+        if not self._present:
+            self._nobody.set()
+
+    async def nobody(self) -> None:
+        """Wait until no browser is left that has to be told something."""
+        await self._nobody.wait()
 
     async def news(self) -> None:
         """Wait until something is new."""

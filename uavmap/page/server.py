@@ -223,25 +223,35 @@ class Visitor:
 
     # --- what is shown ---------------------------------------------------------------------
     async def follow(self, client: Client) -> None:
-        """Tell the browser what is new, until its page is closed."""
+        """Tell the browser what is new, until its page is closed, or nothing more will come."""
         with client:
             await client.connected()
-            version, scene, shown = 0, None, None
-            while not client.is_deleted:
-                if self._hub.scene is None:
-                    await self._hub.news()
-                    continue
-                try:
-                    if scene is not self._hub.scene:
-                        scene, version = self._hub.scene, 0
-                        await self._view.run_method("setting", scene, timeout=CONFIRM_S)
-                    board = self._board()
-                    version = version if board is shown else 0
-                    version, shown = await self._tell(board, version), board
-                except TimeoutError:
-                    version, scene = 0, None  # whatever it has missed is in a snapshot
-                    continue
-                await self._rest(board, version)
+            self._hub.enter(self)
+            try:
+                await self._follow(client)
+            finally:
+                self._hub.leave(self)
+
+    async def _follow(self, client: Client) -> None:
+        version, scene, shown = 0, None, None
+        while not client.is_deleted:
+            if self._hub.scene is None and not self._hub.ended:
+                await self._hub.news()
+                continue
+            ended = self._hub.ended
+            try:
+                if scene is not self._hub.scene:
+                    scene, version = self._hub.scene, 0
+                    await self._view.run_method("setting", scene, timeout=CONFIRM_S)
+                board = self._board()
+                version = version if board is shown else 0
+                version, shown = await self._tell(board, version), board
+            except TimeoutError:
+                version, scene = 0, None  # whatever it has missed is in a snapshot
+                continue
+            if ended:
+                return
+            await self._rest(board, version)
 
     def _board(self) -> Board:
         """What is looked at: the flight as it is, or as it was."""
@@ -269,7 +279,7 @@ class Visitor:
         if self._hub.timeline is not None and self._playing:
             return
         while board is not self._hub.board or board.version == version:
-            if self._changed.is_set():
+            if self._changed.is_set() or self._hub.ended:
                 break
             waits = [
                 asyncio.ensure_future(self._hub.news()),
@@ -278,8 +288,6 @@ class Visitor:
             _, pending = await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
             for task in pending:
                 task.cancel()
-            if self._hub.ended:
-                break
         self._changed.clear()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import select
@@ -20,6 +21,7 @@ from tests.page_tab import PATIENCE_S, Tab
 from uavmap.page import address
 from uavmap.page.board import Board
 from uavmap.page.feed import Feed
+from uavmap.page.hub import Hub
 from uavmap.page.opening import Wishes, opened
 
 pytest.importorskip("nicegui", reason="the live page needs the extra page")
@@ -64,7 +66,6 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     config = {"title": "a <field>", "steers": True, "timeline": True, "frames": str(frames)}
     with opened(Wishes(0, "--page"), config, said.append) as feed:
         yield Flight(feed, said)
-        feed.put({"kind": "ended", "text": "the flight is over"})
 
 
 @contextlib.contextmanager
@@ -196,6 +197,23 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(UavmapError, match=r"install uavmap\[page\]"):
         address.need_nicegui()
+
+
+def test_everybody_is_told_the_end() -> None:
+    """Before the page's process ends, which it does at once then."""
+    hub = Hub({"title": "x"})
+
+    async def ending() -> None:
+        hub.enter("a browser")
+        waiting = asyncio.create_task(hub.nobody())
+        await hub.take({"kind": "ended", "text": "over"}, b"")
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        hub.leave("a browser")
+        await waiting
+
+    asyncio.run(ending())
+    assert hub.ended == "over"
 
 
 def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight: Flight) -> None:
