@@ -18,7 +18,7 @@ import socketio
 
 from uavmap.page.board import Board
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 _UNESCAPED = {"&amp;": "&", "&lt;": "<", "&gt;": ">", "&#96;": "`", "&#36;": "$"}
 
 

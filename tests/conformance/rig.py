@@ -24,7 +24,7 @@ from uavmap.simulation import STEP_S
 SPEEDUP = 10.0
 SLOW_MACHINE_S = 3.0
 """Real seconds by which it may be late."""
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 """Real seconds for a flight that takes 10."""
 
 DRIVERS = ("pymavlink", "mavsdk")

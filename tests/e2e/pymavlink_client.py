@@ -17,7 +17,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 M_PER_DEG = 111_200.0
-PATIENCE_S = 40.0
+PATIENCE_S = 240.0
 
 
 def wait(link: Any, kind: str, **fields: Any) -> Any:

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MISSIONS = ROOT / "tests" / "data"
 SHARED = ROOT / "../shared/data"
 LOOPBACK = "127.0.0.1"
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 ROI_STATES = ("explored", "under exploration", "unexplored")
 """Of a cell in a map that belongs to the region."""
 """For what takes a few seconds on an idle machine."""

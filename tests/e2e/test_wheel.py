@@ -29,7 +29,7 @@ def test_the_wheel_holds_the_four_packages(tmp_path):
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=300.0,
         check=False,
     )
     assert done.returncode == 0, done.stderr

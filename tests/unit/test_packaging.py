@@ -84,7 +84,7 @@ def test_systemd_takes_the_units(tmp_path: Path) -> None:
         ["systemd-analyze", "verify", *(tmp_path / unit.name for unit in UNITS)],
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=300.0,
         check=False,
     )
     assert (done.returncode, done.stdout + done.stderr) == (0, "")

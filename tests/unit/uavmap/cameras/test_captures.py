@@ -31,7 +31,7 @@ from uavmap.cameras.spec import parse_camera
 from uavmap.cameras.stream import StreamSource, ThreadReader
 
 SIZE_PX = (320, 240)
-PATIENCE_S = 40.0
+PATIENCE_S = 240.0
 SETTINGS = Settings(SIZE_PX, 0.2, 0.0, Mount())
 
 
