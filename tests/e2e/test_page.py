@@ -30,7 +30,8 @@ from tests.e2e.rig import (
     wait_until,
 )
 
-SPEEDUP = 8.0
+SPEEDUP = 3.0
+"""Slow enough that a battery outlasts a pause in which a busy machine starts tabs."""
 FOLDER = os.environ.get("UAVMAP_PICTURES")
 
 
@@ -40,7 +41,13 @@ def with_page(*arguments: object) -> Iterator[tuple[Any, str]]:
     lines: queue.Queue[str] = queue.Queue()
     with started(*arguments) as process:
         heard = process.stderr
-        reader = threading.Thread(target=lambda: [lines.put(line) for line in heard])
+
+        def read() -> None:
+            for line in heard:
+                lines.put(line)
+                print(line, end="")  # shown where the test fails
+
+        reader = threading.Thread(target=read)
         reader.start()
         try:
             while not (found := re.search(r"live page: (http\S+)", lines.get(timeout=PATIENCE_S))):
@@ -97,7 +104,11 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: P
         with browser() as driver, flight as (process, url):
             page = Page(driver)
             driver.get(url)
-            wait_until(lambda: bool(events(folder, "airborne")), "the take-off")
+            wait_until(
+                lambda: bool(events(folder, "airborne")) or process.poll() is not None,
+                "the take-off",
+            )
+            assert process.poll() is None, "it was not flown"
             page.confirmed("pause")
             wait_until(lambda: bool(events(folder, "paused")), "the pause")
             page.wait("flightMap.board.fields.paused && flightMap.board.vehicles[1]")

@@ -28,6 +28,7 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody's print is an order
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_serve(out))
+    os._exit(0)  # nothing is left to write, and a flight waits: to tear all this down takes seconds
 
 
 async def _serve(out: int) -> None:
