@@ -38,6 +38,7 @@ from uavmap.offline.after_flight import draw_boundary
 from uavmap.offline.gathering import gather
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replay import Options, look_at_all
+from uavmap.offline.replaying import journal_meta
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
 from uavmap.offline.tune.run import DETECTOR, MODEL, learned
@@ -170,7 +171,8 @@ def _one_detector(name: str, detector: Path) -> None:
 # --- cost ----------------------------------------------------------------------------------------
 def cost(path: Path) -> None:
     """CPU seconds of the parts of a replay, poses as tagged; the least of three."""
-    setting = Setting.of(load_source("road").parse())
+    source = load_source("road")
+    setting = Setting.of(source.parse())
     gathered = gather(open_source(path))
     found: dict[str, list[float]] = {"verdicts": [], "results": [], "GeoTIFFs": []}
     for _ in range(3):
@@ -179,7 +181,8 @@ def cost(path: Path) -> None:
             began_s = time.process_time()
             looked = look_at_all(gathered, setting, spool, Silent(), how)
             seen_s = time.process_time()
-            with Journal.create(folder / JOURNAL, {}) as journal:
+            meta = journal_meta(source, str(path)) | looked.taken()
+            with Journal.create(folder / JOURNAL, meta) as journal:
                 looked.written(journal, folder, Silent())
             written_s = time.process_time()
             looked.write_rasters(folder, Wishes(), Silent())

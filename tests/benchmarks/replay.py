@@ -35,6 +35,7 @@ from uavmap.offline.derived import derived
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replay import Options, look_at_all
+from uavmap.offline.replaying import journal_meta
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.sources.photo_file import decoded, read_photo
 from uavmap.offline.sources.record import Refused
@@ -139,13 +140,15 @@ def _memory(counts: list[int], refine: str) -> None:
 def _results(path: Path, often: int) -> None:
     """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
     gathered = gather(open_source(path))
-    setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
+    source = MissionSource("derived", derived(gathered))
+    setting = Setting.of(source.parse())
     for _ in range(often):
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
             folder = Path(name)
             judged = look_at_all(gathered, setting, spool, Silent(), Options())
+            meta = journal_meta(source, str(path)) | judged.taken()
             times = [(time.perf_counter(), time.process_time())]
-            with Journal.create(folder / JOURNAL, {}) as journal:
+            with Journal.create(folder / JOURNAL, meta) as journal:
                 judged.written(journal, folder, Silent())
             times.append((time.perf_counter(), time.process_time()))
             judged.write_rasters(folder, Wishes(), Silent())

@@ -108,7 +108,7 @@ def replay_pictures(
                 write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
                 progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             began_s = time.perf_counter()
-            meta = _meta(source, wanted.path) | looked.taken()
+            meta = journal_meta(source, wanted.path) | looked.taken()
             with Journal.create(folder / JOURNAL, meta) as journal:
                 summary = looked.written(journal, folder, progress)
             progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
@@ -177,7 +177,8 @@ def _shown(source: MissionSource) -> list[str]:
     return ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
 
 
-def _meta(source: MissionSource, path: str) -> dict[str, Any]:
+def journal_meta(source: MissionSource, path: str) -> dict[str, Any]:
+    """What the journal of a replay begins with: its mission, and where the pictures lie."""
     plan = FlightPlan(
         source.source,
         source.text,
