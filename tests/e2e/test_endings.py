@@ -77,8 +77,10 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
             done = ended(process)
         assert done.code == 2
         assert done.out == ""
-        failed, last = lines(done)
+        failed, *left, last = lines(done)
         assert failed.endswith("return by its autopilot")
+        # where the machine is slow its guardian may have to insist
+        assert all("it is told to" in line for line in left), done.err
         assert "journal.db cannot be written" in last
         assert f"to go on: uavmap resume {folder}" in done.err
         goes_on(folder, urls)
