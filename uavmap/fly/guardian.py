@@ -315,6 +315,7 @@ class Guardian:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
         quickly = hurry and await self._descend()
+        self._monitor.commanded = (kind.rtl, kind.land)  # in the descent targets were ours, too
         wanted = kind.rtl if action == "rtl" else kind.land
         flight = self._session.flight
         ask = flight.return_to_launch if action == "rtl" else flight.land

@@ -135,7 +135,7 @@ class Monitor:
         elif armed and not (was_armed or turned or failsafe) and mode in kind.ours:
             # by our order, though we may have asked for something else since
             if mode in self.commanded and mode == kind.follows:
-                self.commanded = (*kind.ours, *self._asked_down())
+                self.commanded = (*kind.ours, *self._unheard(before))
         elif self._not_by_us(mode, armed=armed, failsafe=failsafe, turned=turned):
             self.overridden = True
             self._refused = not armed
@@ -145,13 +145,18 @@ class Monitor:
             )
         elif mode == kind.follows:
             # what it stood in before counts no more: who turns the switch back there means it
-            self.commanded = (*kind.ours, *self._asked_down())
+            self.commanded = (*kind.ours, *self._unheard(before))
 
-    def _asked_down(self) -> tuple[int, ...]:
-        """The modes that lead down, of those that we have asked for: a slow link tells of them
-        after others."""
+    def _unheard(self, before: int | None) -> tuple[int, ...]:
+        """The landing that was asked for instead of a take-off, as long as it did not stand in that
+        mode `before`: a slow link tells of it after others.
+
+        In the air there is none: whoever turns a vehicle to land there is its pilot.
+        """
         kind = self._view.kind
-        return tuple(mode for mode in self.commanded if mode in (kind.land, kind.rtl))
+        if self.was_airborne or before == kind.land or kind.land not in self.commanded:
+            return ()
+        return (kind.land,)
 
     def _not_by_us(self, mode: int | None, *, armed: bool, failsafe: bool, turned: bool) -> bool:
         """Whether somebody else has the vehicle in this mode."""
@@ -192,7 +197,8 @@ class Monitor:
         reporter = self._reporter
         # it keeps the mode in which it landed until somebody changes it
         if not self.overridden and self._view.mode is not None:
-            self.commanded = (*self._view.kind.ours, self._view.mode, *self._asked_down())
+            mode = self._view.mode
+            self.commanded = (*self._view.kind.ours, mode, *self._unheard(mode))
         self.wind.forget()
         reporter.report(
             Landed(

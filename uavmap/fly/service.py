@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
@@ -128,7 +127,7 @@ class Service:
         what the journal could not take as well: a disk may have room again. Never raises: what
         cannot be kept is said.
         """
-        left = deque([] if self._unkept is None else [self._unkept])
+        left = [] if self._unkept is None else [self._unkept]
         while not self._reports.empty():
             left.append(self._reports.get_nowait())
         for event in left:

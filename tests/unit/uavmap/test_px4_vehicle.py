@@ -308,3 +308,20 @@ def test_who_is_taken_between_arming_and_take_off_and_disarmed_stands_on_the_gro
         assert not flight.seen(LiftedOff)
 
     fly(body, on_px4())
+
+
+def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again() -> None:
+    """It had been asked to return, targets on the way down included: that ends with a hold."""
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        monitor, kind = flight.driver._monitor, flight.session.view.kind
+        monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+        for mode in (Px4Mode.RTL, Px4Mode.HOLD):
+            pilot_mode(flight, mode)
+            await asyncio.sleep(HEARTBEAT_S)
+            assert not flight.seen(Overridden)
+        pilot_mode(flight, Px4Mode.LAND)
+        await flight.sees(Overridden, within_s=HEARTBEAT_S)
+
+    fly(body, on_px4())
