@@ -296,6 +296,16 @@ class Setting:
         return self.mission.strategy == "survey"
 
     @property
+    def finds_all(self) -> bool:
+        """Whether every patch of the region that begins in the box is looked for."""
+        return self.mission.strategy == "swath" and self.mission.search.find == "all"
+
+    @property
+    def sees_box(self) -> bool:
+        """Whether all lanes are flown, whatever is seen on the way."""
+        return self.surveys or self.finds_all
+
+    @property
     def box_cells(self) -> tuple[Cell, ...]:
         """The cells whose centre lies in the search box, at mission time 0."""
         if not self._box_cells:
@@ -359,7 +369,7 @@ class State:
     falls_back: bool = False
     """Whether a strategy that does not stop has had its time: the rest is stopped and looked at."""
     surveyed: bool = False
-    """Of a survey: every cell of the box that can be seen is decided."""
+    """Where the whole box is seen: what can be decided of what has to be is decided."""
     unreachable_lanes: tuple[Lane, ...] = ()
     """Lanes that no way inside the fence leads to."""
     recalled: bool = False

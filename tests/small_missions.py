@@ -176,6 +176,19 @@ def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = No
     return Scenario(made, roi)
 
 
+def scattered(scenario: Scenario, seed: int) -> Scenario:
+    """The same by `swath` with `search.find = "all"`, and one to three patches more in the box."""
+    made, rng = scenario.mission, np.random.default_rng([seed, 11])
+    found = made.search.model_copy(update={"find": "all"})
+    mission = made.model_copy(update={"strategy": "swath", "search": found})
+    box, roi = Setting.of(mission).box_cells, set(scenario.roi)
+    for _ in range(int(rng.integers(1, 4))):
+        seat = box[int(rng.integers(len(box)))]
+        grown = eden(int(rng.integers(1, 9)), rng)
+        roi |= {Cell(seat.east + e, seat.north + n) for e, n in grown}
+    return Scenario(mission, frozenset(roi))
+
+
 def unkind_scenario(seed: int, strategy: str | None = None) -> Scenario:
     """A small mission for a world where things go wrong: a ROI of 4 to 20 cells, seldom none.
 

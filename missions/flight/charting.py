@@ -11,6 +11,7 @@ import shapely
 
 from missions.flight.optics import kinematics
 from missions.flight.strip import Strip
+from missions.flight.whole_box import asked_for
 from missions.orders import FlyPath
 from missions.state import Setting, State, VehicleState
 from missions.swath.chart import Chart, Flags, Known
@@ -27,7 +28,10 @@ def chart_of(
     begin_s: float,
     team: Mapping[int, VehicleState],
 ) -> Known:
-    """What is known, around the region, as it lies at a time; without a `root` all of the box."""
+    """What is known, around the region, as it lies at a time; without a `root` all of the box.
+
+    What lies on a lane that is still to be flown is nobody's.
+    """
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     ballots = belief.open_ballots
     box = setting.box_cells if root is None else ()
@@ -44,12 +48,12 @@ def chart_of(
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[[chart.index(cell) for cell in box]] = 1
+    wanted[[chart.index(cell) for cell in asked_for(setting, state)]] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     strips = (Strip.of(setting.grid, lane, setting.lane_rows, state.t_s) for lane in lanes)
     shown = {cell for strip in strips for cell in strip.cells if chart.holds(cell)}
-    wanted[[chart.index(cell) for cell in shown]] = 0
-    return Known(chart, -1, wanted)
+    chart.closed[[chart.index(cell) for cell in shown]] = 1
+    return Known(chart, -1, wanted, patches=setting.finds_all)
 
 
 def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:

@@ -22,6 +22,7 @@ from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
 from missions.flight.visiting import mark_unreachable
+from missions.flight.whole_box import open_cells
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
@@ -38,7 +39,7 @@ def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
     if state.tree is None and setting.lanes:
         done = all(idle_in_search(v) for v in state.vehicles.values())
-        if not setting.surveys:  # a survey is done when its cells are decided
+        if not setting.sees_box:  # else it is done when its cells are decided
             state = replace(state, exhausted=done)
     state = revise(setting, state)
     for number in sorted(state.vehicles):
@@ -79,12 +80,12 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
     inside = come_inside(setting, state, vehicle)
     if inside is not None:
         return inside
-    if setting.surveys and not vehicle.lanes:
+    if setting.sees_box and not vehicle.lanes:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     if state.tree is None and vehicle.lanes:
         return search_passes(setting, state, vehicle)
-    if state.tree is None and not setting.surveys:
+    if state.tree is None and not setting.sees_box:
         return search(setting, state, vehicle)  # others have lanes left, or it waits over its pad
     return hold(state, vehicle)
 
@@ -105,7 +106,7 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     target = _first_target(setting, state, vehicle)
-    if target is None and setting.surveys and not any(v.lanes for v in state.vehicles.values()):
+    if target is None and setting.sees_box and not any(v.lanes for v in state.vehicles.values()):
         target = _nearest_open(setting, state, vehicle)
         if target is None:
             return give_up_rest(setting, state)
@@ -160,12 +161,8 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
 
 
 def _nearest_open(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
-    """The nearest cell that a survey has flown over and not decided; None where all are."""
-    places = (
-        where(setting, state, cell)
-        for cell in setting.box_cells
-        if state.belief.verdict(cell) is None
-    )
+    """The nearest cell that the lanes have left undecided; None where there is none."""
+    places = (where(setting, state, cell) for cell in sorted(open_cells(setting, state)))
     return min(places, key=vehicle.position.distance_to, default=None)
 
 

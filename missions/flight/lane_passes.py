@@ -60,14 +60,14 @@ def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> Stat
 def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
     """What of some lanes has a column with a cell that no frame has judged.
 
-    While a region drifts other cells come below a lane: it is flown as it is. A survey flies to
-    every cell that is not decided once the lanes are flown, in the best order that is found; what
-    is short is left to that.
+    While a region drifts other cells come below a lane: it is flown as it is. Where
+    the whole box is seen, what is left of lanes and short is flown to once they are, in the best
+    order that is found.
     """
     grid, judged = setting.grid, state.belief.open_ballots
     if grid.drift_speed_m_s > 0.0:
         return lanes
-    least_m = SHORT_CELLS * grid.cell_m if setting.surveys else 0.0
+    least_m = SHORT_CELLS * grid.cell_m if setting.sees_box else 0.0
     found: list[Lane] = []
     for lane in lanes:
         seen_m = Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(judged)

@@ -23,6 +23,7 @@ from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of
 from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
 from missions.flight.sightings import grown
+from missions.flight.whole_box import open_cells
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
@@ -77,11 +78,12 @@ class PassMemory:
 def explore_passes(setting: Setting, state: State) -> State:
     """Plan anew for everybody who explores, if there is news and the last plan is not quite new.
 
-    In a survey that is who has no lanes left, for what those of the others do not show.
+    Where the whole box is seen that is who has no lanes left, for what those of the others do not
+    show.
     """
     tree = state.tree
-    lanes_left = setting.surveys and any(v.lanes for v in state.vehicles.values())
-    if setting.surveys:
+    lanes_left = setting.sees_box and any(v.lanes for v in state.vehicles.values())
+    if setting.sees_box:
         if state.exhausted:
             return state
     elif tree is None or tree.is_explored(tree.root):
@@ -177,7 +179,7 @@ def _takes_part(setting: Setting, vehicle: VehicleState, memory: PassMemory) -> 
         apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
     else:
         apart = is_outside(setting.fence, vehicle.position)  # it comes inside first
-    return not (apart or (setting.surveys and vehicle.lanes)) and (
+    return not (apart or (setting.sees_box and vehicle.lanes)) and (
         vehicle.phase is Phase.AIRBORNE
         and vehicle.return_reason is None
         and vehicle.braking_until_s is None
@@ -243,8 +245,8 @@ def give_up_rest(setting: Setting, state: State) -> State:
     """Nobody can decide what is left: what is known of it counts, and it is told."""
     tree = state.tree
     if tree is None:
-        open_ = (cell for cell in setting.box_cells if state.belief.verdict(cell) is None)
-        return replace(state, exhausted=True, surveyed=True, undecided=frozenset(open_))
+        open_ = open_cells(setting, state)
+        return replace(state, exhausted=True, surveyed=True, undecided=open_)
     given_up: set[Cell] = set()
     left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
     while left:

@@ -66,7 +66,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
             return state.with_vehicle(heir)
 
     def spare(other: VehicleState) -> int:
-        if setting.surveys and other.on_lane and isinstance(other.order, FlyPath):
+        if setting.sees_box and other.on_lane and isinstance(other.order, FlyPath):
             return 0
         active = other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
         return len(other.lanes) - (1 if active else 0)

@@ -75,7 +75,7 @@ def _seen_in_passing(
     vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s)
     state = state.with_vehicle(vehicle)
     roi = [cell for cell in votes if cell in state.belief.roi]
-    if not roi or setting.surveys:
+    if not roi or setting.sees_box:
         return state
     tree = grown(Tree.rooted(roi[0]), state.belief, votes)
     return replace(state, tree=tree, found_s=state.t_s, vehicles={

@@ -100,6 +100,7 @@ def value(
     rings: int,
     least: float,
     closed: Flags,
+    asked: Flags,
     worth: Floats,
     need: Ints,
     member: Flags,
@@ -108,11 +109,12 @@ def value(
 ) -> tuple[int, int]:
     """What a frame of each cell is worth, and how many are: (cells of work, cells with worth).
 
-    Work is a cell that is not decided and lies next to a member of the region (or is one). Cells
-    up to `rings` beyond have the chance that they will be work: that of a neighbour to be ROI, by
-    its own neighbourhood, times the neighbour's own chance; less than `least` is none. `closed`
-    cells are nobody's. `worth`, `need`, `member` and `chance` are outputs by cell, `queue` has the
-    cells with worth, the work first.
+    Work is a cell that is not decided and lies next to a member of the region (or is one), or
+    has a 1 in `asked`. The region is what hangs together with `root`, all that is positive where
+    that is -1. Cells up to `rings` beyond have the chance that they will be work: that of a
+    neighbour to be ROI, by its own neighbourhood, times the neighbour's own chance; less than
+    `least` is none. `closed` cells are nobody's. `worth`, `need`, `member` and `chance` are outputs
+    by cell, `queue` has the cells with worth, the work first.
     """
     cells = width * height
     against = frames - majority + 1
@@ -124,7 +126,15 @@ def value(
     need[:] = 0
     chance[:] = 0.0
     region = np.empty(cells, np.int64)
-    members = flood(positive, root, width, height, member, region)
+    if root >= 0:
+        members = flood(positive, root, width, height, member, region)
+    else:
+        members = 0
+        for c in range(cells):
+            member[c] = positive[c]
+            if positive[c]:
+                region[members] = c
+                members += 1
     end = 0
     for r in range(members):
         for side in range(5):
@@ -136,6 +146,13 @@ def value(
             chance[d] = 1.0
             queue[end] = d
             end += 1
+    for c in range(cells):
+        if not asked[c] or need[c] > 0 or closed[c] or _decided(yes, no, c, majority, against):
+            continue
+        need[c] = min(majority - yes[c], against - no[c])
+        worth[c] = penalty / need[c]
+        queue[end] = c
+        end += 1
     work, begin = end, 0
     for _ in range(rings):
         stop = end

@@ -108,6 +108,11 @@ def _names(
             near = difflib.get_close_matches(name, list(known), n=1)
             guess = f"did you mean {near[0]!r}? " if near else ""
             yield f"{key} = {name!r}: unknown; {guess}known: {', '.join(sorted(known))}"
+    if mission.search.find == "all" and mission.strategy != "swath":
+        yield (
+            f'search.find = "all" is for strategy = "swath", not {mission.strategy!r}; '
+            'leave it out, or set strategy = "swath"'
+        )
 
 
 def _speeds(mission: Mission) -> Iterator[str]:

@@ -157,6 +157,10 @@ class Search(Section):
     ] = ()
     """Orders the lanes so that the ROI is expected to be seen soonest. Without it they are flown
     one beside the other."""
+    find: Literal["first", "all"] = "first"
+    """"first": the search ends where the ROI is seen first, and what hangs together with that is
+    mapped. "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
+    (strategy "swath")."""
 
 
 class Fence(Section):

@@ -90,4 +90,7 @@ class Known:
     root: int
     """The cell where the region was first seen; -1 where cells are given."""
     wanted: Flags | None = None
-    """Of a survey: 1 for each cell of the box that no lane shows which is still to be flown."""
+    """1 for each cell that has to be decided whatever it may be, None where there is no such. Of a
+    survey those of the box that no lane shows which is still to be flown."""
+    patches: bool = False
+    """Whether every patch of the region is explored, too, wherever it began."""

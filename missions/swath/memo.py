@@ -26,8 +26,8 @@ _plans: OrderedDict[bytes, Plan] = OrderedDict()
 
 def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued:
     """What a frame of each cell is worth: `frames` votes of a cell count, `majority` elect it."""
-    if known.wanted is None:
-        return planner.worth(known.chart, known.root, frames, majority)
+    if known.wanted is None or known.patches:
+        return planner.worth(known.chart, known.root, frames, majority, known.wanted)
     return planner.worth_of_all(known.chart, known.wanted, frames, majority)
 
 
@@ -63,7 +63,7 @@ def _key(known: Known, team: Sequence[Flyer], *others: object) -> bytes:
         made.update(known.wanted.tobytes())
     for array in (chart.yes, chart.no, chart.closed, chart.allowed):
         made.update(array.tobytes())
-    made.update(repr((*chart.grid, known.root, *others)).encode())
+    made.update(repr((*chart.grid, known.root, known.patches, *others)).encode())
     for flyer in team:
         made.update(repr((flyer.kinematics, flyer.place, flyer.end, flyer.path)).encode())
         made.update(repr(flyer.route).encode())

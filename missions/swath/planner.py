@@ -94,9 +94,13 @@ class Planner:
         self._buffers = Buffers()
 
     def worth(
-        self, chart: Chart, root: int, frames: int, majority: int
+        self, chart: Chart, root: int, frames: int, majority: int, asked: Flags | None = None
     ) -> tuple[Floats, Ints, Ints, int]:
-        """What a frame of each cell is worth: (worth, frames needed, cells with worth, work)."""
+        """What a frame of each cell is worth: (worth, frames needed, cells with worth, work).
+
+        Of the region that hangs together with `root`, or with -1 of all patches of it; and of
+        cells with a 1 in `asked`, whatever they may be.
+        """
         size = chart.columns * chart.rows
         worth, chance = np.zeros(size), np.zeros(size)
         need, queue = np.zeros(size, np.int64), np.zeros(size, np.int64)
@@ -105,6 +109,7 @@ class Planner:
         work, end = worths.value(
             chart.yes, chart.no, majority, frames, root, chart.columns, chart.rows,
             tuning.penalty_s, tuning.prize_s, tuning.rings, tuning.least_chance, chart.closed,
+            np.zeros(size, np.uint8) if asked is None else asked,
             worth, need, member, queue, chance,
         )  # fmt: skip
         return worth, need, queue[:end].copy(), work

@@ -18,7 +18,7 @@ from missions.arena.nonstop import Camera, Run, Team, flown
 from missions.arena.offline_reference import reference
 from missions.arena.roi import Roi, grown
 from missions.arena.survey import surveyed
-from missions.swath.chart import Chart
+from missions.swath.chart import Chart, Flags
 from missions.swath.paths import Ints
 from missions.swath.planner import Plan, Planner
 from missions.swath.team import Flyer, Tuning, Valued
@@ -88,9 +88,11 @@ class _Timed(Planner):
         super().__init__(tuning)
         self.took_ms: list[float] = []
 
-    def worth(self, chart: Chart, root: int, frames: int, majority: int) -> Valued:
+    def worth(
+        self, chart: Chart, root: int, frames: int, majority: int, asked: Flags | None = None
+    ) -> Valued:
         begin_s = time.process_time()
-        valued = super().worth(chart, root, frames, majority)
+        valued = super().worth(chart, root, frames, majority, asked)
         self.took_ms.append(1e3 * (time.process_time() - begin_s))
         return valued
 

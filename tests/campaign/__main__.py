@@ -25,9 +25,10 @@ def main() -> int:
     options = _options()
     fly, begin_s = WORLDS[options.world], time.monotonic()
     outcomes = []
-    for outcome in _flown(
-        partial(fly, strategy=options.strategy, verbose=options.verbose), options
-    ):
+    fly = partial(fly, strategy=options.strategy, verbose=options.verbose)
+    if options.world == "reducer":
+        fly = partial(fly, find=options.find)
+    for outcome in _flown(fly, options):
         outcomes.append(outcome)
         if outcome.found and len(outcomes) < 100000:
             print(f"{outcome.plan}: {'; '.join(f'{k}: {t}' for k, t in outcome.found)}", flush=True)
@@ -48,6 +49,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="of the first flight (default 0)")
     parser.add_argument("--world", choices=sorted(WORLDS), default="reducer")
     parser.add_argument("--strategy", help="of all flights (default: drawn)")
+    parser.add_argument(
+        "--find", choices=("first", "all"), default="first",
+        help="all: every flight looks for all patches of the region, by swath (world reducer)",
+    )  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--verbose", action="store_true", help="tell every event and order")
     parser.add_argument("--failures", type=Path, default=FAILURES_FILE, help="the file of failures")

@@ -11,7 +11,7 @@ from missions.state import Setting
 from tests.fake_fleet import Fleet
 from tests.fake_fleet.air import Air
 from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn
-from tests.small_missions import unkind_scenario
+from tests.small_missions import scattered, unkind_scenario
 
 from .outcome import FORBIDDEN, Outcome
 from .plan import Plan, plan
@@ -27,10 +27,12 @@ def plan_of(seed: int) -> Plan:
     return plan(seed, KINDS, PHASES)
 
 
-def fleet_of(flight: Plan, strategy: str | None = None) -> Fleet:
+def fleet_of(flight: Plan, strategy: str | None = None, *, find: str = "first") -> Fleet:
     """The fleet of a flight, before anything has happened."""
     rng = random.Random(flight.seed)
     scenario = unkind_scenario(flight.seed, strategy)
+    if find == "all":
+        scenario = scattered(scenario, flight.seed)
     setting = Setting.of(scenario.mission)
     vehicles = len(scenario.mission.vehicles)
     given = setting.energy.wind_m_s
@@ -73,10 +75,12 @@ def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
     return troubles
 
 
-def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Outcome:
+def fly(
+    seed: int, *, strategy: str | None = None, find: str = "first", verbose: bool = False
+) -> Outcome:
     """Fly the flight of a seed to its end."""
     flight = plan_of(seed)
-    fleet = fleet_of(flight, strategy)
+    fleet = fleet_of(flight, strategy, find=find)
     fleet.start()
     try:
         fleet.run(LIMIT_S)

@@ -17,6 +17,7 @@ from missions.flight.return_home import BESIDE_M
 from missions.ground.lanes import point_on
 from missions.guardian import PAD_M
 from missions.mapping.belief import FrameId
+from missions.mapping.patches import patches
 from missions.orders import StandDown, TakeOff
 from missions.state import Phase
 from missions.step import fold
@@ -294,6 +295,14 @@ class Referee:
         if setting.surveys:
             if missing := {cell for cell in setting.box_cells if cell in roi} - state.belief.roi:
                 yield f"surveyed without {sorted(missing)}"
+            return
+        if setting.finds_all:
+            box = frozenset(setting.box_cells)
+            there = [patch for patch in patches(roi) if patch & box]
+            if missing := frozenset().union(*there) - state.belief.roi:
+                yield f"completed without {sorted(missing)}"
+            if wrong := state.belief.roi - frozenset(roi):
+                yield f"not ROI: {sorted(wrong)}"
             return
         if state.tree is None:
             yield from _unseen_lanes(fleet)

@@ -38,6 +38,9 @@ an area.
 
 _NESTED: Final[Mapping[str, str]] = MappingProxyType(
     {
+        "search.find": "`first`: the search ends where the region is seen first, and what hangs "
+        "together with that is mapped; `all`: the whole box is seen, and every patch mapped "
+        "([more](strategies.md#several-patches))",
         "search.prior": "A place where the region may be: a point, or a polygon.",
         "search.prior.position": "the middle of the place",
         "search.prior.spread_m": "standard deviation around it; by default half of the box's "

@@ -212,8 +212,8 @@ def phase(state: State) -> str:
     """What the mission as a whole is doing.
 
     >>> from missions.mapping.belief import Belief
-    >>> phase(State(Belief(5, 3), {}))
-    'searching'
+    >>> phase(State(Belief(5, 3), {}, recalled=True))
+    'recalled'
     """
     if state.recalled:
         return "recalled"
@@ -221,7 +221,7 @@ def phase(state: State) -> str:
         return "paused"
     if state.exploration_finished:
         return "coming home"
-    return "searching" if state.tree is None else "exploring"
+    return "searching" if state.tree is None and state.unsearched else "exploring"
 
 
 def doing(vehicle: VehicleState) -> str:

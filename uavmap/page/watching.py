@@ -235,7 +235,7 @@ class Watcher:
     def _show_left(self) -> None:
         """What is known, and the time that is left."""
         state, board = self.state, self.board
-        board.set_field("finding", finding(state))
+        board.set_field("finding", finding(self.setting, state))
         if not self._recorded:
             board.set_field("left", time_left(self.setting, state))
             board.set_field("known", cells_known(state))

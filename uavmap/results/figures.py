@@ -12,6 +12,7 @@ from missions.arena.passing_bound import passing_bound_s
 from missions.events import Event
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.optics import kinematics
+from missions.mapping.patches import patches
 from missions.state import Setting, State
 from missions.step import step
 from missions.units import GridPoint
@@ -152,11 +153,13 @@ def frames_judged(state: State) -> int:
     return sum(len(frames) for frames in state.belief.looks.values())
 
 
-def finding(state: State) -> str:
+def finding(setting: Setting, state: State) -> str:
     """What the mission has found out, in a sentence that claims no more than was judged."""
     frames = frames_judged(state)
     left_m = sum(a.distance_to(b) for a, b in state.unsearched)
-    if state.surveyed:
+    if setting.finds_all and state.belief.roi:
+        return _patches_found(state, frames, left_m)
+    if state.surveyed and not setting.finds_all:
         found = f"{len(state.belief.roi)} cells of the region in {frames} judged frames"
         if state.undecided:
             return f"{found}; {len(state.undecided)} cells of the box lack votes"
@@ -186,6 +189,38 @@ def finding(state: State) -> str:
     return f"{found}; {', '.join(gaps)}" if gaps else f"{found}, explored to its end"
 
 
+def _patches_found(state: State, frames: int, left_m: float) -> str:
+    """The finding of a mission that looks for every patch, and has seen one."""
+    count = len(patches(state.belief.roi))
+    several = "a patch" if count == 1 else f"{count} patches"
+    text = f"{several} of the region, {len(state.belief.roi)} cells, in {frames} judged frames"
+    if left_m:
+        return f"{text}; {left_m:.0f} m of search lanes are not judged"
+    if state.undecided:
+        return f"{text}; {len(state.undecided)} cells lack votes"
+    if not state.surveyed:
+        return f"{text}; they are not explored to their ends"
+    return f"{text}, explored to {'its end' if count == 1 else 'their ends'}; the whole box is seen"
+
+
+def _patches(setting: Setting, state: State) -> list[dict[str, Any]]:
+    """Each patch of the region, the largest first: its cells, its area, its middle."""
+    grid, told = setting.grid, []
+    for patch in patches(state.belief.roi):
+        east = sum(cell.east for cell in patch) / len(patch) * grid.cell_m
+        north = sum(cell.north for cell in patch) / len(patch) * grid.cell_m
+        place = grid.position(grid.to_fixed(GridPoint(east, north), state.t_s))
+        told.append(
+            {
+                "cells": len(patch),
+                "area_m2": round(len(patch) * grid.cell_m**2, 1),
+                "lat_deg": round(place.lat_deg, 7),
+                "lon_deg": round(place.lon_deg, 7),
+            }
+        )
+    return told
+
+
 def aircraft_down(setting: Setting, state: State) -> list[str]:
     """The aircraft that somebody has to look after, each with its place."""
     lines = []
@@ -206,7 +241,7 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "vehicles": len(mission.vehicles),
         "seed": seed,
         "completed": state.completed,
-        "finding": finding(state),
+        "finding": finding(setting, state),
         "aircraft_down": aircraft_down(setting, state),
         "frames_judged": frames_judged(state),
         "unsearched_m": round(sum((a.distance_to(b) for a, b in state.unsearched), 0.0), 1),
@@ -219,6 +254,7 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "vertices": len(tree) if tree is not None else 0,
         "tree_depth": tree.depth if tree is not None else 0,
         "cells_roi": len(state.belief.roi),
+        "patches": _patches(setting, state),
         "cells_abandoned": len(state.abandoned),
         "cells_undecided": len(state.undecided),
         "detections": len(state.belief.detections()),

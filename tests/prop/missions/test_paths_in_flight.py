@@ -17,8 +17,10 @@ from missions.events import Arrived, Event
 from missions.flight.deconfliction import is_clear
 from missions.flight.path_orders import NOTICE_S, OUTSIDE_M
 from missions.flight.return_home import HEARD_S, energy_of, way_home
+from missions.flight.whole_box import open_cells
 from missions.ground.fence import route_length_m
 from missions.kernels.swath import SLOW
+from missions.mapping.patches import patches
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.braking import braked
 from missions.motion.course import Course
@@ -27,7 +29,7 @@ from missions.orders import FlyPath
 from missions.state import Phase, Setting
 from missions.step import fold
 from tests.fake_fleet import Fleet
-from tests.small_missions import Scenario, random_scenario, unkind_scenario
+from tests.small_missions import Scenario, random_scenario, scattered, unkind_scenario
 
 STEP_S = 0.1
 BENT_M_S2 = 2.3
@@ -176,6 +178,22 @@ def test_every_path_of_a_survey(seed: int) -> None:
     flight = holds(scenario)
     seen = [c for c in flight.setting.box_cells if flight.state.belief.verdict(c) is not None]
     assert flight.state.completed == (len(seen) == len(flight.setting.box_cells))
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_every_path_of_a_mission_that_finds_every_patch(seed: int) -> None:
+    scenario = scattered(random_scenario(seed, strategy="swath"), seed)
+    flight = holds(scenario)
+    state, setting = flight.state, flight.setting
+    assert state.tree is None
+    if not state.completed:
+        assert open_cells(setting, state) or state.unsearched  # behind the hole, or the fence
+        return
+    box = set(setting.box_cells)
+    assert box <= state.belief.open_ballots.keys()
+    for patch in patches(scenario.roi):
+        assert not patch & box or patch <= state.belief.roi
 
 
 @pytest.mark.parametrize("seed", [3])

@@ -56,6 +56,13 @@ def test_the_good_mission_is_good() -> None:
 
 
 # --- names -----------------------------------------------------------------------------------
+def test_every_patch_is_found_by_swath_only() -> None:
+    assert fault(search__find="'all'") == (
+        "search.find = \"all\" is for strategy = \"swath\", not 'rdfs'; leave it out, or set "
+        'strategy = "swath"'
+    )
+
+
 def test_an_unknown_strategy_lists_the_known_ones() -> None:
     assert fault(strategy="'rdsf'") == (
         f"strategy = 'rdsf': unknown; did you mean 'rdfs'? known: {', '.join(sorted(STRATEGIES))}"

@@ -1,0 +1,45 @@
+"""Several patches of a region in one box: the search goes on until all of it is seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.rig import mission, uavmap
+
+SECOND = """
+[[sim.roi]]
+polygon = [
+    [48.0008600, 9.0003000],
+    [48.0008600, 9.0003600],
+    [48.0009100, 9.0003600],
+    [48.0009100, 9.0003000],
+]
+"""
+
+
+@pytest.mark.parametrize(("find", "count"), [("first", 1), ("all", 2)])
+def test_every_patch_is_mapped_where_all_are_asked_for(
+    find: str, count: int, tmp_path: Path
+) -> None:
+    text = Path(mission("windy")).read_text(encoding="utf-8")
+    text = text.replace('strategy = "survey"', 'strategy = "swath"')
+    text = text.replace("[search]", f'[search]\nfind = "{find}"')
+    file = tmp_path / "two.toml"
+    file.write_text(text + SECOND, encoding="utf-8")
+    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    summary = done.summary
+    found = summary["patches"]
+    assert [patch["cells"] for patch in found] == sorted(
+        (patch["cells"] for patch in found), reverse=True
+    )
+    assert len(found) == count
+    assert sum(patch["cells"] for patch in found) == summary["cells_roi"]
+    assert found[0]["lat_deg"] == pytest.approx(48.00050, abs=4e-5)
+    assert (summary["cells_missed"] == 0) == (find == "all")
+    assert summary["false_positives"] == summary["fence_breaches"] == 0
+    if find == "all":
+        assert "2 patches of the region" in summary["finding"]
+        assert "the whole box is seen" in summary["finding"]
