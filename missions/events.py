@@ -100,6 +100,8 @@ class FrameSeen:
     vantage: Cell | None
     votes: tuple[Vote, ...]
     kind: Literal["frame_seen"] = "frame_seen"
+    overview: Literal[True] | None = None
+    """Taken from the height of a search, where a cell has few pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,7 +338,11 @@ def to_json(event: Event) -> str:
     """
     try:
         # without a vantage is something that a frame says; elsewhere None is what nobody has said
-        data = _ADAPTER.dump_json(event, exclude_none=not isinstance(event, FrameSeen))
+        if isinstance(event, FrameSeen):
+            unsaid = {"overview"} if event.overview is None else None
+            data = _ADAPTER.dump_json(event, exclude=unsaid)
+        else:
+            data = _ADAPTER.dump_json(event, exclude_none=True)
         text = data.decode()
     except (PydanticSerializationError, UnicodeError) as error:
         raise EventError(f"{event.kind}: no text of an event: {error}") from None

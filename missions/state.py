@@ -34,6 +34,7 @@ from missions.swath.strategies import NONSTOP
 from missions.units import Cell, GridPoint
 
 _ORIGIN = GridPoint(0.0, 0.0)
+_NOTHING = Belief(1, 1)
 
 
 BRAKING_S = 8.0
@@ -203,6 +204,7 @@ class Setting:
     """What layers are above; None: flat ground at the height of the start."""
     _shares: list[tuple[tuple[Lane, ...], ...]] = field(default_factory=list)
     _box_cells: list[Cell] = field(default_factory=list)
+    _in_box: list[frozenset[Cell]] = field(default_factory=list)
 
     @classmethod
     def of(cls, mission: Mission) -> Setting:
@@ -263,7 +265,7 @@ class Setting:
         of_lane = {part.lane: part for part in parts}
         blocks = [tuple(of_lane[lane] for lane in block) for block in self.shares]
         plain = plain_blocks(self.likely, len(blocks))
-        climb_s = self.mission.altitude_m(0) / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S
+        climb_s = self.mission.top_altitude_m(0) / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S
         soon_s, late_s = (expected_s(b, self._pads, self._pace) for b in (blocks, plain))
         return climb_s + soon_s, climb_s + late_s
 
@@ -275,7 +277,7 @@ class Setting:
     def _pace(self) -> Pace:
         """How fast lanes are flown, from the lowest layer."""
         if self.nonstop:
-            speed_m_s = path_speed_m_s(self.mission, self.mission.altitude_m(0))
+            speed_m_s = path_speed_m_s(self.mission, self.mission.top_altitude_m(0))
             return Pace(speed_m_s, corner_pause_s(speed_m_s, LANE_CUTS_M[0]))
         return Pace(self.energy.speed_m_s, self.energy.leg_s(0.0))
 
@@ -301,6 +303,11 @@ class Setting:
         return self.mission.strategy == "swath" and self.mission.search.find == "all"
 
     @property
+    def searches_high(self) -> bool:
+        """Whether lanes are flown in layers of their own."""
+        return self.mission.search.altitude_m is not None
+
+    @property
     def sees_box(self) -> bool:
         """Whether all lanes are flown, whatever is seen on the way."""
         return self.surveys or self.finds_all
@@ -319,6 +326,13 @@ class Setting:
                 if box.covers(Point(i * cell_m, j * cell_m))
             )  # fmt: skip
         return tuple(self._box_cells)
+
+    @property
+    def in_box(self) -> frozenset[Cell]:
+        """The same as a set."""
+        if not self._in_box:
+            self._in_box.append(frozenset(self.box_cells))
+        return self._in_box[0]
 
     @property
     def nonstop(self) -> bool:
@@ -388,6 +402,8 @@ class State:
     """Cells that were looked from, where votes on the cell or on a neighbour are missing."""
     found_s: float | None = None
     """When the ROI was first confirmed."""
+    overview: Belief = _NOTHING
+    """The votes of frames from the height of a search (`missions.flight.two_heights`)."""
 
     @classmethod
     def initial(cls, setting: Setting) -> State:
@@ -397,12 +413,13 @@ class State:
         vehicles = {
             number: VehicleState(
                 number,
-                mission.altitude_m(number - 1),
+                mission.search_altitude_m(number - 1) or mission.altitude_m(number - 1),
                 lanes=blocks[number - 1],
             )
             for number in range(1, len(mission.vehicles) + 1)
         }
-        return cls(Belief(mission.votes.frames, mission.votes.positive), vehicles)
+        none_seen = Belief(mission.votes.frames, mission.votes.positive)
+        return cls(none_seen, vehicles, overview=none_seen)
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """This state with one vehicle changed."""

@@ -176,10 +176,16 @@ def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = No
     return Scenario(made, roi)
 
 
-def scattered(scenario: Scenario, seed: int) -> Scenario:
-    """The same by `swath` with `search.find = "all"`, and one to three patches more in the box."""
+def scattered(scenario: Scenario, seed: int, *, high: bool = False) -> Scenario:
+    """The same by `swath` with `search.find = "all"`, and one to three patches more in the box.
+
+    `high`: searched from layers of its own, up to 10 m above the highest of the map.
+    """
     made, rng = scenario.mission, np.random.default_rng([seed, 11])
     found = made.search.model_copy(update={"find": "all"})
+    if high:
+        lowest_m = made.altitude_m(len(made.vehicles)) + float(rng.uniform(0.0, 10.0))
+        found = found.model_copy(update={"altitude_m": lowest_m})
     mission = made.model_copy(update={"strategy": "swath", "search": found})
     box, roi = Setting.of(mission).box_cells, set(scenario.roi)
     for _ in range(int(rng.integers(1, 4))):

@@ -123,7 +123,7 @@ def _return_height(mission: Mission, autopilot: str) -> dict[str, float]:
     """What `uavmap.preflight` sets on real aircraft: over hills they return above all of them."""
     if mission.ground is None:
         return {}
-    height_m = mission.highest_ground_m + mission.altitude_m(len(mission.vehicles) - 1)
+    height_m = mission.highest_ground_m + mission.top_altitude_m(len(mission.vehicles) - 1)
     if autopilot == "px4":
         return {"RTL_RETURN_ALT": height_m}
     return {"RTL_ALT": round(100.0 * height_m)}

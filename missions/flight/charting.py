@@ -11,6 +11,7 @@ import shapely
 
 from missions.flight.optics import kinematics
 from missions.flight.strip import Strip
+from missions.flight.two_heights import at_map_height
 from missions.flight.whole_box import asked_for
 from missions.orders import FlyPath
 from missions.state import Setting, State, VehicleState
@@ -93,7 +94,7 @@ def _fence(
         return
     seen = np.zeros_like(allowed)
     for vehicle in team.values():
-        flown = kinematics(setting, vehicle)
+        flown = kinematics(setting, at_map_height(setting, vehicle))
         reach_e = math.floor(flown.half_east_m / cell_m)
         reach_n = math.floor(flown.half_north_m / cell_m)
         seen |= _dilated(np.asarray(allowed), reach_e, reach_n)

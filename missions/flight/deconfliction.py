@@ -151,6 +151,16 @@ def spots_beside(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:
     return sorted(allowed, key=lambda spot: (vehicle.position.distance_to(spot), spot))
 
 
+def spots_around(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:
+    """Places inside the fence around a vehicle, just out of the air that it is in, and farther."""
+    spots = [
+        _around(vehicle.position, eighth, times * _distance_m(setting))
+        for times in (1.5, 4.0)
+        for eighth in range(8)
+    ]
+    return [spot for spot in spots if setting.fence.allows(spot)]
+
+
 def _around(centre: GridPoint, eighth: int, distance_m: float) -> GridPoint:
     turn_rad = eighth * math.tau / 8
     return GridPoint(

@@ -21,6 +21,7 @@ from missions.flight.passes import explore_passes, give_up_rest
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
+from missions.flight.two_heights import change_layer, layer_of
 from missions.flight.visiting import mark_unreachable
 from missions.flight.whole_box import open_cells
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
@@ -83,6 +84,9 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
     if setting.sees_box and not vehicle.lanes:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
+    changed = change_layer(setting, state, vehicle)
+    if changed is not None:
+        return changed
     if state.tree is None and vehicle.lanes:
         return search_passes(setting, state, vehicle)
     if state.tree is None and not setting.sees_box:
@@ -129,6 +133,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(setting, state, vehicle)
+    if setting.searches_high:
+        vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_height_m))
 
 

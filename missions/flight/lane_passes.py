@@ -14,6 +14,7 @@ from missions.flight.deconfliction import hold
 from missions.flight.path_orders import NOTICE_S, brake, give_path, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.strip import Strip
+from missions.flight.two_heights import searched
 from missions.ground.lanes import Lane, unseen
 from missions.mission_file.views import beside_rows_m
 from missions.orders import FlyPath
@@ -64,7 +65,7 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     the whole box is seen, what is left of lanes and short is flown to once they are, in the best
     order that is found.
     """
-    grid, judged = setting.grid, state.belief.open_ballots
+    grid, judged = setting.grid, searched(setting, state)
     if grid.drift_speed_m_s > 0.0:
         return lanes
     least_m = SHORT_CELLS * grid.cell_m if setting.sees_box else 0.0
@@ -124,10 +125,10 @@ def end_searched(setting: Setting, state: State) -> State:
 
 def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
     """Whether a lane has a cell that is not judged; in a survey, not decided."""
-    strip, belief = Strip.of(setting.grid, lane, setting.lane_rows, state.t_s), state.belief
+    strip = Strip.of(setting.grid, lane, setting.lane_rows, state.t_s)
     if setting.surveys:
-        return not strip.is_known(lambda cell: belief.verdict(cell) is not None)
-    return not strip.is_known(belief.open_ballots.__contains__)
+        return not strip.is_known(lambda cell: state.belief.verdict(cell) is not None)
+    return not strip.is_known(searched(setting, state).__contains__)
 
 
 def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
@@ -137,7 +138,7 @@ def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lan
     beside_m = beside_rows_m(
         setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead
     )
-    missing = strip.missing_rows(state.belief.open_ballots)
+    missing = strip.missing_rows(searched(setting, state))
     if missing and grid.drift_speed_m_s == 0.0:
         beside_m += (missing[0] + missing[-1]) / 2 * grid.cell_m - strip.line_m
     for share in (1.0, 0.5):

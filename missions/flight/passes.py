@@ -23,6 +23,7 @@ from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of
 from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
 from missions.flight.sightings import grown
+from missions.flight.two_heights import in_layer
 from missions.flight.whole_box import open_cells
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
@@ -181,6 +182,7 @@ def _takes_part(setting: Setting, vehicle: VehicleState, memory: PassMemory) -> 
         apart = is_outside(setting.fence, vehicle.position)  # it comes inside first
     return not (apart or (setting.sees_box and vehicle.lanes)) and (
         vehicle.phase is Phase.AIRBORNE
+        and in_layer(setting, vehicle)
         and vehicle.return_reason is None
         and vehicle.braking_until_s is None
         and (vehicle.idle or isinstance(vehicle.order, FlyPath))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from missions.events import FrameSeen
 from missions.flight.lane_progress import lane_passed, lane_seen
+from missions.flight.two_heights import searched, with_plain
 from missions.flight.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.tree import Tree
@@ -20,6 +21,8 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
 
     A frame without a vantage is evidence and no more: it is of no look and of no lane.
     """
+    if event.overview:
+        return _seen_from_above(setting, state, event)
     frame = FrameId(event.vehicle, event.t_s)
     # a late vote must not undo what the tree was grown on
     votes = state.belief.in_time(
@@ -49,6 +52,27 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     return state
 
 
+def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
+    """A frame from the height of a search counts for the lane, and for what is plain by it."""
+    frame = FrameId(event.vehicle, event.t_s)
+    said = {vote.cell: vote.positive for vote in event.votes}
+    votes = state.overview.in_time(None, frame, said)
+    overview = state.overview.with_frame(None, frame, votes)
+    vehicle = replace(
+        state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
+    )
+    belief = with_plain(state.belief, overview, setting.in_box, votes)
+    state = replace(state, belief=belief, overview=overview)
+    return _on_a_lane(setting, state, vehicle, event)
+
+
+def _on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
+    """What a frame of a vehicle that does not stop means for the lane that it flies."""
+    shown, judged = [vote.cell for vote in event.votes], searched(setting, state)
+    vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s)
+    return state.with_vehicle(vehicle)
+
+
 def _on_its_lane(
     setting: Setting, belief: Belief, vehicle: VehicleState, event: FrameSeen, vantage: Cell
 ) -> VehicleState:
@@ -70,10 +94,7 @@ def _seen_in_passing(
         return replace(state, tree=tree).with_vehicle(vehicle)
     if not setting.nonstop:
         return state.with_vehicle(vehicle)
-    shown = [vote.cell for vote in event.votes]
-    judged = state.belief.open_ballots
-    vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s)
-    state = state.with_vehicle(vehicle)
+    state = _on_a_lane(setting, state, vehicle, event)
     roi = [cell for cell in votes if cell in state.belief.roi]
     if not roi or setting.sees_box:
         return state

@@ -35,6 +35,7 @@ from missions.flight.connections import (
     resume,
     taken_away,
 )
+from missions.flight.deconfliction import OFF_LAYER_M
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
 from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
@@ -182,6 +183,10 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     stopped = on_path or (isinstance(vehicle.order, FlyTo) and vehicle.order.stop)
     passed_s = None if stopped else event.t_s
     arrived = replace(vehicle, position=event.position, order=None, passed_s=passed_s)
+    if stopped and isinstance(vehicle.order, FlyTo):  # its height may be told later
+        layer_m = vehicle.order.height_m
+        if abs(vehicle.height_m - layer_m) > OFF_LAYER_M:
+            arrived = replace(arrived, height_m=layer_m)
     if vehicle.return_reason is not None:
         return replace(arrived, over_home=True)
     if on_path and not vehicle.on_lane:

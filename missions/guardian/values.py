@@ -7,6 +7,7 @@ from typing import Literal
 
 from missions.energy import EnergyModel
 from missions.ground.fence import Fence
+from missions.guardian.thresholds import HEIGHT_LOST_M
 from missions.motion.course import Course
 from missions.units import GridPoint
 
@@ -132,13 +133,14 @@ class Guard:
         if task.doing == "ground" and self.task.doing == "land" and self.was_up:
             return self  # it has landed, and stands by: when its motors stop, that is no crash
         again = task.doing == "climb"  # from the ground: what was before is over
+        climbs = task.height_m > self.task.height_m + HEIGHT_LOST_M / 2  # to another layer
         # plans of a path follow one another faster than a vehicle is seen to be off it
         goes_on = task.course is not None and self.task.course is not None
         return replace(
             self,
             task=task,
             was_up=self.was_up and not again,
-            at_height=self.at_height and not again,
+            at_height=self.at_height and not (again or climbs),
             down=self.down and not again,
             reported=False,
             along_m=0.0,

@@ -26,6 +26,7 @@ from missions.mission_file.height_and_speed import (
     footprint_over,
     layer_faults,
     picture_warnings,
+    search_layer_faults,
 )
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.places import drawn, far_homes
@@ -51,7 +52,7 @@ _TOUCH_M = 0.01
 # --- values ----------------------------------------------------------------------------------
 def values(mission: Mission) -> Iterator[str]:
     """Faults of wind, height and camera."""
-    too_strong = [*_wind(mission), *layer_faults(mission)]
+    too_strong = [*_wind(mission), *layer_faults(mission), *search_layer_faults(mission)]
     yield from too_strong or _camera(mission)
 
 
@@ -220,7 +221,7 @@ def _battery(mission: Mission, grid: Grid) -> Iterator[str]:
     worst_wh, worst = 0.0, ""
     for i, place in enumerate(homes(mission)):
         near_m = float(box.distance(Point(grid.fixed(place))))
-        layer_m = mission.altitude_m(i)
+        layer_m = mission.top_altitude_m(i)
         needed_wh = energy.sortie_wh(near_m, near_m, layer_m, look_s(mission)) - energy.reserve_wh
         if mission.ground is not None:
             home = Point(grid.fixed(place))
@@ -272,7 +273,7 @@ def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
             point = grid.fixed(corner)
             route = fence.route(home, point) or (point,)
             away_m = route_length_m(home, route)
-            cost_wh = energy.sortie_wh(away_m, away_m, mission.altitude_m(i), look_s(mission))
+            cost_wh = energy.sortie_wh(away_m, away_m, mission.top_altitude_m(i), look_s(mission))
             cost_wh += energy.relief_wh(_ups_and_downs_m(mission, home, route))
             found.append(FarthestCorner(i, away_m, cost_wh))
     return max(found, key=lambda corner: corner.sortie_wh)

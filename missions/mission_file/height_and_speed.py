@@ -57,6 +57,35 @@ def layer_faults(mission: Mission) -> Iterator[str]:
         )
 
 
+def search_layer_faults(mission: Mission) -> Iterator[str]:
+    """Layers of the search that are not above all those of the map, or too high."""
+    lowest_m, last = mission.search_altitude_m(0), len(mission.vehicles) - 1
+    if lowest_m is None:
+        return
+    given = mission.search.altitude_m
+    named = "search.altitude_m = " + (f'"{AUTO}"' if given == AUTO else f"{given:g}")
+    if mission.search.find != "all":
+        yield f'{named}: is for search.find = "all"; set that, or leave this out'
+        return
+    if mission.flight.height_above == "ground":
+        yield f'{named}: is above flat ground; leave it out, or set flight.height_above = "home"'
+        return
+    top_m, map_m = lowest_m + last * mission.team.layer_m, mission.altitude_m(last)
+    if lowest_m < map_m + mission.team.layer_m - 1e-6:
+        yield (
+            f"{named}: the lowest layer of the search is at {lowest_m:g} m, and has to be "
+            f"team.layer_m = {mission.team.layer_m:g} above the highest of the map, {map_m:g} m; "
+            "search higher (search.altitude_m, or a lower search.pixels_per_cell), map lower, or "
+            "leave it out"
+        )
+    if top_m > mission.fence.ceiling_m - mission.highest_ground_m:
+        yield (
+            f"{named}: the highest layer of the search is at {top_m:g} m{_over_hills(mission)}, "
+            f"above fence.ceiling_m = {mission.fence.ceiling_m:g}; search lower, or raise the "
+            "ceiling if you may"
+        )
+
+
 def _over_hills(mission: Mission) -> str:
     """What is added to a layer above the ground where that is highest."""
     if mission.highest_ground_m <= 0.0:
@@ -171,20 +200,25 @@ class Layer:
 
 
 def layers(mission: Mission) -> tuple[Layer, ...]:
-    """The layer of each vehicle, from the lowest."""
-    found = []
-    for vehicle in range(len(mission.vehicles)):
-        height_m, optics = mission.altitude_m(vehicle), mission.camera.optics
-        found.append(
-            Layer(
-                height_m,
-                optics.footprint(height_m),
-                optics.gsd_m(height_m),
-                optics.pixels_per_cell(height_m, mission.grid.cell_m),
-                speed_limits(mission, height_m),
-            )
-        )
-    return tuple(found)
+    """The layer of each vehicle, from the lowest, from which the map is made."""
+    return tuple(_layer(mission, mission.altitude_m(k)) for k in range(len(mission.vehicles)))
+
+
+def search_layers(mission: Mission) -> tuple[Layer, ...]:
+    """The layers of the search, where it has its own."""
+    heights = [mission.search_altitude_m(k) for k in range(len(mission.vehicles))]
+    return tuple(_layer(mission, height_m) for height_m in heights if height_m is not None)
+
+
+def _layer(mission: Mission, height_m: float) -> Layer:
+    optics = mission.camera.optics
+    return Layer(
+        height_m,
+        optics.footprint(height_m),
+        optics.gsd_m(height_m),
+        optics.pixels_per_cell(height_m, mission.grid.cell_m),
+        speed_limits(mission, height_m),
+    )
 
 
 def picture_warnings(mission: Mission) -> Iterator[str]:

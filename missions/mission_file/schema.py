@@ -161,6 +161,11 @@ class Search(Section):
     """"first": the search ends where the ROI is seen first, and what hangs together with that is
     mapped. "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
     (strategy "swath")."""
+    altitude_m: Altitude | None = None
+    """Of the lowest layer of the search, above the start; without it the box is searched from where
+    it is mapped. "auto": as high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
+    pixels_per_cell: Positive = 20.0
+    """What the edge of a cell must have for a suspicion, where the search has layers of its own."""
 
 
 class Fence(Section):
@@ -380,6 +385,25 @@ class Mission(Section):
         """The start."""
         return LatLon(*self.start.position)
 
+    def search_altitude_m(self, vehicle: int) -> float | None:
+        """The layer from which a vehicle (from 0, the lowest) searches; None: from that of the map.
+
+        "auto" as in `altitude_m`, with the pixels of a suspicion.
+        """
+        if self.search.altitude_m is None:
+            return None
+        return self._layer_m(self.search.altitude_m, self.search.pixels_per_cell, vehicle)
+
+    def top_altitude_m(self, vehicle: int) -> float:
+        """The highest layer that a vehicle (from 0) flies in."""
+        return max(self.altitude_m(vehicle), self.search_altitude_m(vehicle) or 0.0)
+
+    @property
+    def overview_above_m(self) -> float | None:
+        """From this height on a frame is one of the search alone; None where there is none."""
+        low_m = self.search_altitude_m(0)
+        return None if low_m is None else (self.altitude_m(len(self.vehicles) - 1) + low_m) / 2.0
+
     def altitude_m(self, vehicle: int) -> float:
         """The layer of a vehicle (from 0, the lowest) above home, or above the ground.
 
@@ -387,9 +411,14 @@ class Mission(Section):
         a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
         others lie below it. A checked mission has room for all of them.
         """
-        lowest_m, layer_m = self.flight.altitude_m, self.team.layer_m
+        return self._layer_m(self.flight.altitude_m, self.camera.pixels_per_cell, vehicle)
+
+    def _layer_m(
+        self, lowest_m: float | Literal["auto"], pixels_per_cell: float, vehicle: int
+    ) -> float:
+        layer_m = self.team.layer_m
         if lowest_m == AUTO:
-            fine_m = self.camera.optics.height_m(self.grid.cell_m, self.camera.pixels_per_cell)
+            fine_m = self.camera.optics.height_m(self.grid.cell_m, pixels_per_cell)
             room_m = self.fence.ceiling_m - self.highest_ground_m
             top_m = math.floor(min(fine_m, room_m) * 10.0 + 1e-9) / 10.0
             return round(top_m - (len(self.vehicles) - 1 - vehicle) * layer_m, 6)

@@ -82,8 +82,8 @@ def reaches_m(
 
 
 def rows_across(mission: Mission, grid: Grid, *, east_ahead: bool) -> int:
-    """How many rows of cells a lane decides, from the lowest layer."""
-    reaches = reaches_m(mission, grid, mission.altitude_m(0), east_ahead=east_ahead)
+    """How many rows of cells a lane decides, from the lowest layer of the search."""
+    reaches = reaches_m(mission, grid, mission.top_altitude_m(0), east_ahead=east_ahead)
     return max(1, math.floor(max(sum(reaches), 0.0) / mission.grid.cell_m) + 1)
 
 

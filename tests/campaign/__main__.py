@@ -50,8 +50,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--world", choices=sorted(WORLDS), default="reducer")
     parser.add_argument("--strategy", help="of all flights (default: drawn)")
     parser.add_argument(
-        "--find", choices=("first", "all"), default="first",
-        help="all: every flight looks for all patches of the region, by swath (world reducer)",
+        "--find", choices=("first", "all", "all, from on high"), default="first",
+        help="every flight looks for all patches of the region, by swath (world reducer)",
     )  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--verbose", action="store_true", help="tell every event and order")

@@ -31,8 +31,8 @@ def fleet_of(flight: Plan, strategy: str | None = None, *, find: str = "first") 
     """The fleet of a flight, before anything has happened."""
     rng = random.Random(flight.seed)
     scenario = unkind_scenario(flight.seed, strategy)
-    if find == "all":
-        scenario = scattered(scenario, flight.seed)
+    if find != "first":
+        scenario = scattered(scenario, flight.seed, high=find == "all, from on high")
     setting = Setting.of(scenario.mission)
     vehicles = len(scenario.mission.vehicles)
     given = setting.energy.wind_m_s

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from missions.events import FrameSeen, Tracked, from_json
 from tests.e2e.rig import mission, uavmap
+from uavmap.record.flight_plan import JOURNAL
+from uavmap.record.journal import Journal
 
 SECOND = """
 [[sim.roi]]
@@ -43,3 +46,28 @@ def test_every_patch_is_mapped_where_all_are_asked_for(
     if find == "all":
         assert "2 patches of the region" in summary["finding"]
         assert "the whole box is seen" in summary["finding"]
+
+
+def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) -> None:
+    text = Path(mission("windy")).read_text(encoding="utf-8")
+    text = text.replace('strategy = "survey"', 'strategy = "swath"')
+    high = '[search]\nfind = "all"\naltitude_m = 30.0'
+    text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
+    file = tmp_path / "high.toml"
+    file.write_text(text + SECOND, encoding="utf-8")
+    assert "from layers of its own:\n    30 m:" in uavmap("check", file).out
+    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    summary = done.summary
+    assert summary["completed"]
+    assert len(summary["patches"]) == 2
+    assert summary["cells_missed"] == summary["false_positives"] == 0
+    assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+    assert summary["min_separation_m"] > 3.0
+    with Journal.open(tmp_path / "out" / JOURNAL) as journal:
+        events = [from_json(body) for body in journal.bodies()]
+    heights = [event.height_m for event in events if isinstance(event, Tracked)]
+    assert 29.0 < max(heights) < 38.0
+    overviews = [e.overview for e in events if isinstance(e, FrameSeen)]
+    assert overviews.count(True) > 10
+    assert overviews.count(None) > 10

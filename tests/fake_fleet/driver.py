@@ -455,7 +455,9 @@ class Driver:
         for cell in shown:
             positive = Cell(cell.east + east, cell.north + north) in roi
             votes.append(Vote(cell, positive, float(positive)))
-        event = FrameSeen(self.number, now_s, vantage, tuple(votes))
+        above_m = self.around.setting.mission.overview_above_m
+        high = True if above_m is not None and self.height_m > above_m else None
+        event = FrameSeen(self.number, now_s, vantage, tuple(votes), overview=high)
         reach_m = 0.0 if vantage is not None else self._reach_m()
         self.seen_from.append((now_s, self.craft.position, reach_m))
         if self.camera == "slow":

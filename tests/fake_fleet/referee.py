@@ -283,10 +283,11 @@ class Referee:
             self.note(fleet.t_s, "unreported", f"{text} as {vehicle.phase}")
 
     def _belief(self, fleet: Fleet) -> Iterator[str]:
-        looks = fleet.state.belief.looks
+        state = fleet.state
         for event in fleet.events:
             if isinstance(event, FrameSeen):
                 frame = FrameId(event.vehicle, event.t_s)
+                looks = (state.overview if event.overview else state.belief).looks
                 if frame not in looks.get(event.vantage, {}):
                     yield f"the frame of {event.t_s} s over {event.vantage} is lost"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -68,13 +69,10 @@ def run(options: argparse.Namespace) -> int:
     print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
     print(f"  height and speed of each layer; {reason} sets the height:")
-    for layer in rows:
-        across_m, along_m = layer["footprint_m"]
-        print(
-            f"    {layer['altitude_m']:g} m: a picture shows {across_m:g} m x {along_m:g} m, "
-            f"{100 * layer['gsd_m']:.1f} cm a pixel, {layer['pixels_per_cell']:g} pixels a cell; "
-            f"without stopping up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
-        )
+    _print_layers(rows)
+    if rows := figures.pop("search_layers"):
+        print("  the box is searched from layers of its own:")
+        _print_layers(rows)
     if setting.first_sighting_s is not None:
         soon_s, late_s = setting.first_sighting_s
         print(
@@ -89,3 +87,13 @@ def run(options: argparse.Namespace) -> int:
     if options.map is not None:
         print(f"  the plan is in {options.map}")
     return 0
+
+
+def _print_layers(rows: Iterable[Mapping[str, Any]]) -> None:
+    for layer in rows:
+        across_m, along_m = layer["footprint_m"]
+        print(
+            f"    {layer['altitude_m']:g} m: a picture shows {across_m:g} m x {along_m:g} m, "
+            f"{100 * layer['gsd_m']:.1f} cm a pixel, {layer['pixels_per_cell']:g} pixels a cell; "
+            f"without stopping up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
+        )

@@ -32,6 +32,8 @@ class Classifier:
     grid: Grid
     camera: Camera
     detector: Detector
+    from_above: Detector | None = None
+    """What judges pictures from the height of a search, where that has layers of its own."""
     _last: Image | None = field(default=None, repr=False)
 
     @classmethod
@@ -49,9 +51,18 @@ class Classifier:
         """
         optics = mission.camera.optics
         camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)
-        lowest_m = mission.altitude_m(0)
+        lowest_m, search_m = mission.altitude_m(0), mission.search_altitude_m(0)
         ratio = (height_m or lowest_m) / lowest_m
-        return cls(mission, grid, camera, detector or detector_of(mission, ratio))
+        above = None
+        if search_m is not None:
+            higher_m = search_m + (height_m or lowest_m) - lowest_m
+            above = detector or detector_of(mission, higher_m / lowest_m)
+        return cls(mission, grid, camera, detector or detector_of(mission, ratio), above)
+
+    def is_overview(self, frame: Frame) -> bool:
+        """Whether a frame is from the height of a search that has layers of its own."""
+        above_m = self.mission.overview_above_m
+        return above_m is not None and frame.pose.height_m > above_m
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
         """The vantage of a frame, by default the cell below, and what the frame says.
@@ -76,10 +87,11 @@ class Classifier:
         last, self._last = self._last, frame.image
         if reason := implausible(frame.image, last, noiseless=self.mission.camera.noiseless):
             raise ImageError(reason)
+        above = self.from_above if self.is_overview(frame) else None
         verdicts = look(
             frame,
             self.grid,
-            self.detector,
+            above or self.detector,
             share=self.mission.detector.share,
             view=view,
             vantage=vantage,

@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import replace
 
 from missions.errors import ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
@@ -140,7 +141,9 @@ class CameraDriver:
                 hfov_deg = math.degrees(camera.hfov_rad)
                 self._keeper.keep(KeptFrame("", self._number, t_s, pose, hfov_deg), data)
             if anywhere:
-                return FrameSeen(self._number, t_s, None, self._classifier.votes_anywhere(frame))
+                votes = self._classifier.votes_anywhere(frame)
+                seen = FrameSeen(self._number, t_s, None, votes)
+                return replace(seen, overview=True) if self._classifier.is_overview(frame) else seen
             here, votes = self._classifier.votes(frame, vantage)
         except (ImageError, LinkError) as error:
             return FrameLost(self._number, t_s, printable(str(error)))

@@ -32,7 +32,7 @@ from missions.units import Cell, GridPoint
 from uavmap.fly.frames import Frames
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.monitor import Monitor
-from uavmap.fly.over_ground import aim_over_ground, at_height
+from uavmap.fly.over_ground import OTHER_LAYER_M, aim_over_ground, at_height
 from uavmap.fly.path_stream import PathStream
 from uavmap.fly.reporter import Reporter
 from uavmap.fly.speed_watch import SpeedWatch
@@ -220,10 +220,13 @@ class Manoeuvres:
         radius_m = STOP_RADIUS_M if stop else min(PASS_RADIUS_M, 0.5 * self._grid.cell_m)
         slow_m_s = self._mission.flight.settle_m_s + drift_m_s
 
+        layer_too = stop and abs(self._view.height_m - height_m) > OTHER_LAYER_M
+
         def there() -> bool:
             off_m = self._reporter.position().distance_to(target())
             rests = not stop or (
-                self._view.ground_speed_m_s <= slow_m_s and at_height(self._view, height_m)
+                self._view.ground_speed_m_s <= slow_m_s
+                and at_height(self._view, height_m, always=layer_too)
             )
             return off_m <= radius_m and rests
 

@@ -14,6 +14,8 @@ from missions.units import GridPoint
 from uavmap.link.view import VehicleView
 
 HEIGHT_M: Final = 1.0
+OTHER_LAYER_M: Final = 1.5
+"""An order whose height is farther from the vehicle's changes its layer."""
 """A vehicle that is to stop over ground has arrived within so much of its height: it may still
 descend when it is over the place."""
 
@@ -41,6 +43,10 @@ def leg_over_ground_s(
     return level_s + climb_m / CLIMB_SPEED_M_S
 
 
-def at_height(view: VehicleView, height_m: float) -> bool:
-    """Whether a vehicle is as high as it should be; over flat ground its layer is its height."""
-    return view.ground is None or abs(view.height_m - height_m) <= HEIGHT_M
+def at_height(view: VehicleView, height_m: float, *, always: bool = False) -> bool:
+    """Whether a vehicle is as high as it should be.
+
+    Over flat ground its layer is its height, but where it changes its layer (`always`).
+    """
+    flat = view.ground is None and not always
+    return flat or abs(view.height_m - height_m) <= HEIGHT_M

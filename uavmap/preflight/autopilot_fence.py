@@ -108,7 +108,8 @@ def _parameters(
     heights_m = [setting.mission.altitude_m(i) for i in range(len(setting.mission.vehicles))]
     highest_m, follows = highest_above_m(setting, home), setting.ground is not None
     layer_m = heights_m[number - 1] + highest_m
-    top_m = float(math.ceil(max(max(heights_m) + highest_m, returns_m or 0.0) + ABOVE_M))
+    tops_m = [setting.mission.top_altitude_m(i) for i in range(len(heights_m))]
+    top_m = float(math.ceil(max(max(tops_m) + highest_m, returns_m or 0.0) + ABOVE_M))
     sets = len(heights_m) > 1 or follows
     if kind is PX4:
         wanted = {"GF_ACTION": _PX4_RETURN, "GF_MAX_VER_DIST": top_m, "GF_MAX_HOR_DIST": 0.0}
@@ -240,7 +241,7 @@ def _height_faults(
     setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
 ) -> list[str]:
     """The layer of the vehicle against the ceiling and the floor of its autopilot."""
-    layer_m, types = setting.mission.altitude_m(number - 1), int(found.get("FENCE_TYPE", 0.0))
+    layer_m, types = setting.mission.top_altitude_m(number - 1), int(found.get("FENCE_TYPE", 0.0))
     layer_m += highest_above_m(setting, home)
     name = "GF_MAX_VER_DIST" if kind is PX4 else "FENCE_ALT_MAX"
     on = kind is PX4 or bool(types & TYPE_ALT_MAX)
@@ -249,9 +250,9 @@ def _height_faults(
     if 0.0 < ceiling_m < layer_m + 1.0:
         faults.append(f"its layer, {layer_m:g} m, is not a metre below {name} = {ceiling_m:g}")
     floor_m = found.get("FENCE_ALT_MIN", -math.inf) if types & TYPE_ALT_MIN else -math.inf
-    lowest_m = layer_m - setting.relief_m
-    if floor_m > lowest_m - 1.0:
-        faults.append(f"its layer, {layer_m:g} m, is not a metre above FENCE_ALT_MIN = {floor_m:g}")
+    low_m = setting.mission.altitude_m(number - 1) + highest_above_m(setting, home)
+    if floor_m > low_m - setting.relief_m - 1.0:
+        faults.append(f"its layer, {low_m:g} m, is not a metre above FENCE_ALT_MIN = {floor_m:g}")
     return faults
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
-from missions.mission_file.height_and_speed import Layer, altitude_reason, layers
+from missions.mission_file.height_and_speed import Layer, altitude_reason, layers, search_layers
 from missions.mission_file.places import far_homes
 from missions.mission_file.schema import Mission
 from missions.mission_file.terrain_checks import off_if_flat_m
@@ -31,13 +31,13 @@ def estimate(setting: Setting) -> dict[str, Any]:
     blocks = setting.shares
     home = GridPoint(0.0, 0.0)
     lengths = [search_length_m(block, home) for block in blocks]
-    layer_m = mission.altitude_m(len(mission.vehicles) - 1)
+    layer_m = mission.top_altitude_m(len(mission.vehicles) - 1)
     overhead_s = layer_m / CLIMB_SPEED_M_S + layer_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
     search_s = _passing_s(setting) if setting.nonstop else _stopping_s(setting, max(lengths))
     usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
     area = flyable.search_area(mission, setting.grid)
     corner = flyable.farthest_corner(mission, setting.grid)
-    corner_layer_m = mission.altitude_m(corner.vehicle)
+    corner_layer_m = mission.top_altitude_m(corner.vehicle)
     # what is not for flying: the climb, the landing and the reserve
     aside_wh = energy.climb_wh(corner_layer_m) + energy.home_wh(0.0, corner_layer_m)
     aside_wh -= energy.leg_wh(0.0)
@@ -57,6 +57,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
         **looks,
         "altitude_set_by": altitude_reason(mission),
         "layers": [_figures(layer) for layer in layers(mission)],
+        "search_layers": [_figures(layer) for layer in search_layers(mission)],
         "turn_back_reserve_wh": round(energy.reserve_wh, 2),
         "sortie_wh": round(energy.capacity_wh - aside_wh, 2),
         "farthest_corner_m": round(corner.away_m, 1),
@@ -160,7 +161,7 @@ def _passing_s(setting: Setting) -> float:
     mission, home = setting.mission, GridPoint(0.0, 0.0)
     ends_s = []
     for index, block in enumerate(setting.shares):
-        speed_m_s = path_speed_m_s(mission, mission.altitude_m(index))
+        speed_m_s = path_speed_m_s(mission, mission.top_altitude_m(index))
         points = [home, *(end for lane in block for end in lane), home]
         path = rounded_path(points, 0.0, speed_m_s=speed_m_s, cut_m=LANE_CUTS_M[0])
         ends_s.append(path.end_s)

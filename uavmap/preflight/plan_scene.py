@@ -75,7 +75,7 @@ def scene_of(setting: Setting) -> Scene:
 
 def _legend(setting: Setting) -> Iterator[Sample]:
     mission = setting.mission
-    heights = [mission.altitude_m(i) for i in range(len(mission.vehicles))]
+    heights = [mission.top_altitude_m(i) for i in range(len(mission.vehicles))]
     yield Sample("square", SEARCHED, "search box")
     yield Sample("dashes", FENCE, "geofence", 6.0)
     if mission.fence.holes:

@@ -152,7 +152,7 @@ def nearest_sortie_wh(setting: Setting, number: int) -> float:
     mission, grid = setting.mission, setting.grid
     box, home = drawn(mission.search.box, grid), Point(_pad(setting, number))
     away_m = float(box.distance(home))
-    layer_m = mission.altitude_m(number - 1)
+    layer_m = mission.top_altitude_m(number - 1)
     return energy_model(mission).sortie_wh(away_m, away_m, layer_m, look_s(mission))
 
 

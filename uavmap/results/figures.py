@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from missions.arena.passing_bound import passing_bound_s
 from missions.events import Event
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.optics import kinematics
+from missions.mapping.belief import FrameId
 from missions.mapping.patches import patches
 from missions.state import Setting, State
 from missions.step import step
@@ -150,7 +151,10 @@ def _bound_s(setting: Setting, state: State) -> float | None:
 
 def frames_judged(state: State) -> int:
     """How many pictures were judged."""
-    return sum(len(frames) for frames in state.belief.looks.values())
+    taken: Collection[FrameId] = state.belief.looks.get(None, {})
+    overview: Collection[FrameId] = state.overview.looks.get(None, {})
+    from_above = sum(frame not in taken for frame in overview)
+    return sum(len(frames) for frames in state.belief.looks.values()) + from_above
 
 
 def finding(setting: Setting, state: State) -> str:

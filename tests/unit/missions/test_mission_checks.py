@@ -58,9 +58,29 @@ def test_the_good_mission_is_good() -> None:
 # --- names -----------------------------------------------------------------------------------
 def test_every_patch_is_found_by_swath_only() -> None:
     assert fault(search__find="'all'") == (
-        "search.find = \"all\" is for strategy = \"swath\", not 'rdfs'; leave it out, or set "
+        'search.find = "all" is for strategy = "swath", not \'rdfs\'; leave it out, or set '
         'strategy = "swath"'
     )
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"search__altitude_m": "50"}, 'search.altitude_m = 50: is for search.find = "all"'),
+        (
+            {"search__find": "'all'", "search__altitude_m": "13", "strategy": "'swath'"},
+            "search.altitude_m = 13: the lowest layer of the search is at 13 m, and has to be "
+            "team.layer_m",
+        ),
+        (
+            {"search__find": "'all'", "search__altitude_m": "130", "strategy": "'swath'"},
+            "search.altitude_m = 130: the highest layer of the search is at 130 m, above "
+            "fence.ceiling_m = 120",
+        ),
+    ],
+)
+def test_layers_of_a_search_lie_above_those_of_the_map(given: dict[str, str], said: str) -> None:
+    assert fault(**given).startswith(said)
 
 
 def test_an_unknown_strategy_lists_the_known_ones() -> None:

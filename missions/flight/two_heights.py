@@ -1,0 +1,115 @@
+"""Searching high and mapping low: who changes its layer, and what is plain from on high.
+
+With `search.altitude_m` lanes are flown in layers of their own above all those from which the map
+is made, so wide that few of them see the box. What such a frame (an *overview*) shows is coarse, so
+its votes are kept apart (`State.overview`). A cell is *plain* when the overview has decided it and
+all eight around it alike: then its votes count as any others, and nobody flies there again. All
+else, which is what lies along outlines, is looked at from below. Far from an outline the detector
+errs by chance alone; if each vote is wrong with probability e, independently of the others, a plain
+cell is wrong with less than that of three wrong of five, 10 e^3, of nine cells at once.
+
+A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Container
+from dataclasses import dataclass, replace
+
+from missions.flight.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
+from missions.mapping.belief import Belief, FrameId
+from missions.orders import FlyTo, Order
+from missions.state import Setting, State, VehicleState
+from missions.units import Cell
+
+
+@dataclass(frozen=True, slots=True)
+class Either:
+    """Cells that one or the other holds."""
+
+    one: Container[Cell]
+    other: Container[Cell]
+
+    def __contains__(self, cell: object) -> bool:
+        return cell in self.one or cell in self.other
+
+
+def searched(setting: Setting, state: State) -> Container[Cell]:
+    """The cells that any frame has judged, from on high or from below."""
+    low = state.belief.open_ballots
+    return Either(state.overview.open_ballots, low) if setting.searches_high else low
+
+
+def layer_of(setting: Setting, vehicle: VehicleState) -> float:
+    """The altitude that a vehicle works in: with lanes to fly that of the search."""
+    mission, index = setting.mission, vehicle.vehicle - 1
+    high_m = mission.search_altitude_m(index)
+    return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
+
+
+def in_layer(setting: Setting, vehicle: VehicleState) -> bool:
+    """Whether a vehicle is where it works."""
+    if not setting.searches_high:
+        return True
+    layer_m = layer_of(setting, vehicle)
+    return vehicle.cruise_altitude_m == layer_m and abs(vehicle.level_m - layer_m) <= OFF_LAYER_M
+
+
+def at_map_height(setting: Setting, vehicle: VehicleState) -> VehicleState:
+    """A vehicle as it will be once it maps."""
+    if not setting.searches_high:
+        return vehicle
+    return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
+
+
+def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    """Have a vehicle climb or descend to where it works; None where it is there.
+
+    While the air is not free it stays where it is, and tries again.
+    """
+    if in_layer(setting, vehicle):
+        return None
+    moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
+    for spot in (vehicle.position, *spots_around(setting, vehicle)):
+        route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
+        order: Order = FlyTo(route, None, stop=True, height_m=moved.cruise_height_m)
+        if is_clear(setting, state, moved, order):
+            return state.with_vehicle(replace(moved, order=order, at_target=False))
+    return hold(state, vehicle)
+
+
+# --- what is plain -----------------------------------------------------------------------------
+def with_plain(
+    belief: Belief, overview: Belief, box: Container[Cell], fresh: Collection[Cell]
+) -> Belief:
+    """A belief with the votes of cells that have become plain, after `fresh` got votes from above.
+
+    Beyond the `box` nobody searches: there a cell that no overview shows stands in the way of
+    region only, which may go on there.
+    """
+    found: dict[FrameId, dict[Cell, bool]] = {}
+    for cell in sorted({near for one in fresh for near in _around(one)}):
+        if belief.verdict(cell) is None and _is_plain(overview, box, cell):
+            for frame, vote in overview.open_ballots[cell]:
+                found.setdefault(frame, {})[cell] = vote
+    for frame, votes in sorted(found.items()):
+        belief = belief.with_frame(None, frame, votes)
+    return belief
+
+
+def _is_plain(overview: Belief, box: Container[Cell], cell: Cell) -> bool:
+    verdict = overview.verdict(cell)
+    if verdict is None:
+        return False
+    for near in _around(cell):
+        other = overview.verdict(near)
+        unseen = near not in overview.open_ballots and near not in box
+        if other is not verdict and not (unseen and not verdict):
+            return False
+    return True
+
+
+def _around(cell: Cell) -> list[Cell]:
+    """A cell and the eight around it."""
+    steps = (-1, 0, 1)
+    return [Cell(cell.east + east, cell.north + north) for east in steps for north in steps]
