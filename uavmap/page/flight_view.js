@@ -569,6 +569,8 @@ export default {
         if (c.ratio) rows.push(["ratio of the two", c.ratio.toFixed(2)]);
         if (c.bound_s) rows.push(["the strategy's bound", clock(c.bound_s)]);
       }
+      if (f.left && f.left.share !== null)
+        rows.push(["done", "about " + Math.floor(100 * f.left.share) + " % of " + f.left.of]);
       if (f.left && f.left.what)
         rows.push(["left, as far as is known", f.left.what + (f.left.about_s === null ? "" : ", about " + clock(f.left.about_s))]);
       if (f.over) rows.push(["found", f.finding]);

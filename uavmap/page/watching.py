@@ -37,9 +37,9 @@ from missions.mapping.tree import Tree
 from missions.state import Setting, State, VehicleState
 from missions.units import Cell
 from uavmap.fly.progress import cells_known, doing, phase, remarkable
+from uavmap.fly.time_left import time_left
 from uavmap.page.board import Board
 from uavmap.page.scene import STATES
-from uavmap.page.time_left import time_left
 from uavmap.printable import printable
 from uavmap.results.counting import LIFT_OFF_M, Counter
 from uavmap.results.figures import figures_of, finding
@@ -237,7 +237,10 @@ class Watcher:
         state, board = self.state, self.board
         board.set_field("finding", finding(self.setting, state))
         if not self._recorded:
-            board.set_field("left", time_left(self.setting, state))
+            left = time_left(self.setting, state)
+            about_s = None if left.about_s is None else round(left.about_s)
+            words = {"what": left.what, "of": left.of, "share": left.share, "about_s": about_s}
+            board.set_field("left", words)
             board.set_field("known", cells_known(state))
 
     def _show_certificate(self) -> None:
