@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from missions.errors import UavmapError
@@ -53,17 +53,22 @@ def add_common_options(parser: argparse.ArgumentParser) -> None:
 
 @contextlib.contextmanager
 def page_beside(
-    options: argparse.Namespace, plan: FlightPlan, folder: Path, progress: Progress
+    options: argparse.Namespace,
+    plan: FlightPlan | Callable[[], FlightPlan],
+    folder: Path,
+    progress: Progress,
 ) -> Iterator[tuple[Progress, Onlooker | None]]:
     """The page of a flight, where one is asked for: who hears of the flight, and who looks on.
 
-    Raises `UavmapError` where it cannot be served.
+    `plan` is asked for, if it is not at hand, only where there is a page. Raises `UavmapError`
+    where that cannot be served.
     """
     if options.page is None:
         if options.tiles or options.page_host != LOOPBACK:
             raise UavmapError("--tiles and --page-host go with --page")
         yield progress, None
         return
+    plan = plan() if callable(plan) else plan
     mission, wishes = plan.mission(), Wishes(options.page, "--page", options.page_host)
     under = of_tiles(Path(options.tiles), Setting.of(mission)) if options.tiles else None
     config = {"title": mission.name, "steers": not plan.simulated}

@@ -18,7 +18,6 @@ from missions.events import Event, Recalled, Resumed
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
-from missions.step import fold
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
@@ -30,7 +29,7 @@ from uavmap.fly.interrupts import interrupts
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
-from uavmap.fly.onlooker import Both, Onlooker
+from uavmap.fly.onlooker import Both, Onlooker, folded
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
@@ -124,6 +123,7 @@ def resume(
     from_home: bool = False,
     recall: bool = False,
     ask: Callable[[str], bool] | None = None,
+    onlooker: Onlooker | None = None,
     caller: Caller | None = None,
 ) -> dict[str, Any]:
     """Go on with the mission of a folder; returns the summary.
@@ -133,18 +133,13 @@ def resume(
     stand at home with full batteries instead, as after a failsafe brought them back, and only
     the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
     with them instead of the one before. With `recall` whoever is in the air comes home and lands,
-    and nothing takes off. `ask` puts a question to the operator, where there is one.
+    and nothing takes off. `ask` puts a question to the operator, where there is one. `onlooker`
+    sees what was before, and all that `fly` shows to one.
 
     Raises as `fly` does, and `JournalError` for a `recall` of aircraft that are simulated here.
     """
     with Journal.open(folder / JOURNAL) as journal:
-        if "replay" in journal.meta:
-            images = journal.meta["replay"]
-            raise JournalError(
-                f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
-                f"nothing to go on with; `uavmap replay {images}` makes the map anew"
-            )
-        plan = FlightPlan.read(journal)
+        plan = plan_of(journal)
         if urls:
             plan = replace(plan, urls=urls)
         if recall and plan.simulated:
@@ -163,7 +158,8 @@ def resume(
         )
         plan.check_driver()
         setting = plan.setting(progress.say)
-        state = fold(setting, journal.events())
+        again = plan.simulated and not (from_home or plan.rehomed)
+        state = folded(setting, journal.events(), None if again else onlooker)
         progress.say(
             f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
             f"{len(state.belief.roi)} ROI cells"
@@ -171,7 +167,6 @@ def resume(
         if state.over and state.completed:
             progress.say("the mission is completed already; writing its results anew")
             return _results(plan, setting, folder, journal, None, progress.say)
-        again = plan.simulated and not (from_home or plan.rehomed)
         if again and state.over:
             raise JournalError(
                 f"{folder}: the flight ended without completing its mission; "
@@ -186,8 +181,20 @@ def resume(
         flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
         flight.ask = ask
         flight.recall = recall
+        flight.onlooker = onlooker
         flight.caller = caller
         return flight.run()
+
+
+def plan_of(journal: Journal) -> FlightPlan:
+    """The plan of a flight that can be gone on with. Raises `JournalError` for a replay."""
+    if "replay" in journal.meta:
+        images, folder = journal.meta["replay"], journal.path.parent
+        raise JournalError(
+            f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
+            f"nothing to go on with; `uavmap replay {images}` makes the map anew"
+        )
+    return FlightPlan.read(journal)
 
 
 class _Flight:
