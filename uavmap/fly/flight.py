@@ -25,10 +25,11 @@ from uavmap.fly.caller import Caller
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.fleet import each_its_own, vehicles_of
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.interrupts import interrupts
+from uavmap.fly.interrupts import interrupts, like_control_c
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
+from uavmap.fly.map_so_far import leave_map
 from uavmap.fly.onlooker import Both, Onlooker, folded
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
@@ -220,7 +221,9 @@ class _Flight:
         """As the journal tells them, when it is gone on with."""
         self._progress = progress
         self._again = again
-        self._resumed = len(journal) > 0 and not again
+        self._events_before = len(journal)
+        """How many events there were when it began."""
+        self._resumed = self._events_before > 0 and not again
         self._start_s = state.t_s
         self._marks = None if plan.simulated else Marks(journal, self._clocks)
         self._vehicle_clock: Callable[[], float | None] = lambda: None
@@ -236,6 +239,11 @@ class _Flight:
 
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
+        with like_control_c():
+            self._run()
+        return self._write_results(self._truth)
+
+    def _run(self) -> None:
         clock: Clock
         try:
             if self._plan.simulated:
@@ -244,13 +252,19 @@ class _Flight:
             else:
                 clock = ScaledClock(self._plan.speedup or 1.0)
                 run(self._called(self._fly_connected()), clock)
-        except BaseException:
+        except BaseException as failure:
             with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                 if len(self._journal):
                     self._progress.say(f"to go on: uavmap resume {self._folder}")
+            if self._again or len(self._journal) > self._events_before:
+                leave_map(
+                    lambda: self._write_results(None), failure, self._folder, self._progress.say
+                )
             raise
+
+    def _write_results(self, truth: Truth | None) -> dict[str, Any]:
         return _results(
-            self._plan, self._setting, self._folder, self._journal, self._truth, self._progress.say
+            self._plan, self._setting, self._folder, self._journal, truth, self._progress.say
         )
 
     async def _called(self, flight: Awaitable[None]) -> None:
