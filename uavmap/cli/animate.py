@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from missions.errors import OutputError
 from missions.state import Setting
-from uavmap.animation import check_path, film_of_flight
+from uavmap.animation import check_path, film_of_flight, title_of
 from uavmap.animation.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
 from uavmap.fly.progress import Terminal
@@ -68,9 +68,7 @@ def run(options: argparse.Namespace) -> int:
     mission, truth = setting.mission, None
     if plan.simulated and not recorded and mission.sim.roi:
         truth = true_roi(mission, setting.grid)
-    crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
-    what = "photographs" if recorded else f"{mission.strategy}, {crew}"
-    title = f"{mission.name}   ·   {what}"
+    title = title_of(mission, recorded=recorded)
     film, state = film_of_flight(setting, events, title, truth=truth, recorded=recorded)
     if not film.changes:
         raise OutputError(f"{folder}: no picture was judged; there is nothing to show")

@@ -12,7 +12,7 @@ from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, page_beside
+from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
 from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.progress import Terminal
 from uavmap.offline.after_flight import draw_boundary, kept_frames
@@ -78,17 +78,19 @@ def add_parser(commands: Any) -> None:
     )
     add_link_options(parser)
     add_page_options(parser)
+    add_rerun_option(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
+    check_beside(options)
     folder, progress = Path(options.folder), Terminal()
     if options.recover:
         _recover(folder, progress.say)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    with page_beside(options, lambda: _plan(folder), folder, progress) as (heard, seen):
+    with beside(options, lambda: _plan(folder), folder, progress) as (heard, seen):
         summary = resume(
             folder,
             heard,
