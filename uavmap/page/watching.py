@@ -38,6 +38,7 @@ from missions.state import Setting, State, VehicleState
 from missions.units import Cell
 from uavmap.fly.progress import cells_known, doing, phase, remarkable
 from uavmap.fly.time_left import time_left
+from uavmap.page.ahead import Ahead
 from uavmap.page.board import Board
 from uavmap.page.scene import STATES
 from uavmap.printable import printable
@@ -94,6 +95,7 @@ class Watcher:
         self._dear_s = dear_s
         self._now_s = now_s
         self._counter = Counter(state.vehicles)
+        self._ahead = Ahead(setting)
         self._marked: dict[Cell, None] = {}
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be looked at."""
@@ -174,6 +176,8 @@ class Watcher:
         for number, vehicle in self.state.vehicles.items():
             if not self._recorded:
                 self.board.set_vehicle(number, self._record(vehicle))
+                if (path := self._ahead.news(vehicle, self.state.t_s)) is not None:
+                    self.board.set_field(f"path {number}", path)
         self._show_fields()
         if whole or self._now_s() >= self._due_s:
             self._due_s = self._paced(self._show_left)
