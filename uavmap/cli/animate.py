@@ -22,7 +22,8 @@ TREE: Final = "tree.png"
 _EXAMPLES = """\
 examples:
   uavmap animate results/runway-1                       flight.gif and tree.png in that folder
-  uavmap animate results/spill-1 --animate spill.mp4
+  uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 where you are
+  uavmap animate results/spill-1 --animate spill.mp4 -o results/spill-1
   uavmap animate results/spill-1 --tree tree.svg --live
   uavmap animate results/spill-1 --rerun spill.rrd      for the Rerun viewer: rerun spill.rrd
 
@@ -42,6 +43,14 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_picture_options(parser)
     parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        type=Path,
+        help="where files go that are named without a folder (default: flight.gif and tree.png "
+        "into DIR, a name that you give as it is, from where you are)",
+    )
+    parser.add_argument(
         "--rerun",
         metavar="FILE.rrd",
         type=Path,
@@ -51,15 +60,28 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run)
 
 
+def _place(options: argparse.Namespace) -> None:
+    """Put the files that are named without a folder into that of --out. Raises `OutputError`."""
+    if not options.out.is_dir():
+        raise OutputError(f"--out {options.out}: there is no such folder")
+    for option in ("animate", "tree", "rerun"):
+        path = getattr(options, option)
+        if path is not None and path.parent == Path():
+            setattr(options, option, options.out / path)
+
+
 def run(options: argparse.Namespace) -> int:
     """Animate."""
     folder, say = Path(options.folder), Terminal().say
     asked_for_tree = options.tree is not None
+    if options.out is not None:
+        _place(options)
     if options.rerun is not None:
         check_path(options.rerun, (SUFFIX,))
         sdk()
     elif not wants_pictures(options):
-        options.animate, options.tree = folder / ANIMATION, folder / TREE
+        into = options.out or folder
+        options.animate, options.tree = into / ANIMATION, into / TREE
     with Journal.open(folder / JOURNAL) as journal:
         check_pictures(options)
         plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
