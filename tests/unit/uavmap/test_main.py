@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from missions.explorers import EXPLORERS
+from tests.e2e.rig import command, environment
 from uavmap import __main__ as door
 from uavmap import cli
 from uavmap.cli import strategies
@@ -62,3 +66,13 @@ def test_strategies_are_told_in_whole_words(
     for name, explorer in EXPLORERS.items():
         assert name in words
         assert set(explorer.when.split()) <= words
+
+
+def test_a_module_of_that_name_where_somebody_works_is_not_ours(tmp_path: Path) -> None:
+    (tmp_path / "vision.py").write_text("raise SystemExit('this is not ours')")
+    (tmp_path / "missions").mkdir()
+    done = subprocess.run(
+        command("check", "runway"), cwd=tmp_path, env=environment(), capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
