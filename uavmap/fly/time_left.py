@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from missions.energy import LANDING_OVERHEAD_S, LANDING_SPEED_M_S
+from missions.flight.whole_box import open_cells
 from missions.state import Phase, Setting, State, VehicleState
 
 ALMOST: Final = 0.99
@@ -130,6 +131,10 @@ def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
     if state.tree is not None:
         return None
     left_m = _lanes_left_m(state)
+    if setting.finds_all and not left_m:  # what the lanes have left open is flown to
+        left = len(open_cells(setting, state))
+        cells = "1 cell" if left == 1 else f"{left} cells"
+        return Left(f"{cells} to decide", "", None, left * _cell_s(setting) / team or None)
     whole_m = sum(a.distance_to(b) for a, b in setting.lanes)
     return Left(
         f"{left_m:.0f} m of search lanes",

@@ -58,7 +58,7 @@ def test_the_good_mission_is_good() -> None:
 # --- names -----------------------------------------------------------------------------------
 def test_every_patch_is_found_by_swath_only() -> None:
     assert fault(search__find="'all'") == (
-        "search.find = \"all\" is for strategy = \"swath\", not 'rdfs'; leave it out, or set "
+        'search.find = "all" is for strategy = "swath", not \'rdfs\'; leave it out, or set '
         'strategy = "swath"'
     )
 
