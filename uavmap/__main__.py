@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from pathlib import Path
 
 INTERRUPTED = 130
 
@@ -36,5 +37,14 @@ def _let_go_of_output() -> None:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
+def _drop_working_folder() -> None:
+    """`python -m` looks for modules where somebody works first: a file `vision.py` there is not
+    ours. Where the program itself lies there, it stays."""
+    here, first = Path(__file__).resolve().parents[1], sys.path[0]
+    if not sys.flags.safe_path and Path(first).resolve() == Path.cwd() != here:
+        del sys.path[0]
+
+
 if __name__ == "__main__":
+    _drop_working_folder()
     sys.exit(main())

@@ -18,6 +18,8 @@ from typing import Any
 from missions.events import FrameSeen, Tracked, Vote
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
+from missions.motion.trajectory import rounded_path
+from missions.orders import FlyPath
 from missions.state import Phase, Setting, State
 from missions.units import Cell, GridPoint
 from tests.browser import browser
@@ -75,7 +77,11 @@ class Team:
             angle = t_s / 15.0 + number
             reach_m = 40.0 + 5.0 * number
             place = GridPoint(140 + reach_m * math.sin(angle), 140 + reach_m * math.cos(2 * angle))
-            vehicle = replace(self.state.vehicles[number], position=place, height_m=12.0)
+            corners = [place, *(GridPoint(140 + 30 * k, 100 + 80 * (k % 2)) for k in range(8))]
+            path = rounded_path(corners, t_s, speed_m_s=6.0)  # a new one, each second
+            order = FlyPath(path, 12.0, None, 0.5)
+            before = self.state.vehicles[number]
+            vehicle = replace(before, position=place, height_m=12.0, order=order)
             self.state = replace(self.state.with_vehicle(vehicle), t_s=t_s)
             self.watcher.take_in(Tracked(number, t_s, place, 12.0, 40.0), self.state)
             below = self.setting.grid.cell_of(place)

@@ -95,6 +95,23 @@ def test_bad_names_are_refused_in_a_line(folder, options, why, capsys, monkeypat
     assert [path.name for path in folder.iterdir()] == [JOURNAL]
 
 
+def test_names_without_a_folder_go_where_they_are_asked_for(folder, tmp_path, monkeypatch, capsys):
+    """By themselves where you are, as with any program; with -o elsewhere."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    monkeypatch.chdir(here)
+    assert main(["animate", str(folder), "--tree", "a.svg"]) == 0
+    assert main(["animate", str(folder), "--tree", "b.svg", "-o", str(there)]) == 0
+    assert main(["animate", str(folder), "--tree", "./c.svg", "--out", str(folder)]) == 0
+    assert [path.name for path in here.iterdir()] == ["a.svg"]
+    assert [path.name for path in there.iterdir()] == ["b.svg"]
+    assert sorted(path.name for path in folder.iterdir()) == ["c.svg", JOURNAL]
+    assert f"tree in {there / 'b.svg'}" in capsys.readouterr().err
+    assert main(["animate", str(folder), "-o", str(tmp_path / "none")]) == 2
+    assert "there is no such folder" in capsys.readouterr().err
+
+
 def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
     assert main(["animate", str(tmp_path / "nothing")]) == 2
     assert main(["animate", str(tmp_path)]) == 2

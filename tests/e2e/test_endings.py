@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -98,6 +99,12 @@ def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> Non
             done = ended(process)
         assert done.code == 4
         assert any("left to its autopilot in RTL" in line for line in lines(done)), done.err
+        assert f"to go on: uavmap resume {folder}" in done.err
+        assert f"the map so far is in {folder}" in done.err
+        written = json.loads((folder / "summary.json").read_text("utf-8"))
+        assert written["completed"] is False
+        assert (folder / "map.geojson").exists()
+        assert (folder / "map.png").exists()
         goes_on(folder, urls)
 
 

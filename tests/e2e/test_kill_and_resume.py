@@ -13,6 +13,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,11 +22,13 @@ from tests.e2e.rig import (
     bodies,
     ended,
     environment,
+    events,
     mission,
     roi_cells,
     started,
     stop_after,
     uavmap,
+    wait_until,
 )
 from tests.unit.uavmap.journals import write_version_1
 from uavmap.cli import main
@@ -84,6 +87,15 @@ def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
     assert len(roi_cells(folder) ^ roi_cells(speck.folder)) <= 2
 
 
+def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
+    assert f"to go on: uavmap resume {folder}" in stopped.err
+    assert f"the map so far is in {folder}" in stopped.err
+    assert {"map.geojson", "map.gpkg", "map.kml", "map.png", "report.html", "summary.json"} < {
+        path.name for path in folder.iterdir()
+    }
+    assert json.loads((folder / "summary.json").read_text())["completed"] is False
+
+
 def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     whole = bodies(speck.folder)
     folder = tmp_path / "out"
@@ -93,10 +105,27 @@ def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     assert stopped.code == 130
     assert stopped.out == ""
     assert stopped.err.splitlines()[-1].startswith("uavmap: ")
+    says_how_it_goes_on_and_leaves_a_map(stopped, folder)
     with started("resume", folder, "--json") as process:
         done = ended(process)
     assert done.code == 0
     assert bodies(folder) == whole
+
+
+def test_a_simulated_flight_that_is_told_twice_to_end_leaves_its_map_all_the_same(tmp_path):
+    folder = tmp_path / "out"
+    with started(
+        "fly", mission("speck"), "--sim", "--speedup", 15, "--json", "--out", folder
+    ) as process:
+        wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+        process.send_signal(signal.SIGTERM)
+        said = ""
+        while "to go on" not in said:
+            said += process.stderr.readline()
+        process.send_signal(signal.SIGTERM)
+        stopped = ended(process)
+    assert (stopped.code, stopped.out) == (130, "")
+    says_how_it_goes_on_and_leaves_a_map(replace(stopped, err=said + stopped.err), folder)
 
 
 def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):

@@ -61,6 +61,8 @@ def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path: Path) ->
 
     asyncio.run(program())
     assert beats > 5
+    assert not uavmap.open_results(tmp_path / "out").completed  # its map so far
+    (tmp_path / "out" / "map.geojson").unlink()
     with pytest.raises(uavmap.ResultsError, match=r"no map.geojson.*uavmap resume"):
         uavmap.open_results(tmp_path / "out")
 

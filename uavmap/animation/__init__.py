@@ -1,7 +1,7 @@
 """An exploration as an animation, as a picture of its tree, and on the terminal."""
 
 from uavmap.animation.film import Film
-from uavmap.animation.of_flight import film_of_flight
+from uavmap.animation.of_flight import film_of_flight, title_of
 from uavmap.animation.of_nonstop import film_of_nonstop
 from uavmap.animation.of_run import film_of_run
 from uavmap.animation.terminal import live
@@ -18,5 +18,6 @@ __all__ = [
     "film_of_nonstop",
     "film_of_run",
     "live",
+    "title_of",
     "write_film",
 ]

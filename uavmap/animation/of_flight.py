@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.events import Connected, Event, FrameSeen, Tracked, Weighed
 from missions.ground.grid import Grid
 from missions.mapping.evidence import Evidence, evidence_of
+from missions.mission_file.schema import Mission
 from missions.state import Setting, State
 from missions.step import step
 from missions.units import Cell
@@ -18,6 +19,13 @@ from uavmap.results.counting import LIFT_OFF_M
 from uavmap.results.model import State as CellState
 from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
 from uavmap.results.write_results import cell_state, weighed_state
+
+
+def title_of(mission: Mission, *, recorded: bool = False) -> str:
+    """What to write above a film: the mission, its strategy and its crew, or photographs."""
+    crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
+    what = "photographs" if recorded else f"{mission.strategy}, {crew}"
+    return f"{mission.name}   ·   {what}"
 
 
 def film_of_flight(

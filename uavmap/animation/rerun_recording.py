@@ -3,7 +3,7 @@
     /region/cells, /region/tree            what is known of each cell, and the exploration tree
     /vehicles/N, /vehicles/N/track         where a vehicle is, and was
     /vehicles/N/battery_wh                 its charge
-    /vehicles/N/frame, .../picture         kept frames: pose, camera and picture
+    /vehicles/N/frame, .../picture         frames: pose, camera and picture
     /vehicles/N/footprint                  what the frame shows of the ground
     /log                                   what went wrong, and who took over
 
@@ -13,6 +13,7 @@ times are seconds of the mission. Needs rerun-sdk, the extra `rerun`.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import io
 import math
@@ -66,6 +67,89 @@ def sdk() -> Any:
         ) from None
 
 
+class Recording:
+    """A recording that is being written, in whatever order things come.
+
+    Args:
+        path: Of the file, which is replaced.
+        title: Of the flight.
+        grid: Of the mission.
+
+    Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
+    """
+
+    def __init__(self, path: Path, title: str, grid: Grid) -> None:
+        self._rr = rr = sdk()
+        self._grid = grid
+        self._tracks: dict[int, list[tuple[float, float, float]]] = {}
+        self._stream = rr.RecordingStream("uavmap", recording_id=title)
+        try:
+            self._stream.save(str(path))
+        except Exception as error:  # the SDK raises what its Rust part raises
+            raise OutputError(f"{path}: {error}") from None
+        self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+    def take_in(self, event: Event) -> None:
+        """Where a vehicle is and its charge; or what went wrong."""
+        rr, stream = self._rr, self._stream
+        if isinstance(event, _TOLD):
+            stream.set_time("mission", duration=event.t_s)
+            level = "ERROR" if isinstance(event, Crashed) else "WARN"
+            stream.log("/log", rr.TextLog(str(event), level=level))
+        if not isinstance(event, Tracked | Connected):
+            return
+        here = self._grid.to_moving(event.position, event.t_s)
+        place, path = (here.east_m, here.north_m, event.height_m), f"/vehicles/{event.vehicle}"
+        self._tracks.setdefault(event.vehicle, []).append(place)
+        stream.set_time("mission", duration=event.t_s)
+        colour = track_colour(event.vehicle - 1)
+        stream.log(path, rr.Points3D([place], colors=[colour], radii=[0.8]))
+        stream.log(f"{path}/battery_wh", rr.Scalars(event.remaining_wh))
+
+    def add_frame(self, frame: KeptFrame, picture: bytes) -> None:
+        """A picture, the file as it is, with its camera and its footprint.
+
+        One that is damaged is left out.
+        """
+        rr, stream = self._rr, self._stream
+        try:
+            with Image.open(io.BytesIO(picture)) as opened:
+                width, height = opened.size
+        except OSError:
+            return
+        path = f"/vehicles/{frame.vehicle}/frame"
+        here = self._grid.to_moving(self._grid.fixed(frame.pose.position), frame.t_s)
+        place = np.array([here.east_m, here.north_m, frame.pose.height_m])
+        turn = turn_enu(frame.pose)
+        focal_px = 0.5 * width / math.tan(math.radians(frame.hfov_deg) / 2)
+        stream.set_time("mission", duration=frame.t_s)
+        stream.log(path, rr.Transform3D(translation=place, mat3x3=turn))
+        camera = rr.Pinhole(
+            focal_length=focal_px, width=width, height=height, image_plane_distance=3.0,
+            camera_xyz=rr.ViewCoordinates.FRD,
+        )  # fmt: skip
+        stream.log(f"{path}/picture", camera)
+        kind = "image/png" if picture.startswith(b"\x89PNG") else "image/jpeg"
+        stream.log(f"{path}/picture", rr.EncodedImage(contents=picture, media_type=kind))
+        corners = footprint_m(place, turn, (width / focal_px, height / focal_px))
+        colour = track_colour(frame.vehicle - 1)
+        outline = [] if corners is None else [np.vstack([corners, corners[:1]])]
+        stream.log(
+            f"/vehicles/{frame.vehicle}/footprint", rr.LineStrips3D(outline, colors=[colour])
+        )
+
+    def finish(self, film: Film) -> None:
+        """The map as it grew, the tree and the tracks; then the file is whole."""
+        rr, stream = self._rr, self._stream
+        stream.reset_time()
+        for number, track in sorted(self._tracks.items()):
+            line = rr.LineStrips3D([track], colors=[track_colour(number - 1)])
+            stream.log(f"/vehicles/{number}/track", line, static=True)
+        _cells(rr, stream, film, self._grid.cell_m)
+        stream.flush()
+        stream.disconnect()
+
+
 def write_recording(
     path: Path, film: Film, events: Iterable[Event], grid: Grid, folder: Path
 ) -> None:
@@ -80,43 +164,23 @@ def write_recording(
 
     Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
     """
-    rr = sdk()
-    events = list(events)
-    stream = rr.RecordingStream("uavmap", recording_id=film.title)
+    recording = Recording(path, film.title, grid)
+    for event in events:
+        recording.take_in(event)
+    for frame, picture in _kept_frames(folder):
+        recording.add_frame(frame, picture)
+    recording.finish(film)
+
+
+def _kept_frames(folder: Path) -> Iterator[tuple[KeptFrame, bytes]]:
+    """The frames that were kept, in the order of their times."""
     try:
-        stream.save(str(path))
-    except Exception as error:  # the SDK raises what its Rust part raises
-        raise OutputError(f"{path}: {error}") from None
-    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _vehicles(rr, stream, events, grid)
-    _cells(rr, stream, film, grid.cell_m)
-    _frames(rr, stream, folder, grid)
-    for event in events:
-        if isinstance(event, _TOLD):
-            stream.set_time("mission", duration=event.t_s)
-            level = "ERROR" if isinstance(event, Crashed) else "WARN"
-            stream.log("/log", rr.TextLog(str(event), level=level))
-    stream.flush()
-    stream.disconnect()
-
-
-def _vehicles(rr: Any, stream: Any, events: Sequence[Event], grid: Grid) -> None:
-    """Where each vehicle is, its charge, and its whole track."""
-    tracks: dict[int, list[tuple[float, float, float]]] = {}
-    for event in events:
-        if not isinstance(event, Tracked | Connected):
-            continue
-        here, path = grid.to_moving(event.position, event.t_s), f"/vehicles/{event.vehicle}"
-        place = (here.east_m, here.north_m, event.height_m)
-        tracks.setdefault(event.vehicle, []).append(place)
-        stream.set_time("mission", duration=event.t_s)
-        colour = track_colour(event.vehicle - 1)
-        stream.log(path, rr.Points3D([place], colors=[colour], radii=[0.8]))
-        stream.log(f"{path}/battery_wh", rr.Scalars(event.remaining_wh))
-    stream.reset_time()
-    for number, track in sorted(tracks.items()):
-        line = rr.LineStrips3D([track], colors=[track_colour(number - 1)])
-        stream.log(f"/vehicles/{number}/track", line, static=True)
+        kept = [frame for frame in read_kept(folder) if isinstance(frame, KeptFrame)]
+    except (OSError, UnicodeDecodeError):
+        return
+    for frame in sorted(kept, key=lambda frame: (frame.t_s, frame.vehicle)):
+        with contextlib.suppress(OSError):
+            yield frame, (folder / FRAMES / frame.frame).read_bytes()
 
 
 def moments(changes: Sequence[Change], most: int = SNAPSHOTS) -> Iterator[list[Change]]:
@@ -150,43 +214,6 @@ def _cells(rr: Any, stream: Any, film: Film, cell_m: float) -> None:
             if change.parent is not None
         ]
         stream.log("/region/tree", rr.LineStrips3D(edges, colors=[(60, 60, 60)]))
-
-
-def _frames(rr: Any, stream: Any, folder: Path, grid: Grid) -> None:
-    """The frames that were kept: picture, camera and footprint. One that is damaged is left out."""
-    try:
-        kept = [frame for frame in read_kept(folder) if isinstance(frame, KeptFrame)]
-    except (OSError, UnicodeDecodeError):
-        return
-    for frame in sorted(kept, key=lambda frame: (frame.t_s, frame.vehicle)):
-        try:
-            picture = (folder / FRAMES / frame.frame).read_bytes()
-            with Image.open(io.BytesIO(picture)) as opened:
-                width, height = opened.size
-        except OSError:
-            continue
-        path = f"/vehicles/{frame.vehicle}/frame"
-        here = grid.to_moving(grid.fixed(frame.pose.position), frame.t_s)
-        place = np.array([here.east_m, here.north_m, frame.pose.height_m])
-        turn, focal_px = (
-            turn_enu(frame.pose),
-            0.5 * width / math.tan(math.radians(frame.hfov_deg) / 2),
-        )
-        stream.set_time("mission", duration=frame.t_s)
-        stream.log(path, rr.Transform3D(translation=place, mat3x3=turn))
-        camera = rr.Pinhole(
-            focal_length=focal_px, width=width, height=height, image_plane_distance=3.0,
-            camera_xyz=rr.ViewCoordinates.FRD,
-        )  # fmt: skip
-        stream.log(f"{path}/picture", camera)
-        kind = "image/png" if frame.frame.endswith(".png") else "image/jpeg"
-        stream.log(f"{path}/picture", rr.EncodedImage(contents=picture, media_type=kind))
-        corners = footprint_m(place, turn, (width / focal_px, height / focal_px))
-        colour = track_colour(frame.vehicle - 1)
-        outline = [] if corners is None else [np.vstack([corners, corners[:1]])]
-        stream.log(
-            f"/vehicles/{frame.vehicle}/footprint", rr.LineStrips3D(outline, colors=[colour])
-        )
 
 
 def turn_enu(pose: Pose) -> NDArray[np.float64]:

@@ -80,7 +80,8 @@ def _caption(tree: Tree, spine: tuple[Cell, ...]) -> str:
     branches = len(ribs(tree, spine))
     of_ribs = "1 rib" if branches == 1 else f"{branches} ribs"
     of_vertices = "1 vertex" if len(tree) == 1 else f"{len(tree)} vertices"
-    return f"{of_vertices}   ·   depth_T = {tree.depth}   ·   backbone of {len(spine)}, {of_ribs}"
+    depth = f"depth of the tree, depth_T = {tree.depth}"
+    return f"{of_vertices}   ·   {depth}   ·   backbone of {len(spine)}, {of_ribs}"
 
 
 # --- where the vertices are ------------------------------------------------------------------

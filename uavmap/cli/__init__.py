@@ -106,6 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except* UavmapError as group:
         _say(group)
         code = USER_ERROR
+    except* MemoryError as group:
+        code = _out_of_memory(group)
     except* BrokenPipeError:  # `uavmap check field.toml | head` has read enough
         if _is_read():
             raise
@@ -146,6 +148,27 @@ def _say(group: BaseExceptionGroup[UavmapError]) -> None:
     for error in leaves(group):
         for line in str(error).splitlines():  # a mission file may have several faults
             complain(line)
+
+
+def _notes(error: BaseException) -> list[str]:
+    """What was added to an error, or to one within."""
+    found = list(getattr(error, "__notes__", ()))
+    if isinstance(error, BaseExceptionGroup):
+        found += [note for inner in error.exceptions for note in _notes(inner)]
+    return found
+
+
+def _out_of_memory(group: BaseExceptionGroup[MemoryError]) -> int:
+    """Say so, and where aircraft are that were flown meanwhile."""
+    complain(
+        "the memory of this computer does not suffice: close other programs, or ask for less "
+        "(a smaller region or picture, fewer workers); of a flight nothing is lost that is in its "
+        "journal, and `uavmap resume DIR` goes on with it"
+    )
+    fates = _notes(group)
+    for fate in fates:
+        complain(fate)
+    return AIRCRAFT_DOWN if fates else USER_ERROR
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from missions.errors import OutputError
 from missions.state import Setting
-from uavmap.animation import check_path, film_of_flight
+from uavmap.animation import check_path, film_of_flight, title_of
 from uavmap.animation.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
 from uavmap.fly.progress import Terminal
@@ -22,7 +22,8 @@ TREE: Final = "tree.png"
 _EXAMPLES = """\
 examples:
   uavmap animate results/runway-1                       flight.gif and tree.png in that folder
-  uavmap animate results/spill-1 --animate spill.mp4
+  uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 where you are
+  uavmap animate results/spill-1 --animate spill.mp4 -o results/spill-1
   uavmap animate results/spill-1 --tree tree.svg --live
   uavmap animate results/spill-1 --rerun spill.rrd      for the Rerun viewer: rerun spill.rrd
 
@@ -42,6 +43,14 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_picture_options(parser)
     parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        type=Path,
+        help="where files go that are named without a folder (default: flight.gif and tree.png "
+        "into DIR, a name that you give as it is, from where you are)",
+    )
+    parser.add_argument(
         "--rerun",
         metavar="FILE.rrd",
         type=Path,
@@ -51,15 +60,28 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run)
 
 
+def _place(options: argparse.Namespace) -> None:
+    """Put the files that are named without a folder into that of --out. Raises `OutputError`."""
+    if not options.out.is_dir():
+        raise OutputError(f"--out {options.out}: there is no such folder")
+    for option in ("animate", "tree", "rerun"):
+        path = getattr(options, option)
+        if path is not None and path.parent == Path():
+            setattr(options, option, options.out / path)
+
+
 def run(options: argparse.Namespace) -> int:
     """Animate."""
     folder, say = Path(options.folder), Terminal().say
     asked_for_tree = options.tree is not None
+    if options.out is not None:
+        _place(options)
     if options.rerun is not None:
         check_path(options.rerun, (SUFFIX,))
         sdk()
     elif not wants_pictures(options):
-        options.animate, options.tree = folder / ANIMATION, folder / TREE
+        into = options.out or folder
+        options.animate, options.tree = into / ANIMATION, into / TREE
     with Journal.open(folder / JOURNAL) as journal:
         check_pictures(options)
         plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
@@ -68,9 +90,7 @@ def run(options: argparse.Namespace) -> int:
     mission, truth = setting.mission, None
     if plan.simulated and not recorded and mission.sim.roi:
         truth = true_roi(mission, setting.grid)
-    crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
-    what = "photographs" if recorded else f"{mission.strategy}, {crew}"
-    title = f"{mission.name}   ·   {what}"
+    title = title_of(mission, recorded=recorded)
     film, state = film_of_flight(setting, events, title, truth=truth, recorded=recorded)
     if not film.changes:
         raise OutputError(f"{folder}: no picture was judged; there is nothing to show")

@@ -18,7 +18,7 @@ from uavmap.cli.common import (
 )
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, page_beside
+from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
@@ -47,6 +47,7 @@ examples:
   uavmap fly field.toml --connect serial:///dev/ttyUSB0:57600 --forward udpout://127.0.0.1:14550
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --page         a live page in the browser
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --rerun field.rrd    for the Rerun viewer
 
 In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
@@ -127,6 +128,7 @@ def add_parser(commands: Any) -> None:
         help="keep every picture with its pose in the results, for `uavmap replay`",
     )
     add_page_options(parser)
+    add_rerun_option(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
@@ -172,6 +174,7 @@ def run(options: argparse.Namespace) -> int:
         key=None if options.sim else key_file(options),
         forward=tuple(options.forward or ()),
     )
+    check_beside(options)
     plan, mission = planned(wanted)
     progress = Terminal()
     plan = with_ground(plan, progress.say)
@@ -183,7 +186,7 @@ def run(options: argparse.Namespace) -> int:
     code, summary = 0, None
     try:
         before = None if options.sim else preflight
-        with page_beside(options, plan, folder, progress) as (heard, seen):
+        with beside(options, plan, folder, progress) as (heard, seen):
             summary = fly(
                 plan, folder, heard, before, keep_frames=options.keep_frames, onlooker=seen
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from missions.errors import UavmapError
@@ -51,15 +51,55 @@ def add_common_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-@contextlib.contextmanager
-def page_beside(
-    options: argparse.Namespace, plan: FlightPlan, folder: Path, progress: Progress
-) -> Iterator[tuple[Progress, Onlooker | None]]:
-    """The page of a flight, where one is asked for: who hears of the flight, and who looks on.
+def add_rerun_option(parser: argparse.ArgumentParser) -> None:
+    """Add --rerun."""
+    parser.add_argument(
+        "--rerun",
+        metavar="FILE.rrd",
+        type=Path,
+        help="record frames, poses, footprints, cells, tree and batteries on one timeline, for "
+        "the Rerun viewer (needs uavmap[rerun])",
+    )
 
-    Raises `UavmapError` where it cannot be served.
+
+@contextlib.contextmanager
+def beside(
+    options: argparse.Namespace,
+    plan: FlightPlan | Callable[[], FlightPlan],
+    folder: Path,
+    progress: Progress,
+) -> Iterator[tuple[Progress, Onlooker | None]]:
+    """What is beside a flight, where it is asked for: its page, and its recording.
+
+    Who hears of the flight then, and who looks on. `plan` is asked for, if it is not at hand, only
+    where there is something beside. Raises `UavmapError` where that cannot be.
     """
-    if options.page is None:
+    known = None
+    if options.page is not None or options.rerun is not None:
+        known = plan() if callable(plan) else plan
+    with _page_beside(options, known, folder, progress) as (heard, seen):
+        if options.rerun is None or known is None:
+            yield heard, seen
+            return
+        from uavmap.animation.rerun_flight import recorded  # noqa: PLC0415 - takes a second
+
+        with recorded(options.rerun, known, heard, seen) as recorder:
+            yield recorder, recorder
+
+
+def check_beside(options: argparse.Namespace) -> None:
+    """Raise `UavmapError` where a recording is asked for that cannot be: before anything else."""
+    if options.rerun is not None:
+        from uavmap.animation.rerun_flight import check_recording  # noqa: PLC0415 - as above
+
+        check_recording(options.rerun)
+
+
+@contextlib.contextmanager
+def _page_beside(
+    options: argparse.Namespace, plan: FlightPlan | None, folder: Path, progress: Progress
+) -> Iterator[tuple[Progress, Onlooker | None]]:
+    if options.page is None or plan is None:
         if options.tiles or options.page_host != LOOPBACK:
             raise UavmapError("--tiles and --page-host go with --page")
         yield progress, None

@@ -12,10 +12,12 @@ from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.fly.flight import resume
+from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
+from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.progress import Terminal
 from uavmap.offline.after_flight import draw_boundary, kept_frames
-from uavmap.record.flight_plan import DRIVERS, JOURNAL
+from uavmap.record.flight_plan import DRIVERS, JOURNAL, FlightPlan
+from uavmap.record.journal import Journal
 from uavmap.record.recovery import recover
 
 _EXAMPLES = """\
@@ -24,6 +26,7 @@ examples:
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
   uavmap resume results/field-3 --recover
   uavmap resume results/field-3 --recall
+  uavmap resume results/field-3 --page                 a live page in the browser
 
 A simulated flight is repeated up to its last event, each event checked against the journal, and
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
@@ -74,32 +77,42 @@ def add_parser(commands: Any) -> None:
         help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
     )
     add_link_options(parser)
+    add_page_options(parser)
+    add_rerun_option(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
+    check_beside(options)
     folder, progress = Path(options.folder), Terminal()
     if options.recover:
         _recover(folder, progress.say)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    summary = resume(
-        folder,
-        progress,
-        urls=tuple(options.connect),
-        driver=options.driver,
-        cameras=tuple(options.camera),
-        key_file=key_file(options),
-        forward=None if options.forward is None else tuple(options.forward),
-        from_home=options.from_home,
-        recall=options.recall,
-        ask=_ask if at_terminal else None,
-    )
+    with beside(options, lambda: _plan(folder), folder, progress) as (heard, seen):
+        summary = resume(
+            folder,
+            heard,
+            urls=tuple(options.connect),
+            driver=options.driver,
+            cameras=tuple(options.camera),
+            key_file=key_file(options),
+            forward=None if options.forward is None else tuple(options.forward),
+            from_home=options.from_home,
+            recall=options.recall,
+            ask=_ask if at_terminal else None,
+            onlooker=seen,
+        )
     code = report(summary, folder, as_json=options.json)
     if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
         draw_boundary(folder, progress, complain)
     return code
+
+
+def _plan(folder: Path) -> FlightPlan:
+    with Journal.open(folder / JOURNAL) as journal:
+        return plan_of(journal)
 
 
 def _recover(folder: Path, say: Callable[[str], None]) -> None:

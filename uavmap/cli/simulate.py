@@ -87,7 +87,11 @@ def add_parser(commands: Any) -> None:
         type=cell_m,
         help="cell size for GeoJSON, swath and survey (default 4)",
     )
-    add("--start", metavar="LAT,LON", help="where to start, for GeoJSON (default: its west end)")
+    add(
+        "--start",
+        metavar="LAT,LON",
+        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end)",
+    )
     add(
         "--strategy",
         metavar="NAME",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
+import shlex
 import signal
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from missions.errors import LinkError, UavmapError
@@ -24,7 +26,8 @@ examples:
   uavmap sitl --home 47.3977,8.5456 --wind 6,270 --tcp    as ArduPilot's own simulator
   uavmap sitl --home 47.3977,8.5456 --world oil.geojson --world field.tif
 
-A line a vehicle is printed: the URL that a client connects with. Ctrl-C ends it.
+A line a vehicle is printed on standard output: the URL that a client connects with. How to connect
+is said on standard error. Ctrl-C ends it.
 """
 _WITHOUT_MISSION = ("home", "world", "world_crs", "wind")
 
@@ -83,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, task.cancel if task else loop.stop)
-        await serving(_print_urls)
+        await serving(lambda urls: _tell(options, urls))
 
     try:
         asyncio.run(serve())
@@ -156,6 +159,36 @@ def _by_home(options: argparse.Namespace) -> _Serving:
     )
 
 
-def _print_urls(urls: list[str]) -> None:
+def _tell(options: argparse.Namespace, urls: list[str]) -> None:
+    """The URLs on standard output, for programs; for people what they are on standard error."""
     for url in urls:
         print(url, flush=True)
+    with contextlib.suppress(OSError):  # nobody listens, and vehicles fly all the same
+        print(how_to_connect(options, urls), file=sys.stderr, flush=True)
+
+
+def how_to_connect(options: argparse.Namespace, urls: Sequence[str]) -> str:
+    """What was started, who can connect and how, and how it ends: a few lines."""
+    scheme, _, address = urls[0].partition("://")
+    host, _, port = address.rpartition(":")
+    if scheme.startswith("tcp"):
+        place, master = f"listening on TCP port {port}", f"tcp:{address}"
+        station = f"Application Settings, Comm Links: TCP, {host}, port {port}"
+    else:
+        place, master = f"sending MAVLink to UDP port {port}", f"udpin:{address}"
+        station = "connects by itself" if port == "14550" else f"Comm Links: UDP, port {port}"
+    what = "1 simulated aircraft" if len(urls) == 1 else f"{len(urls)} simulated aircraft"
+    others = " and those of the other URLs" if len(urls) > 1 else ""
+    mission = options.mission or ("FILE" if options.home is not None else "runway")
+    fly = ["uavmap fly", shlex.quote(mission), *(f"--connect {url}" for url in urls)]
+    if options.speedup != 1.0:
+        fly.append(f"--speedup {options.speedup:g}")
+    lines = (
+        f"{what}, {place}{others}",
+        f"  fly a mission   {' '.join(fly)}",
+        f"  QGroundControl  {station}",
+        f"  MAVProxy        mavproxy.py --master={master}",
+        "  one program a port; for more, fly with --forward udpout://127.0.0.1:PORT",
+        "Ctrl-C ends it",
+    )
+    return "\n".join(lines)

@@ -6,10 +6,12 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 from missions.explorers import EXPLORERS
 from missions.swath.strategies import NONSTOP
@@ -21,6 +23,10 @@ examples:
   uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
   uavmap simulate --generate eden --strategy swath,survey --robots 3
 """
+
+
+TABLE_WIDTH: Final = 76
+"""In fewer columns a table of four columns has words that do not fit."""
 
 
 class _Shown(Protocol):
@@ -61,10 +67,27 @@ def run(options: argparse.Namespace) -> int:
         json.dump(listed, sys.stdout, indent=2)
         sys.stdout.write("\n")
         return 0
+    console = Console()
+    if console.width < TABLE_WIDTH:
+        _list(console)
+        return 0
     table = Table(show_lines=True)
     for title in ("strategy", "use it when", "promises", "source"):
         table.add_column(title, no_wrap=title == "strategy")
     for explorer in _EVERY:
         table.add_row(explorer.name, explorer.when, explorer.guarantee, explorer.source)
-    Console().print(table)
+    console.print(table)
     return 0
+
+
+def _list(console: Console) -> None:
+    """One below the other, where a table would cut words."""
+    for explorer in _EVERY:
+        console.print(Text(explorer.name, style="bold"))
+        for title, text in (
+            ("use it when", explorer.when),
+            ("promises", explorer.guarantee),
+            ("source", explorer.source),
+        ):
+            console.print(Padding(Text(f"{title}: {text}"), (0, 0, 0, 2)))
+        console.print()

@@ -18,7 +18,6 @@ from missions.events import Event, Recalled, Resumed
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
-from missions.step import fold
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
@@ -26,11 +25,12 @@ from uavmap.fly.caller import Caller
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.fleet import each_its_own, vehicles_of
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.interrupts import interrupts
+from uavmap.fly.interrupts import interrupts, like_control_c
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
-from uavmap.fly.onlooker import Both, Onlooker
+from uavmap.fly.map_so_far import leave_map
+from uavmap.fly.onlooker import Both, Onlooker, folded
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
@@ -124,6 +124,7 @@ def resume(
     from_home: bool = False,
     recall: bool = False,
     ask: Callable[[str], bool] | None = None,
+    onlooker: Onlooker | None = None,
     caller: Caller | None = None,
 ) -> dict[str, Any]:
     """Go on with the mission of a folder; returns the summary.
@@ -133,18 +134,13 @@ def resume(
     stand at home with full batteries instead, as after a failsafe brought them back, and only
     the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
     with them instead of the one before. With `recall` whoever is in the air comes home and lands,
-    and nothing takes off. `ask` puts a question to the operator, where there is one.
+    and nothing takes off. `ask` puts a question to the operator, where there is one. `onlooker`
+    sees what was before, and all that `fly` shows to one.
 
     Raises as `fly` does, and `JournalError` for a `recall` of aircraft that are simulated here.
     """
     with Journal.open(folder / JOURNAL) as journal:
-        if "replay" in journal.meta:
-            images = journal.meta["replay"]
-            raise JournalError(
-                f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
-                f"nothing to go on with; `uavmap replay {images}` makes the map anew"
-            )
-        plan = FlightPlan.read(journal)
+        plan = plan_of(journal)
         if urls:
             plan = replace(plan, urls=urls)
         if recall and plan.simulated:
@@ -163,7 +159,8 @@ def resume(
         )
         plan.check_driver()
         setting = plan.setting(progress.say)
-        state = fold(setting, journal.events())
+        again = plan.simulated and not (from_home or plan.rehomed)
+        state = folded(setting, journal.events(), None if again else onlooker)
         progress.say(
             f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
             f"{len(state.belief.roi)} ROI cells"
@@ -171,7 +168,6 @@ def resume(
         if state.over and state.completed:
             progress.say("the mission is completed already; writing its results anew")
             return _results(plan, setting, folder, journal, None, progress.say)
-        again = plan.simulated and not (from_home or plan.rehomed)
         if again and state.over:
             raise JournalError(
                 f"{folder}: the flight ended without completing its mission; "
@@ -186,8 +182,20 @@ def resume(
         flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
         flight.ask = ask
         flight.recall = recall
+        flight.onlooker = onlooker
         flight.caller = caller
         return flight.run()
+
+
+def plan_of(journal: Journal) -> FlightPlan:
+    """The plan of a flight that can be gone on with. Raises `JournalError` for a replay."""
+    if "replay" in journal.meta:
+        images, folder = journal.meta["replay"], journal.path.parent
+        raise JournalError(
+            f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
+            f"nothing to go on with; `uavmap replay {images}` makes the map anew"
+        )
+    return FlightPlan.read(journal)
 
 
 class _Flight:
@@ -213,7 +221,9 @@ class _Flight:
         """As the journal tells them, when it is gone on with."""
         self._progress = progress
         self._again = again
-        self._resumed = len(journal) > 0 and not again
+        self._events_before = len(journal)
+        """How many events there were when it began."""
+        self._resumed = self._events_before > 0 and not again
         self._start_s = state.t_s
         self._marks = None if plan.simulated else Marks(journal, self._clocks)
         self._vehicle_clock: Callable[[], float | None] = lambda: None
@@ -229,6 +239,11 @@ class _Flight:
 
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
+        with like_control_c():
+            self._run()
+        return self._write_results(self._truth)
+
+    def _run(self) -> None:
         clock: Clock
         try:
             if self._plan.simulated:
@@ -237,13 +252,19 @@ class _Flight:
             else:
                 clock = ScaledClock(self._plan.speedup or 1.0)
                 run(self._called(self._fly_connected()), clock)
-        except BaseException:
+        except BaseException as failure:
             with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                 if len(self._journal):
                     self._progress.say(f"to go on: uavmap resume {self._folder}")
+            if self._again or len(self._journal) > self._events_before:
+                leave_map(
+                    lambda: self._write_results(None), failure, self._folder, self._progress.say
+                )
             raise
+
+    def _write_results(self, truth: Truth | None) -> dict[str, Any]:
         return _results(
-            self._plan, self._setting, self._folder, self._journal, self._truth, self._progress.say
+            self._plan, self._setting, self._folder, self._journal, truth, self._progress.say
         )
 
     async def _called(self, flight: Awaitable[None]) -> None:

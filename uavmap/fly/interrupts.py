@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Protocol
 
 from uavmap.fly.caller import Caller
@@ -72,9 +74,33 @@ def interrupts(
 
 
 @contextlib.contextmanager
+def like_control_c() -> Iterator[None]:
+    """SIGTERM and SIGHUP do what Ctrl-C does, where nothing else hears them: no signal ends the
+    process without a word. Only in the main thread, whose signals are."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def pressed(number: int, frame: FrameType | None) -> None:
+        act = signal.getsignal(signal.SIGINT)
+        if not callable(act):  # a job in the background has Ctrl-C ignored
+            raise KeyboardInterrupt
+        act(number, frame)
+
+    heard = [n for n in SIGNALS[1:] if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, pressed) for number in heard}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
 def _signals(
     loop: asyncio.AbstractEventLoop, interrupted: Callable[[], None], service: Recallable
 ) -> Iterator[None]:
+    before = {number: signal.getsignal(number) for number in SIGNALS}
     for number in SIGNALS:
         loop.add_signal_handler(number, interrupted)
     loop.add_signal_handler(PAUSE, service.pause)
@@ -84,3 +110,5 @@ def _signals(
     finally:
         for number in (*SIGNALS, PAUSE, GO_ON):
             loop.remove_signal_handler(number)
+        for number, handler in before.items():  # the loop leaves what would end the process
+            signal.signal(number, handler)

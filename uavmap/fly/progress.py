@@ -33,10 +33,13 @@ from missions.events import (
 )
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
+from uavmap.fly.time_left import time_left
 from uavmap.printable import printable
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
+LEFT_S: Final = 1.0
+"""What is left is reckoned no more often, real seconds."""
 _NOTED: Final = (
     Phase.YIELDED,
     Phase.FAILED,
@@ -119,7 +122,8 @@ class Terminal:
         )
         self._live: Live | None = None
         self._setting: Setting | None = None
-        self._drawn_s = float("-inf")
+        self._drawn_s = self._reckoned_s = float("-inf")
+        self._left = ""
         self._gone = False
 
     def say(self, text: str) -> None:
@@ -153,6 +157,8 @@ class Terminal:
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
             return
         self._drawn_s = now_s
+        if self._setting is not None and now_s - self._reckoned_s >= LEFT_S:
+            self._reckoned_s, self._left = now_s, time_left(self._setting, state).told
         live = self._live
         if live is not None:
             self._write(lambda: live.update(self._table(state, again), refresh=True))
@@ -172,7 +178,8 @@ class Terminal:
             f" {round(v.height_m)} m up, battery {self._battery(v):.0f} %"
             for v in state.vehicles.values()
         )
-        return f"{state.t_s:7.0f} s  {phase(state)}, {cells_known(state)}  [{vehicles}]" + (
+        left = f"; {self._left}" if self._left else ""
+        return f"{state.t_s:7.0f} s  {phase(state)}, {cells_known(state)}{left}  [{vehicles}]" + (
             f"  ({again} recorded events to repeat)" if again else ""
         )
 
@@ -192,7 +199,8 @@ class Terminal:
         head = f"{phase(state)}  {cells_known(state)}  mission time {state.t_s:.0f} s"
         if again:
             head += f"  ({again} recorded events to repeat)"
-        return Group(Text(head, style="bold"), table)
+        lines = [Text(head, style="bold"), *([Text(self._left)] if self._left else [])]
+        return Group(*lines, table)
 
     def _battery(self, vehicle: VehicleState) -> float:
         if self._setting is None:

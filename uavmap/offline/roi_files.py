@@ -9,13 +9,15 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.arena.roi import KINDS, MAX_CELLS, Roi, boundary, component, grown
@@ -130,12 +132,9 @@ def _regions(name: str, text: str, cell_m: float, start: LatLon | None) -> list[
     polygons = _polygons(name, text)
     if start is not None:
         grid = _grid(name, start, cell_m)
-        cells = {c for p in polygons for c in _covered(name, _on_ground(p, grid), grid)}
-        if Cell(0, 0) not in cells:
-            raise RoiError(
-                f"{name}: --start {start.lat_deg:g},{start.lon_deg:g} is not in the region"
-            )
-        return [Roi.of(Path(name).stem, Cell(0, 0), cells)]
+        regions = [_on_ground(polygon, grid) for polygon in polygons]
+        cells = {cell for region in regions for cell in _covered(name, region, grid)}
+        return [Roi.of(Path(name).stem, _entered_at(name, start, cells, regions, grid), cells)]
     rois = []
     for number, polygon in enumerate(polygons, 1):
         middle = polygon.representative_point()
@@ -149,6 +148,27 @@ def _regions(name: str, text: str, cell_m: float, start: LatLon | None) -> list[
         part = _largest_part(cells)
         rois.append(Roi(f"{Path(name).stem}[{number}]", boundary(part)[0], frozenset(part)))
     return rois
+
+
+def _entered_at(
+    name: str, start: LatLon, cells: set[Cell], regions: Sequence[BaseGeometry], grid: Grid
+) -> Cell:
+    """The cell of a start in the region; of one at its rim, where cells are less than half
+    covered, the nearest."""
+    if not cells:
+        raise RoiError(
+            f"{name}: covers half of no cell of {grid.cell_m:g} m; choose a smaller --cell-m"
+        )
+    if Cell(0, 0) in cells:
+        return Cell(0, 0)
+    near = min(cells, key=lambda cell: (cell.east**2 + cell.north**2, cell))
+    if min(region.distance(Point(0.0, 0.0)) for region in regions) <= grid.cell_m / 2:
+        return near
+    place, away_m = grid.centre(near, 0.0), grid.cell_m * math.hypot(near.east, near.north)
+    raise RoiError(
+        f"{name}: --start {start.lat_deg:g},{start.lon_deg:g} is not in the region; its nearest "
+        f"cell is {away_m:.0f} m away: --start {place.lat_deg:.6f},{place.lon_deg:.6f}"
+    )
 
 
 def _polygons(name: str, text: str) -> list[Polygon]:

@@ -16,11 +16,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
-import uavmap
 from missions.errors import OutputError
+from uavmap.child_process import environment
 from uavmap.page.pipe import Lines, Words, packed
 
 START_S: Final = 60.0
@@ -29,13 +28,6 @@ END_S: Final = 6.0
 """Real seconds in which its process takes in what it was told last, and ends."""
 WAITING: Final = 8
 """So many messages may wait to be written."""
-
-
-def _environment() -> dict[str, str]:
-    """The environment in which the page's process finds this very program."""
-    here = str(Path(uavmap.__file__).parents[1])
-    paths = [here, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 class Feed:
@@ -53,7 +45,7 @@ class Feed:
         self._process = subprocess.Popen(
             # -P: a folder `missions` where somebody works must not be taken for ours
             [sys.executable, "-P", "-m", "uavmap.page.child"],
-            env=_environment(),
+            env=environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

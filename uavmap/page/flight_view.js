@@ -282,6 +282,7 @@ class FlightMap {
     if (!this.stale && !glided) return;
     this.stale = false;
     this.pen.drawImage(this.base, 0, 0);
+    this.drawPaths();
     this.drawVehicles();
     this.frames += 1;
     this.drawn_ms += performance.now() - begin_ms;
@@ -424,6 +425,27 @@ class FlightMap {
     pen.textAlign = "left";
     pen.textBaseline = "bottom";
     pen.fillText(length + " m", x, y - 3 * this.ratio);
+  }
+
+  // from where a vehicle is drawn along its present path; of points that have a time those to come
+  drawPaths() {
+    const { pen, ratio } = this;
+    const now_s = this.board.fields.t_s || 0;
+    pen.lineWidth = 1.6 * ratio;
+    pen.lineJoin = "round";
+    pen.setLineDash([2 * ratio, 4 * ratio]);
+    for (const number of Object.keys(this.board.vehicles)) {
+      const path = this.board.fields["path " + number];
+      const at = this.shown[number];
+      if (!at || !path || !path.length) continue;
+      pen.strokeStyle = this.colour(number);
+      pen.beginPath();
+      pen.moveTo(...this.at(...at));
+      for (let i = 0; i < path.length; i += 3)
+        if (path[i] > now_s) pen.lineTo(...this.at(path[i + 1], path[i + 2]));
+      pen.stroke();
+    }
+    pen.setLineDash([]);
   }
 
   drawVehicles() {
@@ -569,6 +591,8 @@ export default {
         if (c.ratio) rows.push(["ratio of the two", c.ratio.toFixed(2)]);
         if (c.bound_s) rows.push(["the strategy's bound", clock(c.bound_s)]);
       }
+      if (f.left && f.left.share !== null)
+        rows.push(["done", "about " + Math.floor(100 * f.left.share) + " % of " + f.left.of]);
       if (f.left && f.left.what)
         rows.push(["left, as far as is known", f.left.what + (f.left.about_s === null ? "" : ", about " + clock(f.left.about_s))]);
       if (f.over) rows.push(["found", f.finding]);

@@ -57,6 +57,8 @@ class FlightPage:
         self._now_s = now_s
         self._background = background
         self._watcher: Watcher | None = None
+        self._looked_back = False
+        """Whether its watcher knows what was before, and the flight has not begun."""
         self._said: list[str] = []
         """What was said before there was a board."""
         self._version = 0
@@ -81,12 +83,10 @@ class FlightPage:
         """The flight starts."""
         self._inner.begin(setting, again=again)
         with self._harmless():
-            self._watcher = Watcher(setting, State.initial(setting), words=False, now_s=self._now_s)
-            self._watcher.board.set_field("hands_off", self._hands_off)
-            tell_scene(self._feed, scene_of(setting, self._background), self._background)
-            for text in self._said:
-                self._watcher.say(text)
-            self._show()
+            before, self._looked_back = self._looked_back, False
+            if not before:
+                self._watch(setting)
+            self._show(whole=before)
 
     def update(self, event: Event, state: State, again: int) -> None:
         """An event was taken in."""
@@ -116,7 +116,25 @@ class FlightPage:
             self._show(whole=True)
             self._feed.put({"kind": "ended", "text": text})
 
+    def _watch(self, setting: Setting) -> None:
+        self._watcher = Watcher(setting, State.initial(setting), words=False, now_s=self._now_s)
+        self._watcher.board.set_field("hands_off", self._hands_off)
+        tell_scene(self._feed, scene_of(setting, self._background), self._background)
+        for text in self._said:
+            self._watcher.say(text)
+
     # --- onlooker --------------------------------------------------------------------------
+    def look_back(self, setting: Setting, event: Event, state: State) -> None:
+        """What a flight that is gone on with has brought before: shown when it begins."""
+        if self._broken:
+            return
+        with self._harmless():
+            if not self._looked_back:
+                self._looked_back = True
+                self._watch(setting)
+            if self._watcher is not None:
+                self._watcher.take_in(event, state)
+
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """A picture is about to be judged: remembered until its verdicts come."""
         if not self._broken:

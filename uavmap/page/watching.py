@@ -37,9 +37,10 @@ from missions.mapping.tree import Tree
 from missions.state import Setting, State, VehicleState
 from missions.units import Cell
 from uavmap.fly.progress import cells_known, doing, phase, remarkable
+from uavmap.fly.time_left import time_left
+from uavmap.page.ahead import Ahead
 from uavmap.page.board import Board
 from uavmap.page.scene import STATES
-from uavmap.page.time_left import time_left
 from uavmap.printable import printable
 from uavmap.results.counting import LIFT_OFF_M, Counter
 from uavmap.results.figures import figures_of, finding
@@ -94,6 +95,7 @@ class Watcher:
         self._dear_s = dear_s
         self._now_s = now_s
         self._counter = Counter(state.vehicles)
+        self._ahead = Ahead(setting)
         self._marked: dict[Cell, None] = {}
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be looked at."""
@@ -174,6 +176,8 @@ class Watcher:
         for number, vehicle in self.state.vehicles.items():
             if not self._recorded:
                 self.board.set_vehicle(number, self._record(vehicle))
+                if (path := self._ahead.news(vehicle, self.state.t_s)) is not None:
+                    self.board.set_field(f"path {number}", path)
         self._show_fields()
         if whole or self._now_s() >= self._due_s:
             self._due_s = self._paced(self._show_left)
@@ -237,7 +241,10 @@ class Watcher:
         state, board = self.state, self.board
         board.set_field("finding", finding(self.setting, state))
         if not self._recorded:
-            board.set_field("left", time_left(self.setting, state))
+            left = time_left(self.setting, state)
+            about_s = None if left.about_s is None else round(left.about_s)
+            words = {"what": left.what, "of": left.of, "share": left.share, "about_s": about_s}
+            board.set_field("left", words)
             board.set_field("known", cells_known(state))
 
     def _show_certificate(self) -> None:

@@ -27,33 +27,34 @@ Coordinates = list[float]
 Feature = dict[str, Any]
 
 
-def write(data: MapData, path: Path) -> None:
-    """Write the map to `path`."""
-    write_parts(path, (part.encode() for part in _parts(data)))
+def write(data: MapData, path: Path, utc: str | None = None) -> None:
+    """Write the map to `path`; `utc` is its date, ISO 8601, where anybody knows it."""
+    write_parts(path, (part.encode() for part in _parts(data, utc)))
 
 
-def encode(data: MapData) -> str:
-    """The map as a FeatureCollection, a feature a line.
+def encode(data: MapData, utc: str | None = None) -> str:
+    """The map as a FeatureCollection, a feature a line; `utc` is its date.
 
     Features by their property `kind`:
 
     * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames); of recorded
       pictures that were weighed `belief`, 0 to 1.
-    * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`. Its geometry is
-      null for a map without a region.
+    * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`, and `utc`, its date,
+      if that is known. Its geometry is null for a map without a region.
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
     * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
-    return "".join(_parts(data))
+    return "".join(_parts(data, utc))
 
 
-def _parts(data: MapData) -> Iterator[str]:
-    corners = data.corners
-    features = [_outline(data), *_tracks(data), *_unsearched(data)]
+def _parts(data: MapData, utc: str | None) -> Iterator[str]:
+    corners, date = data.corners, {} if utc is None else {"utc": utc}
+    features = [_outline(data, date), *_tracks(data), *_unsearched(data)]
     lons = [_longitude(lon_deg, data.start) for lon_deg in corners.lon_deg]
     lats = [round(lat_deg, DECIMALS) for lat_deg in corners.lat_deg]
     head = json.dumps(
         {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
+        | date
         | ({"bbox": box} if (box := _bbox(features, lons, lats)) else {})
     )
     yield f'{head[:-1]}, "features": [\n'
@@ -78,7 +79,7 @@ def _cells(data: MapData, lons: Sequence[float], lats: Sequence[float]) -> Itera
         )
 
 
-def _outline(data: MapData) -> Feature:
+def _outline(data: MapData, date: dict[str, str]) -> Feature:
     shape = data.outline
     return {
         "type": "Feature",
@@ -90,6 +91,7 @@ def _outline(data: MapData) -> Feature:
             "t_s": round(data.t_s, 3),
             "cells": len(data.roi_cells),
             "area_m2": round(shape.area, 3),
+            **date,
         },
     }
 

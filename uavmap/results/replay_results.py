@@ -73,9 +73,10 @@ def write_replay(
     """
     data = replay_map(setting, replayed)
     share = setting.mission.detector.share
-    values = dated(replay_summary(setting, replayed), data, share, calendar or Calendar(None))
+    when = calendar or Calendar(None)
+    values = dated(replay_summary(setting, replayed), data, share, when)
     with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
-        cells = pool.submit(_write_cells, folder, data, beneath)
+        cells = pool.submit(_write_cells, folder, data, beneath, when.utc(data.t_s))
         found = boundary()
         base, written = cells.result(), None
         if found is not None:
@@ -91,9 +92,11 @@ def write_replay(
     return values
 
 
-def _write_cells(folder: Path, data: MapData, beneath: picture.Beneath | None) -> picture.Base:
+def _write_cells(
+    folder: Path, data: MapData, beneath: picture.Beneath | None, utc: str | None
+) -> picture.Base:
     """The maps of cells as files; returns what of their picture can be drawn by now."""
-    geojson.write(data, folder / "map.geojson")
+    geojson.write(data, folder / "map.geojson", utc)
     kml.write(data, folder / "map.kml")
     return picture.base(data, beneath)
 

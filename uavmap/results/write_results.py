@@ -130,12 +130,13 @@ def write_results(
     """
     state, found = figures(setting, events)
     data = map_data(setting, state, found, roi)
-    geojson.write(data, folder / "map.geojson")
+    when = calendar or Calendar(None)
+    geojson.write(data, folder / "map.geojson", when.utc(data.t_s))
     kml.write(data, folder / "map.kml")
     picture.write(data, folder / "map.png")
     values = flight_values(setting, state, found, seed, simulated, roi)
     share = setting.mission.detector.share
-    values = dated(values, data, share, calendar or Calendar(None))
+    values = dated(values, data, share, when)
     summary_file.write(values, folder / "summary.json")
     if also is not None:
         also(data, values)

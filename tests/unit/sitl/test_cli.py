@@ -75,4 +75,11 @@ def test_vehicles_without_a_mission(tmp_path, tcp):
     finally:
         process.kill()
         process.communicate()
-    assert (process.returncode, out, err) == (0, "", "uavmap: simulation ended\n")
+    assert (process.returncode, out) == (0, "")
+    first, fly, station, proxy, _, ends, last = err.splitlines()
+    assert first.startswith("3 simulated aircraft, ")
+    connect = [f"--connect {url}" for url in urls]
+    assert fly.endswith(" ".join(["uavmap fly FILE", *connect, "--speedup 20"]))
+    assert str(port) in station
+    assert f"--master={address.removesuffix(str(port + 20))}{port}" in proxy
+    assert (ends, last) == ("Ctrl-C ends it", "uavmap: simulation ended")

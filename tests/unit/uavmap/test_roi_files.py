@@ -165,10 +165,33 @@ def test_with_a_start_all_polygons_are_one_roi(tmp_path: Path) -> None:
     assert len(roi.cells) == pytest.approx(78 * 20 / 16, abs=15)  # not the far one
     assert max(cell.east for cell in roi.cells) >= 16
     outside = LatLon(LAT - 100 * M_NORTH, LON)
-    with pytest.raises(RoiError, match="is not in the region"):
+    with pytest.raises(RoiError, match="is not in the region") as refusal:
         load_rois(path, start=outside)
+    near = str(refusal.value).rpartition("--start ")[2]  # what it names instead is one
+    lat_deg, lon_deg = map(float, near.split(","))
+    assert len(load_rois(path, start=LatLon(lat_deg, lon_deg))[0].cells) > 80
     with pytest.raises(RoiError, match="84"):
         load_rois(path, start=LatLon(89.0, LON))
+
+
+@pytest.mark.parametrize(("east_m", "north_m"), [(0, 0), (40, 20), (0, 20), (20, 0), (20, 21)])
+def test_a_start_at_the_rim_is_its_nearest_cell(
+    tmp_path: Path, east_m: float, north_m: float
+) -> None:
+    """A cell around a corner is covered by a quarter."""
+    shape = {"type": "Polygon", "coordinates": [block(0, 0, 40, 20)]}
+    path = written(tmp_path, shape, "lake.json")
+    corner = LatLon(LAT + north_m * M_NORTH, LON + east_m * M_EAST)
+    (roi,) = load_rois(path, cell_m=4.0, start=corner)
+    assert max(map(abs, roi.start)) <= 1
+    assert roi.start in boundary(roi.cells)
+    assert len(roi.cells) == pytest.approx(50, abs=12)
+
+
+def test_a_start_in_a_region_smaller_than_half_a_cell_is_told(tmp_path: Path) -> None:
+    path = written(tmp_path, {"type": "Polygon", "coordinates": [block(0, 0, 2, 2)]}, "pond.json")
+    with pytest.raises(RoiError, match="covers half of no cell of 4 m"):
+        load_rois(path, cell_m=4.0, start=LatLon(LAT, LON))
 
 
 def polygon(*points: list[float]) -> dict[str, object]:

@@ -148,3 +148,12 @@ def test_written_whole(tmp_path: Path, make_map: MapMaker) -> None:
     geojson.write(make_map(), path)
     assert path.read_text() == geojson.encode(make_map())
     assert [p.name for p in tmp_path.iterdir()] == ["map.geojson"]
+
+
+def test_a_map_has_its_date_where_anybody_knows_it(make_map: MapMaker) -> None:
+    """A region that drifts is somewhere else by now."""
+    date = "2024-05-01T10:11:12.000Z"
+    found = json.loads(geojson.encode(make_map(), date))
+    (outline,) = (f for f in found["features"] if f["properties"]["kind"] == "outline")
+    assert found["utc"] == outline["properties"]["utc"] == date
+    assert "utc" not in geojson.encode(make_map())

@@ -1,0 +1,60 @@
+"""The map of a flight that was left before its end: from its journal, before the process ends."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from missions.errors import JournalError, leaves
+from uavmap.fly.interrupts import SIGNALS
+
+
+def leave_map(
+    write: Callable[[], object], failure: BaseException, folder: Path, say: Callable[[str], None]
+) -> None:
+    """Write what is known; call it when nobody depends on this process any more.
+
+    `failure` is why the flight has ended. Raises nothing: where the map cannot be written, or the
+    operator does not wait for it, `say` gets the command that makes it.
+    """
+    found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
+    if any(isinstance(error, JournalError) for error in found):
+        return  # there is nothing to make a map from, and the line says what is wrong with it
+    later = f"`uavmap export {folder} --to gpkg` makes it from the journal"
+    try:
+        with _patiently(say):
+            write()
+    except KeyboardInterrupt:
+        say(f"the map so far is not written; {later}")
+    except Exception as error:
+        say(f"the map so far cannot be written ({error}); {later}")
+    else:
+        say(f"the map so far is in {folder}")
+
+
+@contextlib.contextmanager
+def _patiently(say: Callable[[str], None]) -> Iterator[None]:
+    """The first signal that would end the process is answered, the second does end what it does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's, who waits for this one
+        return
+    presses = 0
+
+    def pressed(*_: object) -> None:
+        nonlocal presses
+        presses += 1
+        if presses > 1:
+            raise KeyboardInterrupt
+        with contextlib.suppress(RuntimeError):  # it came in the middle of another line
+            say("the map so far is being written; Ctrl-C once more leaves it out")
+
+    heard = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, pressed) for number in heard}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
