@@ -119,13 +119,16 @@ class Rasters:
     def _blocks(
         self, raster: Raster, step_m: float, unread: set[str], recent: Recent
     ) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
-        for block in raster.blocks(_SIDE):
-            tiles = [
-                Tile(entry, self._pixels(entry, step_m, unread, recent))
-                for entry in self.fine.scene.shown
-                if not raster.around(*entry.bounds).common(block).is_empty
-            ]
+        shown = self.fine.scene.shown
+        blocks = raster.shared((raster.around(*entry.bounds) for entry in shown), _SIDE)
+        last = {number: block for block, numbers in blocks.items() for number in numbers}
+        for block, numbers in blocks.items():
+            tiles = (
+                Tile(shown[n], self._pixels(shown[n], step_m, unread, recent)) for n in numbers
+            )
             found = mosaic(raster, block, tiles, self.workers)
+            # what no block asks for any more
+            recent.forget(shown[n].footing.number for n in numbers if last[n] == block)
             if found is not None:
                 yield block, np.ascontiguousarray(found.transpose(2, 0, 1))
 

@@ -119,9 +119,11 @@ class Scene:
         shown = (Shown(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
         return cls(raster, tuple(entry for entry in shown if not entry.window.is_empty))
 
-    def within(self, window: Window) -> list[Shown]:
-        """The pictures that may show something of a window."""
-        return [entry for entry in self.shown if not entry.window.common(window).is_empty]
+    def blocks(self) -> Iterator[tuple[Window, list[Shown]]]:
+        """The blocks of the raster of which pictures may show something, with these."""
+        shared = self.raster.shared((entry.window for entry in self.shown), _SIDE)
+        for block, numbers in shared.items():
+            yield block, [self.shown[number] for number in numbers]
 
 
 def pitch_m(footings: Sequence[Footing], cell_m: float) -> float:
@@ -205,10 +207,7 @@ def fused(
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
-    for block in scene.raster.blocks(_SIDE):
-        near = scene.within(block)
-        if not near:
-            continue
+    for block, near in scene.blocks():
         fusion = Fusion(block, least)
 
         def said(
