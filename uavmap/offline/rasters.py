@@ -41,7 +41,7 @@ MOST_LEVELS_PX: Final = 8_000_000_000
 APART: Final = 0.5
 """Pictures of which all together show less than this part of the raster lie apart."""
 _SIDE: Final = 2048
-_RECENT_BYTES: Final = 160 * 1024 * 1024  # of decoded pictures that the next block may show, too
+_RECENT_BYTES: Final = 96 * 1024 * 1024  # of decoded pictures that the next block may show, too
 _MINUTES: Final = 200  # pictures from which on it is said that the mosaic is being made
 
 

@@ -19,6 +19,7 @@ from uavmap.kept_detector import keep_detector, with_relative_model
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.derived import DETECTOR, derived
+from uavmap.offline.freed import give_back
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.rasters import ORTHO, Wishes
 from uavmap.offline.refined_pictures import RefinedSet, refined
@@ -151,6 +152,7 @@ def _rasters(
 ) -> bool:
     """The GeoTIFFs, without which the results are complete; whether they were interrupted."""
     began_s = time.perf_counter()
+    give_back()
     try:
         with memory_told("not all GeoTIFFs are written", "try a coarser --gsd, or --no-ortho"):
             if looked.write_rasters(folder, wishes, progress):

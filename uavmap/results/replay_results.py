@@ -98,26 +98,38 @@ def write_replay(
     data = replay_map(setting, replayed)
     size = extent(data, setting.mission.detector.share)
     values = dated(replay_summary(setting, replayed), data, size, calendar or Calendar(None))
+    with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
+        cells = pool.submit(_write_cells, folder, data)
+        base = picture.base(data, beneath)
+        found = boundary()
+        if found is not None:
+            values |= found.figures()
+            data = data.with_boundary(found.boundary.region)
+        others = pool.submit(_write_others, folder, data, values, size, found, also)
+        picture.write(data, folder / "map.png", base)
+        for files in (cells, others):
+            files.result()
+    return values
+
+
+def _write_cells(folder: Path, data: MapData) -> None:
     geojson.write(data, folder / "map.geojson")
     kml.write(data, folder / "map.kml")
-    base = picture.base(data, beneath)
-    found = boundary()
-    if found is not None:
-        values |= found.figures()
-        data = data.with_boundary(found.boundary.region)
 
-    def documents() -> None:
-        features = () if found is None else boundary_file.write(found, folder / boundary_file.FILE)
-        summary_file.write(values, folder / "summary.json")
-        if also is not None:
-            told = boundary_of(features, data) if features else None
-            also(Written(data, values, size, told))
 
-    with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
-        written = pool.submit(documents)
-        picture.write(data, folder / "map.png", base)
-        written.result()
-    return values
+def _write_others(
+    folder: Path,
+    data: MapData,
+    values: Mapping[str, Any],
+    size: Extent,
+    found: BoundaryMap | None,
+    also: Callable[[Written], None] | None,
+) -> None:
+    """What is written of the boundary, the figures, and what others make of all that."""
+    features = () if found is None else boundary_file.write(found, folder / boundary_file.FILE)
+    summary_file.write(values, folder / "summary.json")
+    if also is not None:
+        also(Written(data, values, size, boundary_of(features, data) if features else None))
 
 
 def replay_map(setting: Setting, replayed: Replayed) -> MapData:
