@@ -27,7 +27,7 @@ from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import Cell, GridPoint
-from uavmap.fly.progress import Progress
+from uavmap.fly.progress import LINE_LIMIT, Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.fine_map import FineMap, beneath, scene_of
@@ -42,6 +42,7 @@ from uavmap.offline.spool import Said, Spool
 from uavmap.offline.surface import Footing, Scene
 from uavmap.offline.tally import Votes
 from uavmap.offline.workers import Crew, GoOn, Threads, beside, worker_count
+from uavmap.printable import printable
 from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.boundary_file import BoundaryMap
@@ -305,7 +306,7 @@ class Looked:
             if s.turned
         ]
         for line in lines[:_LINES]:
-            progress.say(line)
+            progress.say(printable(line, LINE_LIMIT))  # a name may hold a line break
         if len(lines) > _LINES:
             progress.say(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
         for line in self.gathered.left_out:
@@ -401,7 +402,8 @@ def _judge_all(
             what = Said(said.vantage, said.cells, said.shares, said.marks, said.weights, said.small)
             spool.put(number, what)
         if number % every == every - 1 or number + 1 == len(shots):
-            progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
+            name = printable(shot.placed.picture.name)
+            progress.say(f"looked at {number + 1} of {len(shots)}: {name}")
 
 
 def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 import threading
 from pathlib import Path
 
 import pytest
 
-from tests.unit.uavmap.test_replay_robust import shot
+from tests.unit.uavmap.test_replay_robust import shot, xmp
 from uavmap.cli import main
 from uavmap.offline import rasters
 from uavmap.offline.workers import StoppedError, beside
@@ -108,3 +109,17 @@ def test_what_is_reckoned_beside_ends_when_nobody_waits_for_it() -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert stopped.is_set()
+
+
+def test_a_name_or_a_height_that_nobody_expects_is_told_in_its_line(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "photos"
+    shutil.copytree(photos, folder)
+    shot(folder / "a\nresults in nowhere.jpg", 7, xmp=xmp(RelativeAltitude="+0.01"))
+    assert replayed(folder, tmp_path / "map", "--no-ortho") == 0
+    err = capsys.readouterr().err.splitlines()
+    assert "a results in nowhere.jpg: its height is 0.01 m: a map needs 0.5 m at least; not" in (
+        "\n".join(err)
+    )
+    assert not any(line.startswith("results in nowhere") for line in err)
