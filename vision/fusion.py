@@ -25,6 +25,7 @@ SMOOTH_PX: Final = 1.0
 """Standard deviation of the smoothing of the sums, in pixels of the raster."""
 HALO_PX: Final = 4
 """So far around a window its smoothing reaches."""
+_ROWS: Final = 256  # smoothed at once: all would take as much memory once more
 
 Levels = NDArray[np.uint8]
 
@@ -49,21 +50,34 @@ class Fusion:
 
     def levels(self) -> Levels:
         """The fused probability of the window, in levels from 0 to `MOST`, or `UNSEEN`."""
-        unseen = self._count < self._least
-        if unseen.all():
-            return self._inner(np.full(self.window.shape, UNSEEN, np.uint8))
+        rows, columns = self.window.shape
+        found = np.full((rows - 2 * HALO_PX, columns - 2 * HALO_PX), UNSEEN, np.uint8)
+        for top in range(HALO_PX, rows - HALO_PX, _ROWS):
+            bottom = min(top + _ROWS, rows - HALO_PX)
+            seen = self._count[top:bottom, HALO_PX:-HALO_PX] >= self._least
+            if seen.any():
+                into = found[top - HALO_PX : bottom - HALO_PX]
+                np.copyto(into, self._smoothed(top, bottom), where=seen)
+        return found
+
+    def _smoothed(self, top: int, bottom: int) -> Levels:
+        """The levels of some rows, without the halo at their ends."""
         total, weight = (
-            cv2.GaussianBlur(s, (5, 5), SMOOTH_PX, borderType=cv2.BORDER_REPLICATE)
-            for s in (self._sum, self._weight)
+            np.asarray(
+                cv2.GaussianBlur(
+                    sums[top - HALO_PX : bottom + HALO_PX],
+                    (5, 5),
+                    SMOOTH_PX,
+                    borderType=cv2.BORDER_REPLICATE,
+                )[HALO_PX:-HALO_PX, HALO_PX:-HALO_PX],
+                np.float32,
+            )
+            for sums in (self._sum, self._weight)
         )
         weight[weight <= 0.0] = 1.0
-        found = np.round(total * np.float32(MOST / 255.0) / weight).astype(np.uint8)
-        found[unseen] = UNSEEN
-        return self._inner(found)
-
-    @staticmethod
-    def _inner(levels: Levels) -> Levels:
-        return np.ascontiguousarray(levels[HALO_PX:-HALO_PX, HALO_PX:-HALO_PX])
+        np.multiply(total, np.float32(MOST / 255.0), out=total)
+        np.divide(total, weight, out=total)
+        return np.rint(total, out=total).astype(np.uint8)
 
 
 def as_levels(marks: Marks, shrinks_px: int = 0) -> NDArray[np.uint8]:

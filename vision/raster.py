@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -90,6 +90,28 @@ class Raster:
     def blocks(self, side: int) -> Iterator[Window]:
         """Windows of at most `side` pixels that cover all of it, row by row from the north."""
         return self.whole.blocks(side)
+
+    def shared(self, windows: Iterable[Window], side: int) -> dict[Window, list[int]]:
+        """The blocks in which some of these windows lie, in the order of `blocks`, each with the
+        numbers of these.
+
+        >>> found = Raster(0.0, 0.0, 1.0, 9, 9).shared([Window(0, 3, 2, 6), Window(8, 0, 9, 1)], 4)
+        >>> [(block.top, block.left, numbers) for block, numbers in found.items()]
+        [(0, 0, [0]), (0, 4, [0]), (8, 0, [1])]
+        """
+        found: dict[tuple[int, int], list[int]] = {}
+        for number, window in enumerate(windows):
+            if window.is_empty:
+                continue
+            for row in range(window.top // side, -(-window.bottom // side)):
+                for column in range(window.left // side, -(-window.right // side)):
+                    found.setdefault((row, column), []).append(number)
+        return {
+            Window(
+                row * side, column * side, (row + 1) * side, (column + 1) * side
+            ).common(self.whole): found[row, column]
+            for row, column in sorted(found)
+        }  # fmt: skip
 
     def centres(self, window: Window, step: int) -> NDArray[np.float64]:
         """Metres east and north of every `step`-th pixel's centre, past the window's end at last.

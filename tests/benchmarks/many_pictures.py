@@ -2,7 +2,7 @@
 
 The ground is a patchwork that repeats itself every 460 m: a road with plants on both sides. The
 pictures lie in legs of 100, with 75 % overlap along and 50 % across, so more of them show more
-ground.
+ground; or so many of them lie so, and the others above the same ground, a little beside.
 """
 
 from __future__ import annotations
@@ -40,23 +40,24 @@ def ground(seed: int = 1) -> np.ndarray:
     return np.clip(image + noise, 0, 255).astype(np.uint8)
 
 
-def write_survey(folder: Path, count: int) -> None:
-    """Write so many photographs."""
+def write_survey(folder: Path, count: int, around: int | None = None) -> None:
+    """Write so many photographs; from number `around` on, over the ground of the first ones."""
     sheet = ground()
     across_m, along_m = 0.5 * HEIGHT_PX * GSD_M, 0.25 * WIDTH_PX * GSD_M
     rows, columns = np.arange(HEIGHT_PX), np.arange(WIDTH_PX)
     for number in range(count):
-        leg, step = divmod(number, LEG)
-        east_m, north_m = step * along_m, leg * across_m
+        again, place = divmod(number, around or count)
+        leg, step = divmod(place, LEG)
+        east_m, north_m = step * along_m + 0.7 * again, leg * across_m + 0.3 * again
         top, left = round(-north_m / GSD_M), round(east_m / GSD_M)
         shot = sheet[np.ix_((rows + top) % GROUND_PX, (columns + left) % GROUND_PX)]
         lat = LAT_DEG + north_m / _DEG_M
         lon = LON_DEG + east_m / _DEG_M / math.cos(math.radians(lat))
-        place = {1: "N", 2: _dms(lat), 3: "W", 4: _dms(-lon)}
+        tags = {1: "N", 2: _dms(lat), 3: "W", 4: _dms(-lon)}
         second = 2 * number
         taken = f"2016:06:23 {second // 3600:02}:{second // 60 % 60:02}:{second % 60:02}"
         write_photo(
-            folder / f"{number:05}.jpg", gps=place, taken=taken, image=Image.fromarray(shot),
+            folder / f"{number:05}.jpg", gps=tags, taken=taken, image=Image.fromarray(shot),
             xmp=dji(RelativeAltitude=f"+{HEIGHT_M:.2f}", GimbalYawDegree="+0.00"),
         )  # fmt: skip
 

@@ -4,6 +4,7 @@ python -m tests.benchmarks.replay rate FOLDER              pictures a second, be
 python -m tests.benchmarks.replay results FOLDER           seconds after the last picture
 python -m tests.benchmarks.replay memory                   1,000, 3,000 and 10,000 small pictures
 python -m tests.benchmarks.replay memory --pictures 5000   so many, over as much more ground
+python -m tests.benchmarks.replay memory --around 300      all over the ground of the first 300
 python -m tests.benchmarks.replay fuzz PICTURE 1000        damaged copies: no crash, no memory
 """
 
@@ -113,14 +114,14 @@ def _rate(folder: Path) -> None:
             )
 
 
-def _memory(counts: list[int], refine: str) -> None:
+def _memory(counts: list[int], refine: str, around: int | None) -> None:
     """Peak memory of whole replays, each in a process of its own, boundary and rasters included."""
     print("pictures      s  peak MB  cells  ortho.tif, MB", flush=True)
     with tempfile.TemporaryDirectory() as name:
         for count in counts:
             photographs, out = Path(name) / f"{count}", Path(name) / f"{count}-map"
             photographs.mkdir()
-            write_survey(photographs, count)
+            write_survey(photographs, count, around)
             line = [sys.executable, "-m", "uavmap", "replay", str(photographs), "--refine", refine]
             begun = time.perf_counter()
             process = subprocess.Popen([*line, "--out", str(out)], stdout=subprocess.DEVNULL)
@@ -176,10 +177,11 @@ def main() -> int:
     parser.add_argument("path", type=Path, nargs="?")
     parser.add_argument("count", type=int, nargs="?", default=1000)
     parser.add_argument("--pictures", type=int, nargs="+", default=[1000, 3000, 10_000])
+    parser.add_argument("--around", type=int)
     parser.add_argument("--refine", choices=("on", "off"), default="off")
     options = parser.parse_args()
     if options.what == "memory":
-        _memory(options.pictures, options.refine)
+        _memory(options.pictures, options.refine, options.around)
         return 0
     if options.path is None:
         parser.error(f"{options.what} needs pictures")

@@ -26,6 +26,7 @@ LEAST_DOWN_DEG = 35.0
 """A camera that looks less far down than this sees mostly what is too far to be judged."""
 _LEAST_SET = 3
 _EARTH_M = 6_371_000.0
+_LEAST_HEIGHT_M = 0.5
 _MOST_HEIGHT_M = 5_000.0
 
 
@@ -110,6 +111,8 @@ def _height_m(picture: Picture, mission: Mission | None) -> float | str:
         )
     if height.value <= 0.0:
         return f"its height is {height.value:.1f} m: not above the place of take-off"
+    if height.value < _LEAST_HEIGHT_M:
+        return f"its height is {height.value:.2f} m: a map needs {_LEAST_HEIGHT_M:g} m at least"
     if height.value > _MOST_HEIGHT_M:
         return f"its height is {height.value:.0f} m: no aircraft of this kind is as high"
     return height.value

@@ -19,6 +19,7 @@ from uavmap.offline.judging import Judge
 from uavmap.offline.mosaic import Tile, mosaic
 from uavmap.offline.spool import Spool
 from uavmap.offline.surface import Footing, Scene, Shown, Surface, fused, pitch_m
+from uavmap.offline.workers import GoOn
 from uavmap.results.boundary import Boundary
 from uavmap.results.boundary_file import BoundaryMap
 from uavmap.results.view import View
@@ -47,11 +48,17 @@ class FineMap:
 
     @classmethod
     def of(
-        cls, setting: Setting, judge: Judge, scene: Scene, spool: Spool, workers: int
+        cls,
+        setting: Setting,
+        judge: Judge,
+        scene: Scene,
+        spool: Spool,
+        workers: int,
+        go_on: GoOn = lambda: None,
     ) -> FineMap:
-        """Of the pictures of a scene."""
+        """Of the pictures of a scene; `go_on` is asked before each picture."""
         shrinks_px = int(getattr(judge.detector, "shrinks_px", 0))
-        surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive)
+        surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive, go_on)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
         boundary = boundary_of(surface, setting.grid.cell_m, level)
         return cls(setting, scene, surface, boundary, spool, workers)

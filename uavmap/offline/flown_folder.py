@@ -15,6 +15,7 @@ from uavmap.offline.tally import Votes
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.calendar import TAKEN, Calendar
+from uavmap.results.extent import extent
 from uavmap.results.figures import figures
 from uavmap.results.flown import Flown, dated, flown_from
 from uavmap.results.log import FlightLog
@@ -75,7 +76,7 @@ def _replayed(
     )
     data = replay_map(setting, replayed)
     values = _kept_summary(folder) or replay_summary(setting, replayed)
-    values = dated(values, data, mission.detector.share, calendar)
+    values = dated(values, data, extent(data, mission.detector.share), calendar)
     return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
 
 

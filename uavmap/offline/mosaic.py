@@ -20,6 +20,8 @@ SHARPNESS: Final = 2
 """So often are the weights of the fused probability squared: the best picture shows, the others
 hardly."""
 
+_ROWS: Final = 256
+
 Colours = NDArray[np.uint8]
 
 
@@ -69,11 +71,19 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
             shades = cv2.multiply(image, cv2.merge([weight] * 3), dtype=cv2.CV_32F)
             for summed, more in ((colours, shades), (total, weight)):
                 cv2.add(summed[at], more, dst=summed[at])
-    there = total > 0.0
-    if not there.any():
+    return _means(colours, total)
+
+
+def _means(colours: NDArray[np.float32], total: NDArray[np.float32]) -> Colours | None:
+    """Sums of colours by their weights, as `mosaic` returns them; some rows at a time, or it would
+    take as much memory once more."""
+    if not cv2.hasNonZero(total):
         return None
-    cv2.divide(colours, cv2.merge([total] * 3), dst=colours)  # 0 where nothing is there
-    found = np.empty((*window.shape, 4), np.uint8)
-    blue, green, red = cv2.split(cv2.convertScaleAbs(colours))
-    cv2.merge([red, green, blue, there.view(np.uint8) * np.uint8(255)], dst=found)
+    found = np.empty((*total.shape, 4), np.uint8)
+    for top in range(0, len(total), _ROWS):
+        weight, into = total[top : top + _ROWS], found[top : top + _ROWS]
+        mean = cv2.divide(colours[top : top + _ROWS], cv2.merge([weight] * 3))  # 0 where none is
+        blue, green, red = cv2.split(cv2.convertScaleAbs(mean))
+        there = (weight > 0.0).view(np.uint8) * np.uint8(255)
+        cv2.merge([red, green, blue, there], dst=into)
     return found

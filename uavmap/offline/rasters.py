@@ -36,8 +36,12 @@ PROBABILITY: Final = "probability.tif"
 FINEST_M: Final = 0.05
 """Edge of a pixel of the mosaic, where the user names none: that of the pictures, at least this."""
 MOST_PX: Final = 1_500_000_000
+MOST_LEVELS_PX: Final = 8_000_000_000
+"""Of the probabilities; where nothing is shown they take no room, but GDAL looks at each pixel."""
+APART: Final = 0.5
+"""Pictures of which all together show less than this part of the raster lie apart."""
 _SIDE: Final = 2048
-_RECENT_BYTES: Final = 160 * 1024 * 1024  # of decoded pictures that the next block may show, too
+_RECENT_BYTES: Final = 96 * 1024 * 1024  # of decoded pictures that the next block may show, too
 _MINUTES: Final = 200  # pictures from which on it is said that the mosaic is being made
 
 
@@ -86,15 +90,31 @@ class Rasters:
         if not there():
             progress.say(f"{' and '.join(wanted)}: not written; install uavmap[geo]")
             return False
-        self._write_probability(folder / PROBABILITY)
+        self._write_probability(folder / PROBABILITY, progress)
         if ORTHO in wanted:
             self._write_ortho(folder / ORTHO, wishes.gsd_m, progress)
         return True
 
-    def _write_probability(self, path: Path) -> None:
+    def _write_probability(self, path: Path, progress: Progress) -> None:
         surface, grid = self.fine.surface, self.fine.setting.grid
+        raster = surface.raster
+        if raster.rows * raster.columns > MOST_LEVELS_PX:
+            progress.say(
+                f"{PROBABILITY}: not written: it would have {raster.columns:,} x {raster.rows:,} "
+                f"pixels of {raster.pitch_m:.2g} m, and at most {MOST_LEVELS_PX:,} are written; "
+                f"boundary.geojson says where the region is{self._remedy()}"
+            )
+            return
         blocks = probability_blocks(surface.seen(), MOST, UNSEEN)
         write_cog(path, surface.raster, grid, self.t_s, PROBABILITIES, blocks)
+
+    def _remedy(self) -> str:
+        """What helps where a raster is large, and most of it empty; nothing where it is full."""
+        raster = self.fine.scene.raster
+        shown_px = sum(math.prod(entry.window.shape) for entry in self.fine.scene.shown)
+        if shown_px > APART * raster.rows * raster.columns:
+            return ""
+        return "; most of that is ground between the pictures: replay each site by itself"
 
     def _write_ortho(self, path: Path, gsd_m: float | None, progress: Progress) -> None:
         grid, scene = self.fine.setting.grid, self.fine.scene
@@ -104,7 +124,10 @@ class Rasters:
         least = math.sqrt(float(np.prod(high - low)) / MOST_PX)
         if step < least:
             step = math.ceil(100.0 * least) / 100.0
-            progress.say(f"{ORTHO}: {step:g} m a pixel, or it would have more than {MOST_PX:,}")
+            progress.say(
+                f"{ORTHO}: {step:g} m a pixel, or it would have more than {MOST_PX:,}"
+                f"{self._remedy()}"
+            )
         if len(scene.shown) >= _MINUTES:
             progress.say(
                 f"{ORTHO}: laying {len(scene.shown)} pictures, {step:g} m a pixel; all else is "
@@ -119,13 +142,16 @@ class Rasters:
     def _blocks(
         self, raster: Raster, step_m: float, unread: set[str], recent: Recent
     ) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
-        for block in raster.blocks(_SIDE):
-            tiles = [
-                Tile(entry, self._pixels(entry, step_m, unread, recent))
-                for entry in self.fine.scene.shown
-                if not raster.around(*entry.bounds).common(block).is_empty
-            ]
+        shown = self.fine.scene.shown
+        blocks = raster.shared((raster.around(*entry.bounds) for entry in shown), _SIDE)
+        last = {number: block for block, numbers in blocks.items() for number in numbers}
+        for block, numbers in blocks.items():
+            tiles = (
+                Tile(shown[n], self._pixels(shown[n], step_m, unread, recent)) for n in numbers
+            )
             found = mosaic(raster, block, tiles, self.workers)
+            # what no block asks for any more
+            recent.forget(shown[n].footing.number for n in numbers if last[n] == block)
             if found is not None:
                 yield block, np.ascontiguousarray(found.transpose(2, 0, 1))
 

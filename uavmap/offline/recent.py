@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +45,13 @@ class Recent:
         if made is not None:
             self._keep(number, made)
         return made
+
+    def forget(self, numbers: Iterable[int]) -> None:
+        """Let go of pictures that nobody will ask for again."""
+        with self._one_at_a_time:
+            for number in numbers:
+                gone = self._kept.pop(number, None)
+                self._bytes -= 0 if gone is None else gone.nbytes
 
     def _keep(self, number: int, made: Pixels) -> None:
         with self._one_at_a_time:

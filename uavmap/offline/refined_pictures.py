@@ -37,6 +37,7 @@ from uavmap.offline.refinement import (
 from uavmap.offline.registration_report import FILE, lines, report
 from uavmap.offline.sources.record import Measured, Picture
 from uavmap.offline.workers import Crew, Threads, in_order, worker_count
+from uavmap.printable import printable
 from uavmap.results import summary
 from vision.lens import Lens
 from vision.registration import WIDTH_PX, Features, Registration, extract, thumbnail
@@ -132,7 +133,7 @@ def _looked_at(
             refinement.tags.append(lenses.tags(picture, hfov_rad))
             refinement.features.append(kept.put(features))
         if number % every == 0 or number == len(placed):
-            progress.say(f"compared {number} of {len(placed)}: {picture.name}")
+            progress.say(f"compared {number} of {len(placed)}: {printable(picture.name)}")
     return refinement
 
 

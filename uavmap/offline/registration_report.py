@@ -10,6 +10,7 @@ import numpy as np
 
 from missions.ground.geodesy import LocalPlane
 from uavmap.offline.refinement import Found, Tags, euler
+from uavmap.printable import printable
 from vision.registration import WIDTH_PX, Agreement, Net, Registration
 from vision.registration.ground_plane import bearing
 
@@ -67,7 +68,7 @@ def lines(tags: Sequence[Tags], result: Registration, found: Mapping[str, Found]
         if pose.refined.turned
     ]
     left = [(tag.name, why) for tag, why in zip(tags, result.left, strict=True) if why is not None]
-    said += [f"{name}: left as tagged: {why}" for name, why in left[:MOST_NAMED]]
+    said += [f"{printable(name)}: left as tagged: {why}" for name, why in left[:MOST_NAMED]]
     if len(left) > MOST_NAMED:
         said.append(f"{len(left) - MOST_NAMED} more are left as tagged: {FILE} names them")
     return said

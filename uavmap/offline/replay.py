@@ -14,7 +14,8 @@ A bad picture is refused with its reason, and never ends the run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import Cell, GridPoint
-from uavmap.fly.progress import Progress
+from uavmap.fly.progress import LINE_LIMIT, Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.fine_map import FineMap, beneath, scene_of
@@ -38,9 +39,10 @@ from uavmap.offline.rasters import Rasters, Wishes
 from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Said, Spool
-from uavmap.offline.surface import Footing
+from uavmap.offline.surface import Footing, Scene
 from uavmap.offline.tally import Votes
-from uavmap.offline.workers import Crew, Threads, worker_count
+from uavmap.offline.workers import Crew, GoOn, Threads, beside, worker_count
+from uavmap.printable import printable
 from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.boundary_file import BoundaryMap
@@ -48,8 +50,7 @@ from uavmap.results.calendar import TAKEN, Calendar, taken_meta
 from uavmap.results.documents import write_documents
 from uavmap.results.flown import Flown
 from uavmap.results.log import FlightLog
-from uavmap.results.model import MapData
-from uavmap.results.replay_results import Replayed, write_replay
+from uavmap.results.replay_results import Replayed, Written, write_replay
 from vision.camera import Camera
 from vision.lens import Lens
 from vision.upright import UprightSearch
@@ -133,6 +134,24 @@ class Looked:
 
     def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
+        scene = scene_of(self.setting, self.footings())
+        with beside(partial(self._drawn, scene)) as fine:
+            return self._written(journal, folder, progress, scene, fine)
+
+    def _drawn(self, scene: Scene | None, go_on: GoOn) -> FineMap | None:
+        """The region at pixel level: of what the pictures say, which waits on the spool."""
+        if scene is None:
+            return None
+        return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
+
+    def _written(
+        self,
+        journal: Journal,
+        folder: Path,
+        progress: Progress,
+        scene: Scene | None,
+        fine: Future[FineMap | None],
+    ) -> dict[str, Any]:
         mission = self.setting.mission
         votes = Votes(mission.votes.frames, mission.votes.positive)
         evidence = Evidence() if mission.by_evidence else None
@@ -151,12 +170,28 @@ class Looked:
         calendar = Calendar.of_replay(journal.meta.get(TAKEN))
         plan = FlightPlan.read(journal)
 
-        def also(data: MapData, values: Mapping[str, Any]) -> None:
-            flown = Flown(folder, plan, self.setting, data, values, log, calendar, recorded=True)
-            write_documents(flown, progress.say)
+        said: list[str] = []
 
-        write = partial(write_replay, folder, self.setting, mapped, calendar=calendar, also=also)
-        summary = self._maps(write, mapped, decided.undecided_cells())
+        def also(done: Written) -> None:
+            made = (folder, plan, self.setting, done.data, done.values, log, calendar)
+            flown = Flown(*made, recorded=True).knowing(done.size, done.boundary)
+            write_documents(flown, said.append)
+
+        def boundary() -> BoundaryMap | None:
+            self.fine = fine.result()
+            if self.fine is None:
+                return None
+            positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
+            seen = mapped.cells.keys()
+            return self.fine.told(mapped.end_s, positions_m, seen, decided.undecided_cells())
+
+        ground = None
+        if scene is not None:
+            grid = self.setting.grid
+            ground = beneath(scene, self.spool, grid, self.workers, mapped.end_s)
+        summary = write_replay(folder, self.setting, mapped, boundary, ground, calendar, also)
+        for line in said:
+            progress.say(line)
         write_pictures(self._rows(), folder / FILE)
         self._say(progress)
         return summary
@@ -194,24 +229,6 @@ class Looked:
             for number, shot in enumerate(self.shots)
             if not shot.reason and shot.camera is not None
         ]
-
-    def _maps(
-        self, write: Callable[..., dict[str, Any]], mapped: Replayed, undecided: set[Cell]
-    ) -> dict[str, Any]:
-        """The maps, with the boundary at pixel level and the ground where pictures show any."""
-        setting, spool, workers = self.setting, self.spool, self.workers
-        scene = scene_of(setting, self.footings())
-        if scene is None:
-            return write()
-        t_s = max(t_s for t_s, _, _ in mapped.taken)
-
-        def boundary() -> BoundaryMap:
-            self.fine = fine = FineMap.of(setting, self.judge, scene, spool, workers)
-            positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
-            return fine.told(t_s, positions_m, mapped.cells.keys(), undecided)
-
-        ground = beneath(scene, spool, setting.grid, workers, t_s)
-        return write(boundary=boundary, beneath=ground)
 
     @property
     def _used(self) -> list[Shot]:
@@ -289,7 +306,7 @@ class Looked:
             if s.turned
         ]
         for line in lines[:_LINES]:
-            progress.say(line)
+            progress.say(printable(line, LINE_LIMIT))  # a name may hold a line break
         if len(lines) > _LINES:
             progress.say(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
         for line in self.gathered.left_out:
@@ -385,7 +402,8 @@ def _judge_all(
             what = Said(said.vantage, said.cells, said.shares, said.marks, said.weights, said.small)
             spool.put(number, what)
         if number % every == every - 1 or number + 1 == len(shots):
-            progress.say(f"looked at {number + 1} of {len(shots)}: {shot.placed.picture.name}")
+            name = printable(shot.placed.picture.name)
+            progress.say(f"looked at {number + 1} of {len(shots)}: {name}")
 
 
 def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:

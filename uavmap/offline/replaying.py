@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from missions.errors import OutputError
+from missions.errors import OutputError, UavmapError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
 from uavmap.detector_source import detector_text
@@ -19,10 +19,12 @@ from uavmap.kept_detector import keep_detector, with_relative_model
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.derived import DETECTOR, derived
+from uavmap.offline.freed import give_back
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.rasters import ORTHO, Wishes
 from uavmap.offline.refined_pictures import RefinedSet, refined
 from uavmap.offline.replay import Looked, Options, look_at_all
+from uavmap.offline.short_of_memory import memory_told
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
 from uavmap.offline.workers import Crew
@@ -32,6 +34,10 @@ from uavmap.record.results_folder import make_folder, refuse_unwritable, results
 from uavmap.results.atomic import write_text
 from vision.lens import Lens
 
+MEMORY_HELPS: Final = (
+    "end other programs, or replay with --workers 1, fewer pictures at a time, or larger cells "
+    "(grid.cell_m of a mission file)"
+)
 MISSION_FILE = "mission.toml"
 """In the results, of a replay without --mission: what was derived from the pictures."""
 
@@ -74,8 +80,16 @@ def replay_pictures(
     """Map what pictures show, into a folder.
 
     `crew` looks at them; `complain` is told what went wrong with the GeoTIFFs, without which the
-    results are complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`.
+    results are complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`,
+    and `UavmapError` where memory runs out.
     """
+    with memory_told(f"{wanted.path} is not mapped", MEMORY_HELPS):
+        return _replayed(wanted, crew, progress, complain)
+
+
+def _replayed(
+    wanted: Wanted, crew: Crew, progress: Progress, complain: Callable[[str], None]
+) -> Done:
     wanted.rasters.check()
     given = None if wanted.mission is None else load_source(wanted.mission, wanted.detector)
     asked = None if given is None else given.parse()  # say what is wrong before pictures are read
@@ -138,10 +152,12 @@ def _rasters(
 ) -> bool:
     """The GeoTIFFs, without which the results are complete; whether they were interrupted."""
     began_s = time.perf_counter()
+    give_back()
     try:
-        if looked.write_rasters(folder, wishes, progress):
-            progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
-    except OutputError as error:
+        with memory_told("not all GeoTIFFs are written", "try a coarser --gsd, or --no-ortho"):
+            if looked.write_rasters(folder, wishes, progress):
+                progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
+    except UavmapError as error:
         complain(f"{error}; all other results are complete")
     except KeyboardInterrupt:
         complain(f"interrupted: {ORTHO} is not written; all other results are complete")

@@ -25,7 +25,7 @@ from missions.units import Pose
 from uavmap.offline.judging import unpacked
 from uavmap.offline.laid import Laid
 from uavmap.offline.spool import Spool
-from uavmap.offline.workers import in_order
+from uavmap.offline.workers import GoOn, in_order
 from vision.camera import Camera
 from vision.fusion import UNSEEN, Fusion, Levels, as_levels
 from vision.overlay import Overlay
@@ -119,9 +119,11 @@ class Scene:
         shown = (Shown(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
         return cls(raster, tuple(entry for entry in shown if not entry.window.is_empty))
 
-    def within(self, window: Window) -> list[Shown]:
-        """The pictures that may show something of a window."""
-        return [entry for entry in self.shown if not entry.window.common(window).is_empty]
+    def blocks(self) -> Iterator[tuple[Window, list[Shown]]]:
+        """The blocks of the raster of which pictures may show something, with these."""
+        shared = self.raster.shared((entry.window for entry in self.shown), _SIDE)
+        for block, numbers in shared.items():
+            yield block, [self.shown[number] for number in numbers]
 
 
 def pitch_m(footings: Sequence[Footing], cell_m: float) -> float:
@@ -185,7 +187,14 @@ class Surface:
             into[part.within(window)] = levels[part.within(block)]
 
 
-def fused(scene: Scene, spool: Spool, shrinks_px: int, workers: int, least: int = 1) -> Surface:
+def fused(
+    scene: Scene,
+    spool: Spool,
+    shrinks_px: int,
+    workers: int,
+    least: int = 1,
+    go_on: GoOn = lambda: None,
+) -> Surface:
     """What all pictures of a scene say.
 
     Args:
@@ -194,13 +203,11 @@ def fused(scene: Scene, spool: Spool, shrinks_px: int, workers: int, least: int 
         shrinks_px: By how many pixels the detector's mask is too small at each edge.
         workers: How many threads; the result is the same.
         least: In so many pictures a place has to be to count as seen.
+        go_on: Is asked before each picture, and raises what ends this.
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
-    for block in scene.raster.blocks(_SIDE):
-        near = scene.within(block)
-        if not near:
-            continue
+    for block, near in scene.blocks():
         fusion = Fusion(block, least)
 
         def said(
@@ -214,11 +221,15 @@ def fused(scene: Scene, spool: Spool, shrinks_px: int, workers: int, least: int 
                 for shown, laying in entry.overlay.laid(scene.raster, part)
             ]
 
-        jobs = (
-            (entry, entry.window.common(fusion.window), spool.get(entry.footing.number).marks)
-            for entry in near
-        )
-        for answer in in_order(said, jobs, workers):
+        def jobs(
+            near: Sequence[Shown] = near, around: Window = fusion.window
+        ) -> Iterator[tuple[Shown, Window, bytes]]:
+            for entry in near:
+                go_on()
+                marks = spool.get(entry.footing.number).marks
+                yield entry, entry.window.common(around), marks
+
+        for answer in in_order(said, jobs(), workers):
             for shown in answer:
                 fusion.add(*shown)
         surface.put(block, fusion.levels())

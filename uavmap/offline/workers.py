@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final, Protocol, TypeVar
 
@@ -75,6 +76,39 @@ def in_order(
         finally:
             for future in waiting:
                 future.cancel()
+
+
+GoOn = Callable[[], None]
+"""Raises `StoppedError` once nobody waits for an answer any more."""
+
+
+class StoppedError(Exception):
+    """Nobody waits for the answer of this work any more."""
+
+
+@contextmanager
+def beside(work: Callable[[GoOn], Answer]) -> Iterator[Future[Answer]]:
+    """`work` in a thread of its own, beside what is done in the block.
+
+    It should call what it is given now and then: that ends it when the block fails, or is
+    interrupted.
+
+    >>> with beside(lambda go_on: 6 * 7) as answer:
+    ...     answer.result()
+    42
+    """
+    over = threading.Event()
+
+    def go_on() -> None:
+        if over.is_set():
+            raise StoppedError
+
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            yield pool.submit(work, go_on)
+        except BaseException:
+            over.set()
+            raise
 
 
 @dataclass(slots=True)

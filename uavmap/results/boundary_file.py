@@ -16,7 +16,8 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
@@ -69,14 +70,21 @@ class BoundaryMap:
         }
 
 
-def write(data: BoundaryMap, path: Path) -> None:
-    """Write the file."""
-    write_text(path, encode(data))
+def write(data: BoundaryMap, path: Path) -> list[Feature]:
+    """Write the file; returns the features in it."""
+    features = features_of(data)
+    write_text(path, _text(data, features))
+    return features
 
 
 def encode(data: BoundaryMap) -> str:
     """The boundary as a FeatureCollection, a feature a line."""
-    features = [
+    return _text(data, features_of(data))
+
+
+def features_of(data: BoundaryMap) -> list[Feature]:
+    """What is in the file."""
+    return [
         _region(data),
         *_lines(data),
         _shape(data, "band", data.boundary.band, {"from": 0.1, "to": 0.9}),
@@ -84,6 +92,9 @@ def encode(data: BoundaryMap) -> str:
         _cells(data, "undecided", runs(np.array(sorted(data.undecided)).reshape(-1, 2))),
         _cells(data, "unseen", unseen(data)),
     ]
+
+
+def _text(data: BoundaryMap, features: Sequence[Feature]) -> str:
     head = {
         "type": "FeatureCollection",
         "mission": data.mission,
@@ -194,8 +205,21 @@ def _shape(
     if not shape.is_empty:
         there = shapely.transform(shape, lambda points: _lon_lat(data, points))
         feature["bbox"] = list(there.bounds)
-        feature["geometry"] = json.loads(shapely.to_geojson(there))
+        feature["geometry"] = _geometry(there)
     return {**feature, "properties": {"kind": kind, **told}}
+
+
+def _geometry(shape: BaseGeometry) -> dict[str, Any]:
+    """A line, a polygon, or several of a kind, as GeoJSON."""
+    if isinstance(shape, BaseMultipartGeometry):
+        parts = [_geometry(part)["coordinates"] for part in shape.geoms]
+        return {"type": shape.geom_type, "coordinates": parts}
+    rings = [shape]
+    if isinstance(shape, Polygon):
+        rings = [shape.exterior, *shape.interiors]
+    found = [shapely.get_coordinates(ring).tolist() for ring in rings]
+    whole = found if isinstance(shape, Polygon) else found[0]
+    return {"type": shape.geom_type, "coordinates": whole}
 
 
 def _lon_lat(data: BoundaryMap, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -57,13 +57,17 @@ def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
         told = json.loads(read_text(folder / FILE, _MOST_BYTES))
         if abs(float(told["t_s"]) - data.t_s) > _SAME_S:
             return None
-        features = {str(one["id"]): one for one in told["features"]}
-        return _told(features, data)
+        return boundary_of(told["features"], data)
     except (OSError, ValueError, TypeError, KeyError, RecursionError, ShapelyError):
         return None
 
 
-def _told(features: Mapping[str, Any], data: MapData) -> BoundaryTold | None:
+def boundary_of(told: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | None:
+    """What the features of the file say; None of a geometry that is no boundary.
+
+    Raises as what is missing, or of another type, does.
+    """
+    features = {str(one["id"]): one for one in told}
     feature = features["boundary"]
     values = feature["properties"]
     region: Polygon | MultiPolygon = Polygon()

@@ -74,6 +74,9 @@ class Canvas:
         left, top, right, bottom = self._around(pixels, width)
         if left >= right or top >= bottom:
             return
+        if alpha == 255:  # what crosses itself is no darker then
+            self._pen.line(pixels, fill=colour, width=width, joint="curve")
+            return
         mask = Image.new("L", (right - left, bottom - top), 0)
         moved = [(x - left, y - top) for x, y in pixels]
         ImageDraw.Draw(mask).line(moved, fill=alpha, width=width, joint="curve")

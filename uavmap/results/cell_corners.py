@@ -6,6 +6,7 @@ once, and what a file says of one is text that is made once.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from missions.ground.grid import Grid
 from missions.units import Cell
 
+_AT_ONCE: Final = 4096
 _AROUND: Final = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
@@ -25,24 +27,25 @@ class CellCorners:
     Attributes:
         lon_deg: Of each corner that a cell has.
         lat_deg: The same.
-        rings: Of each cell its corners by number: south-west, south-east, north-east, north-west.
+        rings: Of each cell its corners by number, shape (n, 4): south-west, south-east, north-east,
+            north-west.
 
     >>> from missions.units import LatLon
     >>> grid = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
     >>> found = CellCorners.of([Cell(0, 0), Cell(1, 0)], grid, t_s=0.0)
-    >>> len(found.lon_deg), found.rings
+    >>> len(found.lon_deg), list(found.each())
     (6, [[0, 2, 3, 1], [2, 4, 5, 3]])
     """
 
     lon_deg: list[float]
     lat_deg: list[float]
-    rings: list[list[int]]
+    rings: NDArray[np.intp]
 
     @classmethod
     def of(cls, cells: list[Cell], grid: Grid, t_s: float) -> CellCorners:
         """The corners of cells, where they are over ground at a mission time."""
         if not cells:
-            return cls([], [], [])
+            return cls([], [], np.empty((0, 4), np.intp))
         # on the lattice of half cells, corners are whole numbers
         lattice = (2 * np.array(cells, dtype=np.int64)[:, None] + _AROUND).reshape(-1, 2)
         low = lattice.min(axis=0)
@@ -51,7 +54,12 @@ class CellCorners:
         nodes = np.column_stack(np.divmod(numbers, wide)) + low
         places = on_earth(nodes * (grid.cell_m / 2.0), grid, t_s)
         lon_deg, lat_deg = places.T.tolist()
-        return cls(lon_deg, lat_deg, which.reshape(-1, 4).tolist())
+        return cls(lon_deg, lat_deg, which.reshape(-1, 4))
+
+    def each(self) -> Iterator[list[int]]:
+        """The four corners of each cell; numbers of thousands of cells at once are much."""
+        for first in range(0, len(self.rings), _AT_ONCE):
+            yield from self.rings[first : first + _AT_ONCE].tolist()
 
 
 def on_earth(points: NDArray[np.float64], grid: Grid, t_s: float) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from uavmap.results.boundary_told import read_boundary
 from uavmap.results.flown import Flown
 from uavmap.results.map_layers import layers
 
@@ -42,5 +41,5 @@ def files_of(flown: Flown, kind: str) -> dict[str, bytes]:
     """The files of a format by name; one file has the name of its format."""
     made = FORMATS[kind]
     encode = import_module(f"uavmap.results.{made.module}").encode
-    data = encode(flown, layers(flown, read_boundary(flown.folder, flown.data)))
+    data = encode(flown, layers(flown, flown.boundary))
     return data if isinstance(data, dict) else {made.name: data}

@@ -10,6 +10,7 @@ from typing import Any
 from missions.state import Setting
 from uavmap import __version__
 from uavmap.record.flight_plan import FlightPlan
+from uavmap.results.boundary_told import BoundaryTold, read_boundary
 from uavmap.results.calendar import Calendar
 from uavmap.results.extent import Extent, extent
 from uavmap.results.log import FlightLog
@@ -40,6 +41,14 @@ class Flown:
     calendar: Calendar
     recorded: bool = False
     _extent: list[Extent] = field(default_factory=list, init=False, repr=False, compare=False)
+    _boundary: list[BoundaryTold | None] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
+
+    def knowing(self, found: Extent, boundary: BoundaryTold | None) -> Flown:
+        """The same, told what would be reckoned, and read from the folder, otherwise."""
+        self._extent[:], self._boundary[:] = [found], [boundary]
+        return self
 
     @property
     def completed(self) -> bool:
@@ -60,6 +69,13 @@ class Flown:
         return self._extent[0]
 
     @property
+    def boundary(self) -> BoundaryTold | None:
+        """The boundary at pixel level, if the folder holds one of this map; it is read once."""
+        if not self._boundary:
+            self._boundary.append(read_boundary(self.folder, self.data))
+        return self._boundary[0]
+
+    @property
     def crs(self) -> str:
         """The coordinate reference system of the grid.
 
@@ -78,15 +94,18 @@ def flown_from(
 ) -> Flown:
     """A flight, its figures dated."""
     calendar = Calendar.of_flight(plan)
-    values = dated(values, data, setting.mission.detector.share, calendar)
+    found = extent(data, setting.mission.detector.share)
+    values = dated(values, data, found, calendar)
     return Flown(folder, plan, setting, data, values, log, calendar)
 
 
-def dated(values: Mapping[str, Any], data: MapData, share: float, when: Calendar) -> dict[str, Any]:
+def dated(
+    values: Mapping[str, Any], data: MapData, found: Extent, when: Calendar
+) -> dict[str, Any]:
     """A summary with the extent of the region, dates, coordinates and version."""
     return {
         **values,
-        **extent(data, share).figures(),
+        **found.figures(),
         "begun_utc": when.utc(0.0),
         "ended_utc": when.utc(data.t_s),
         "crs": f"EPSG:{data.grid.zone.epsg}",

@@ -68,7 +68,7 @@ def _cells(data: MapData, lons: Sequence[float], lats: Sequence[float]) -> Itera
     """A line for each cell. There are thousands, so they are written without a tree of their
     parts: numbers, and names of states that need no quoting."""
     corners = [f"[{lon!r}, {lat!r}]" for lon, lat in zip(lons, lats, strict=True)]
-    for row, (sw, se, ne, nw) in zip(data.cells, data.corners.rings, strict=True):
+    for row, (sw, se, ne, nw) in zip(data.cells, data.corners.each(), strict=True):
         first, (east, north) = corners[sw], row.cell
         belief = "" if row.belief is None else f', "belief": {round(float(row.belief), 3)!r}'
         yield (

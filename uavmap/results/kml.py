@@ -115,12 +115,12 @@ def _cells(data: MapData) -> Iterator[str]:
     ]
     yield "    <Folder>\n      <name>Cells</name>"
     for state in STATES:
-        cells = zip(data.cells, found.rings, strict=True)
-        rows = [(row, ring) for row, ring in cells if row.state == state]
-        if not rows:
+        if not any(row.state == state for row in data.cells):
             continue
         yield f"      <Folder>\n        <name>{state}</name>"
-        for row, ring in rows:
+        for row, ring in zip(data.cells, found.each(), strict=True):
+            if row.state != state:
+                continue
             closed = " ".join([corners[number] for number in (*ring, ring[0])])
             yield _CELL.format(row.cell, _style_id(state), row.positive, row.votes, closed)
         yield "      </Folder>"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -86,6 +86,13 @@ class MapData:
     def place(self, point: GridPoint) -> LatLon:
         """Where a point of the region is at the time of the map."""
         return self.grid.position(self.grid.to_fixed(point, self.t_s))
+
+    def with_boundary(self, boundary: BaseGeometry) -> MapData:
+        """The same map with a boundary; what was reckoned of its cells is not reckoned again."""
+        other = replace(self, boundary=boundary)
+        kept = ("corners", "outline", "squares")
+        other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
+        return other
 
     @cached_property
     def corners(self) -> CellCorners:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ from missions.units import Cell, LatLon
 from uavmap.results import boundary_file, geojson, kml, picture
 from uavmap.results import summary as summary_file
 from uavmap.results.boundary_file import BoundaryMap
+from uavmap.results.boundary_told import BoundaryTold, boundary_of
 from uavmap.results.calendar import Calendar
+from uavmap.results.extent import Extent, extent
 from uavmap.results.flown import dated
 from uavmap.results.model import CellRow, MapData, Track
 
@@ -51,9 +53,31 @@ class Replayed:
         return len(self.taken) + self.refused
 
     @property
+    def end_s(self) -> float:
+        """The time of the map: when the last picture was taken, in seconds since the first."""
+        return max((t_s for t_s, _, _ in self.taken), default=0.0)
+
+    @property
     def complete(self) -> bool:
         """Whether that is a map of what was photographed: most pictures are in it."""
         return bool(self.cells) and len(self.taken) > self.refused
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """The maps of a replay that are on the disk, for who writes more about them.
+
+    Attributes:
+        data: The map.
+        values: The summary.
+        size: How large the region is.
+        boundary: At pixel level, if there is one.
+    """
+
+    data: MapData
+    values: Mapping[str, Any]
+    size: Extent
+    boundary: BoundaryTold | None
 
 
 def write_replay(
@@ -63,42 +87,50 @@ def write_replay(
     boundary: Callable[[], BoundaryMap | None] = lambda: None,
     beneath: picture.Beneath | None = None,
     calendar: Calendar | None = None,
-    also: Callable[[MapData, Mapping[str, Any]], None] | None = None,
+    also: Callable[[Written], None] | None = None,
 ) -> dict[str, Any]:
     """Write the maps and the summary of a replay; returns the summary.
 
-    `boundary` reckons that at pixel level, which takes as long as all the rest: both are done at
-    the same time. `beneath` is the ground of the map's picture; `calendar` says when it was. `also`
-    is given the map and the summary once all of it is on the disk.
+    `boundary` waits for that at pixel level, which is reckoned meanwhile. `beneath` is the ground
+    of the map's picture; `calendar` says when it was. `also` is given what was written, in a
+    thread of its own while the picture is drawn, which is the last that is missing then.
     """
     data = replay_map(setting, replayed)
-    share = setting.mission.detector.share
+    size = extent(data, setting.mission.detector.share)
     when = calendar or Calendar(None)
-    values = dated(replay_summary(setting, replayed), data, share, when)
+    values = dated(replay_summary(setting, replayed), data, size, when)
     with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
-        cells = pool.submit(_write_cells, folder, data, beneath, when.utc(data.t_s))
+        cells = pool.submit(_write_cells, folder, data, when.utc(data.t_s))
+        base = picture.base(data, beneath)
         found = boundary()
-        base, written = cells.result(), None
         if found is not None:
-            written = pool.submit(boundary_file.write, found, folder / boundary_file.FILE)
             values |= found.figures()
-            data = replace(data, boundary=found.boundary.region)
+            data = data.with_boundary(found.boundary.region)
+        others = pool.submit(_write_others, folder, data, values, size, found, also)
         picture.write(data, folder / "map.png", base)
-        if written is not None:
-            written.result()
-    summary_file.write(values, folder / "summary.json")
-    if also is not None:
-        also(data, values)
+        for files in (cells, others):
+            files.result()
     return values
 
 
-def _write_cells(
-    folder: Path, data: MapData, beneath: picture.Beneath | None, utc: str | None
-) -> picture.Base:
-    """The maps of cells as files; returns what of their picture can be drawn by now."""
+def _write_cells(folder: Path, data: MapData, utc: str | None) -> None:
     geojson.write(data, folder / "map.geojson", utc)
     kml.write(data, folder / "map.kml")
-    return picture.base(data, beneath)
+
+
+def _write_others(
+    folder: Path,
+    data: MapData,
+    values: Mapping[str, Any],
+    size: Extent,
+    found: BoundaryMap | None,
+    also: Callable[[Written], None] | None,
+) -> None:
+    """What is written of the boundary, the figures, and what others make of all that."""
+    features = () if found is None else boundary_file.write(found, folder / boundary_file.FILE)
+    summary_file.write(values, folder / "summary.json")
+    if also is not None:
+        also(Written(data, values, size, boundary_of(features, data) if features else None))
 
 
 def replay_map(setting: Setting, replayed: Replayed) -> MapData:
@@ -107,7 +139,7 @@ def replay_map(setting: Setting, replayed: Replayed) -> MapData:
     return MapData(
         mission=mission.name,
         grid=grid,
-        t_s=max((t_s for t_s, _, _ in replayed.taken), default=0.0),
+        t_s=replayed.end_s,
         cells=tuple(
             CellRow(
                 cell,

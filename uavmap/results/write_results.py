@@ -17,6 +17,7 @@ from missions.units import Cell
 from uavmap.results import geojson, kml, picture
 from uavmap.results import summary as summary_file
 from uavmap.results.calendar import Calendar
+from uavmap.results.extent import extent
 from uavmap.results.figures import Figures, figures, summary
 from uavmap.results.flown import dated
 from uavmap.results.model import CellRow, MapData, Track
@@ -135,8 +136,8 @@ def write_results(
     kml.write(data, folder / "map.kml")
     picture.write(data, folder / "map.png")
     values = flight_values(setting, state, found, seed, simulated, roi)
-    share = setting.mission.detector.share
-    values = dated(values, data, share, when)
+    size = extent(data, setting.mission.detector.share)
+    values = dated(values, data, size, when)
     summary_file.write(values, folder / "summary.json")
     if also is not None:
         also(data, values)

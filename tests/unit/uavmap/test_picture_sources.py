@@ -130,6 +130,10 @@ def test_a_video_is_read_with_its_captions(tmp_path: Path) -> None:
     assert yaw.value == 345.0
     assert lens is not None
     assert lens.hfov_deg == pytest.approx(71.6, abs=0.1)
+    for captions in ("", "no captions", "999999999999:00:00,0 --> "):
+        (tmp_path / "DJI_0001.SRT").write_text(captions)
+        with pytest.raises(ImageError, match=r"DJI_0001\.SRT: no positions; was the recording"):
+            open_source(path)
     (tmp_path / "DJI_0001.SRT").unlink()
     with pytest.raises(ImageError, match=r"no DJI_0001\.SRT"):
         open_source(path)

@@ -116,6 +116,8 @@ def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
                 yield picture
     except UavmapError:
         raise
+    except MemoryError:
+        raise ImageError("memory ran out while it was read; --workers 1 takes least") from None
     except Image.DecompressionBombError:
         raise ImageError(
             f"too many pixels; at most {MAX_PIXELS // 1_000_000} million are decoded"

@@ -23,8 +23,8 @@ from missions.units import LatLon
 from uavmap.text_files import read_text
 
 LARGEST_BYTES: Final = 256 * 2**20
-_TIME: Final = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{1,3})\s*-->")
-_NUMBER: Final = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
+_TIME: Final = re.compile(r"(\d{1,3}):(\d\d):(\d\d)[,.](\d{1,3})\s*-->")
+_NUMBER: Final = r"\s*[:=]?\s*([-+]?\d{1,9}(?:\.\d+)?)"
 _WORDS: Final = {
     "lat": re.compile(r"\blatitude" + _NUMBER, re.IGNORECASE),
     "lon": re.compile(r"\blongt?itude" + _NUMBER, re.IGNORECASE),
@@ -36,7 +36,7 @@ _WORDS: Final = {
     "film_mm": re.compile(r"\bfocal_len" + _NUMBER, re.IGNORECASE),
 }
 _PAIR: Final = re.compile(r"\bGPS\s*\(\s*([-+]?[\d.]+)\s*,\s*([-+]?[\d.]+)", re.IGNORECASE)
-_OLD_HEIGHT: Final = re.compile(r",\s*H\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
+_OLD_HEIGHT: Final = re.compile(r",\s*H\s+([-+]?\d{1,9}(?:\.\d+)?)\s*m\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +74,14 @@ def parse_srt(text: str) -> tuple[Moment, ...]:
     >>> (moment,) = parse_srt("1\\n00:00:01,500 --> 00:00:02,000\\n[latitude: 46.5] [longitude: 7]")
     >>> moment.t_s, moment.position
     (1.5, LatLon(lat_deg=46.5, lon_deg=7.0))
+    >>> parse_srt("no captions")
+    ()
     """
     found = list(_TIME.finditer(text))
-    ends = [match.start() for match in found[1:]] + [len(text)]
+    starts = [match.start() for match in found]
     moments = [
-        _moment(match, text[match.end() : end]) for match, end in zip(found, ends, strict=True)
+        _moment(match, text[match.end() : end])
+        for match, end in zip(found, [*starts[1:], len(text)], strict=False)  # maybe none at all
     ]
     return tuple(sorted(moments, key=lambda moment: moment.t_s))
 

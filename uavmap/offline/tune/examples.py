@@ -29,18 +29,16 @@ from uavmap.offline.pixels import eight_bits
 from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.sources.photo_file import SUFFIXES, decoded
-from uavmap.pictures import read_image
+from uavmap.offline.tune.masks import BLACK, WHITE, mask_of, masks_by_picture
 from uavmap.text_files import read_text
 from vision.camera import Camera, project
 from vision.detectors.features import working_picture
 
 POLYGONS: Final = frozenset({".geojson", ".json"})
-BLACK: Final = 85
-WHITE: Final = 170
-"""A mask's gray values up to BLACK are not region, from WHITE on region, between them undecided."""
 _SHAPE_DIFFERS: Final = 0.02
 _LARGEST_GEOJSON: Final = 20_000_000
 _GRID_M: Final = 2.0  # the grid only carries metres here
+_WGS84: Final = ("CRS84", "EPSG::4326", "EPSG:4326")
 _KINDS: Final = ("region", "surround", "undecided")
 
 
@@ -134,8 +132,10 @@ def load_examples(
             f"--examples {where}: no folder of masks (NAME.png) and no file of polygons (*.geojson)"
         )
     polygons = [path for path in files if path.suffix.lower() in POLYGONS]
-    masks = [path for path in files if path.suffix.lower() == ".png"]
-    if not polygons and not masks:
+    masks = [path for path in files if path not in polygons]
+    if images.resolve() == where.resolve():
+        masks = []  # they are the pictures; that no mask is among them was looked at
+    if not polygons and not any(path.suffix.lower() in SUFFIXES for path in masks):
         raise ImageError(
             f"--examples {where}: no masks (NAME.png, named after the pictures) and no *.geojson; "
             f"paint some, for example {pictures[0].stem}.png: white region, black not"
@@ -143,6 +143,11 @@ def load_examples(
     found = {e.name: e for e in _projected(images, polygons, width_px, say)} if polygons else {}
     found |= {e.name: e for e in _painted(pictures, masks, width_px)}
     examples = [found[name] for name in sorted(found)]
+    if polygons and not any((e.region & e.known).any() for e in examples):
+        raise ImageError(
+            f"--examples {where}: no polygon of the region lies in any picture; are its places in "
+            "WGS84 (EPSG:4326), longitude before latitude?"
+        )
     _check_both(examples, where)
     return examples
 
@@ -158,24 +163,20 @@ def _check_both(examples: Sequence[Example], where: Path) -> None:
 
 # --- masks -----------------------------------------------------------------------------------
 def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator[Example]:
-    by_stem = {path.stem: path for path in pictures}
-    for mask in masks:
-        if mask.stem not in by_stem:
-            raise ImageError(
-                f"{mask}: no picture has this name; name it after one of them, such as "
-                f"{pictures[0].stem}.png"
-            )
-        picture = read_picture(by_stem[mask.stem], width_px)
-        painted = cv2.cvtColor(read_image(file_bytes(mask), str(mask)), cv2.COLOR_BGR2GRAY)
+    for path, mask in masks_by_picture(pictures, masks):
+        picture = read_picture(path, width_px)
+        painted = mask_of(file_bytes(mask), str(mask))
         (rows, columns), (tall, wide) = picture.shape[:2], painted.shape
         if abs(wide / tall - columns / rows) > _SHAPE_DIFFERS * columns / rows:
             raise ImageError(
-                f"{mask}: {wide} x {tall} px is not the shape of {by_stem[mask.stem].name}; paint "
+                f"{mask}: {wide} x {tall} px is not the shape of {path.name}; paint "
                 "over a copy of the picture, whole and not turned"
             )
-        painted = cv2.resize(painted, (columns, rows), interpolation=cv2.INTER_NEAREST)
+        painted = np.asarray(
+            cv2.resize(painted, (columns, rows), interpolation=cv2.INTER_NEAREST), np.uint8
+        )
         known = (painted <= BLACK) | (painted >= WHITE)
-        yield Example(mask.stem, picture, painted >= WHITE, known)
+        yield Example(path.stem, picture, painted >= WHITE, known)
 
 
 # --- polygons --------------------------------------------------------------------------------
@@ -252,6 +253,7 @@ def _shapes(path: Path) -> list[tuple[str, Rings]]:
         raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, RecursionError) as error:
         raise ImageError(f"{path}: not JSON ({error})") from None
+    _refuse_other_crs(root, path)
     features = root.get("features") if isinstance(root, dict) else None
     if not isinstance(features, list) or not features:
         raise ImageError(f"{path}: no FeatureCollection with features; draw polygons")
@@ -272,6 +274,19 @@ def _shapes(path: Path) -> list[tuple[str, Rings]]:
     return shapes
 
 
+def _refuse_other_crs(root: Any, path: Path) -> None:
+    """Raise `ImageError` where a file names another coordinate system, as old GeoJSON may."""
+    crs = root.get("crs") if isinstance(root, dict) else None
+    if crs is None:
+        return
+    text = json.dumps(crs)
+    if not any(name in text for name in _WGS84):
+        raise ImageError(
+            f"{path}: crs is {text[:80]}; export the polygons as GeoJSON (RFC 7946), which is in "
+            "WGS84 (EPSG:4326)"
+        )
+
+
 def _rings(part: Any, where: str) -> Rings:
     try:
         rings = [np.array([[float(p[0]), float(p[1])] for p in ring]) for ring in part]
@@ -280,5 +295,8 @@ def _rings(part: Any, where: str) -> Rings:
     for ring in rings:
         good = len(ring) >= 3 and bool(np.isfinite(ring).all())
         if not good or (np.abs(ring) > [180.0, 90.0]).any() or math.isnan(ring.sum()):
-            raise ImageError(f"{where}: a ring of less than 3 places, or of no places on Earth")
+            raise ImageError(
+                f"{where}: a ring of less than 3 places, or of no places on Earth; coordinates are "
+                "longitude and latitude in WGS84 (EPSG:4326)"
+            )
     return rings

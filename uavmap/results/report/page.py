@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select
 
 from uavmap import __version__
 from uavmap.printable import printable
-from uavmap.results.boundary_told import BoundaryTold, read_boundary
+from uavmap.results.boundary_told import BoundaryTold
 from uavmap.results.flown import Flown
 from uavmap.results.report import facts
 from uavmap.results.report.kept_pictures import boundary_frames
@@ -21,8 +21,7 @@ _TEMPLATE: Final = "page.html"
 
 def encode(flown: Flown) -> bytes:
     """The page."""
-    boundary = read_boundary(flown.folder, flown.data)
-    return _template().render(_told(flown, boundary)).encode(errors="xmlcharrefreplace")
+    return _template().render(_told(flown, flown.boundary)).encode(errors="xmlcharrefreplace")
 
 
 @lru_cache(maxsize=1)
