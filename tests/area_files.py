@@ -335,9 +335,20 @@ def plan(**sections: Any) -> str:
     return json.dumps(empty, indent=4)
 
 
+TRANSECTS = {
+    "version": 1, "CameraShots": 0, "CameraTriggerInTurnAround": True, "FollowTerrain": False,
+    "HoverAndCapture": False, "Items": [], "Refly90Degrees": False, "TurnAroundDistance": 10,
+    "VisualTransectPoints": lat_lon(FIELD[:2]),
+    "CameraCalc": {
+        "version": 1, "AdjustedFootprintFrontal": 25, "AdjustedFootprintSide": 25,
+        "CameraName": "Manual (no camera specs)", "DistanceToSurface": 50,
+        "DistanceToSurfaceRelative": True,
+    },
+}  # fmt: skip
 SURVEY = {
     "type": "ComplexItem", "complexItemType": "survey", "version": 5, "angle": 0,
-    "polygon": lat_lon(FIELD), "TransectStyleComplexItem": {"version": 1, "Items": []},
+    "entryLocation": 0, "flyAlternateTransects": False, "splitConcavePolygons": False,
+    "polygon": lat_lon(FIELD), "TransectStyleComplexItem": TRANSECTS,
 }  # fmt: skip
 INCLUSION = {"version": 1, "inclusion": True, "polygon": lat_lon(AROUND)}
 

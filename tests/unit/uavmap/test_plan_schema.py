@@ -1,0 +1,115 @@
+"""Every plan that is written is one by QGroundControl's documentation, and `new` reads it back."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
+from jsonschema import Draft202012Validator
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from tests import area_files
+from tests.plan_schema import SCHEMA, faults_of
+from tests.unit.uavmap.test_export import ISLAND, exported, mission_file, results
+from uavmap.areas.reading import read_area_file
+from uavmap.cli import main
+from uavmap.link.mission_transfer import Item
+from uavmap.preflight.plan_file import write_plan
+from uavmap.results.outline import outline
+
+FENCE = [
+    *(
+        Item(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, LatLon(48.0 + a, 11.0 + b), 3.0)
+        for a, b in ((0.0, 0.0), (0.001, 0.0), (0.0, 0.001))
+    ),
+    Item(mav.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION, LatLon(48.0002, 11.0002), 5.0),
+]
+RALLY = [Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(48.0001, 11.0001), height_m=30.0)]
+
+
+def test_the_schema_is_one() -> None:
+    Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("options", [(), ("--firmware", "px4"), ("--above-sea",)])
+def test_the_plan_of_a_mission_is_as_documented(tmp_path: Path, options: tuple[str, ...]) -> None:
+    file, _ = mission_file(tmp_path)
+    assert faults_of(exported(tmp_path, file, *options)) == []
+
+
+def test_the_plans_of_a_team_are_as_documented(tmp_path: Path) -> None:
+    file, _ = mission_file(tmp_path, vehicles=3, layer_m=7.0)
+    assert main(["export", str(file), "--plan", str(tmp_path / "team.plan")]) == 0
+    plans = sorted(tmp_path.glob("team-*.plan"))
+    assert len(plans) == 3
+    for plan in plans:
+        assert faults_of(json.loads(plan.read_text("utf-8"))) == []
+
+
+def test_the_fence_that_was_on_an_autopilot_is_as_documented(tmp_path: Path) -> None:
+    path = tmp_path / "fence-before-1.plan"
+    write_plan(path, FENCE, RALLY, LatLon(48.0, 11.0), px4=False)
+    assert faults_of(json.loads(path.read_text("utf-8"))) == []
+    drawing = read_area_file(str(path))
+    assert (len(drawing.fences), len(drawing.keep_out)) == (1, 1)
+
+
+BREAKS: dict[str, Callable[[dict[str, Any]], object]] = {
+    "another type": lambda plan: plan.update(fileType="Mission"),
+    "no items": lambda plan: plan["mission"].pop("items"),
+    "a key that nobody documents": lambda plan: plan["mission"].update(box=[]),
+    "six parameters": lambda plan: plan["mission"]["items"][0]["params"].pop(),
+    "text for a number": lambda plan: plan["mission"].update(hoverSpeed="5"),
+    "longitude first": lambda plan: plan["mission"]["plannedHomePosition"].__setitem__(0, 151.0),
+    "no height": lambda plan: plan["mission"]["plannedHomePosition"].pop(),
+    "the first fence format": lambda plan: plan["geoFence"].update(version=1),
+    "a fence of two corners": lambda plan: plan["geoFence"]["polygons"][0]["polygon"].__delitem__(
+        slice(2, None)
+    ),
+    "a survey without its camera": lambda plan: survey_of(plan)["TransectStyleComplexItem"].pop(
+        "CameraCalc"
+    ),
+    "a camera without its lens": lambda plan: survey_of(plan)["TransectStyleComplexItem"][
+        "CameraCalc"
+    ].pop("FocalLength"),
+}
+
+
+def survey_of(plan: dict[str, Any]) -> dict[str, Any]:
+    (found,) = (item for item in plan["mission"]["items"] if item["type"] == "ComplexItem")
+    assert isinstance(found, dict)
+    return found
+
+
+def test_the_plan_of_a_region_is_as_documented_and_read_back_as_the_region(tmp_path: Path) -> None:
+    folder, setting = results(tmp_path, ISLAND)
+    plan = exported(tmp_path, folder)
+    assert faults_of(plan) == []
+    for name, spoil in BREAKS.items():  # the schema sees what it is there for
+        spoilt = copy.deepcopy(plan)
+        spoil(spoilt)
+        assert faults_of(spoilt), name
+    drawing = read_area_file(str(tmp_path / "field.plan"))
+    (area,) = drawing.areas
+    ring = shapely.Polygon([setting.grid.fixed(place) for place in area.ring])
+    # degrees in the file are rounded to a millimetre
+    assert ring.symmetric_difference(outline(ISLAND, setting.grid)).area < 0.2
+    fence = shapely.Polygon([setting.grid.fixed(place) for place in drawing.fences[0].ring])
+    drawn = shapely.Polygon(setting.fence.outer.exterior)
+    assert fence.symmetric_difference(drawn).area < 0.5
+    assert len(drawing.keep_out) == 1
+
+
+PLANS = [name for name in area_files.KINDS if name.startswith("qgc_") and name != "qgc_of_2017"]
+
+
+@pytest.mark.parametrize("kind", PLANS)
+def test_the_plans_that_are_read_in_tests_are_as_documented_too(kind: str, tmp_path: Path) -> None:
+    path = area_files.KINDS[kind](tmp_path)
+    assert faults_of(json.loads(path.read_text("utf-8"))) == []
