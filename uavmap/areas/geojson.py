@@ -42,8 +42,9 @@ def read_geojson(text: str, source: str) -> Layer:
         raise AreaError(f"{source}: the JSON of ESRI is not read; export it as GeoJSON")
     if not isinstance(kind, str):
         raise AreaError(f"{source}: JSON, but no GeoJSON; save the polygon as GeoJSON")
-    shapes = bounded(_shapes(root, source), source)
-    return Layer(shapes, _system(root.get("crs"), source))
+    notices: list[str] = []
+    shapes = bounded(_shapes(root, source, notices), source)
+    return Layer(shapes, _system(root.get("crs"), source), tuple(dict.fromkeys(notices)))
 
 
 def _parsed(text: str, source: str) -> Any:
@@ -52,7 +53,7 @@ def _parsed(text: str, source: str) -> Any:
     except (ValueError, RecursionError) as error:
         lines = [line.strip("\x1e \t\r") for line in text.split("\n")]
         lines = [line for line in lines if line]
-        if len(lines) > 1 and all(line.startswith("{") for line in lines):
+        if lines and all(line.startswith("{") for line in lines):
             try:  # GeoJSON text sequences: QGIS and GDAL write a feature a line
                 return {"type": "FeatureCollection", "features": [json.loads(s) for s in lines]}
             except (ValueError, RecursionError):
@@ -78,7 +79,7 @@ def _system(value: object, source: str) -> pyproj.CRS:
     )
 
 
-def _shapes(root: Mapping[str, Any], source: str) -> Iterator[Shape]:
+def _shapes(root: Mapping[str, Any], source: str, notices: list[str]) -> Iterator[Shape]:
     features = [root]
     if root.get("type") == "FeatureCollection":
         listed = root.get("features")
@@ -93,7 +94,7 @@ def _shapes(root: Mapping[str, Any], source: str) -> Iterator[Shape]:
             geometry = feature.get("geometry") or {}
             values = feature.get("properties") or {}
         name = _name(values, f"polygon {i + 1}")
-        yield from _of_geometry(geometry, name, f"{source}: features[{i}]", _DEEPEST)
+        yield from _of_geometry(geometry, name, f"{source}: features[{i}]", _DEEPEST, notices)
 
 
 def _name(properties: object, otherwise: str) -> str:
@@ -106,7 +107,9 @@ def _name(properties: object, otherwise: str) -> str:
     return otherwise
 
 
-def _of_geometry(value: object, name: str, where: str, depth: int) -> Iterator[Shape]:
+def _of_geometry(
+    value: object, name: str, where: str, depth: int, notices: list[str]
+) -> Iterator[Shape]:
     if not isinstance(value, Mapping):
         raise AreaError(f"{where}: its geometry is no table")
     kind, inside = value.get("type"), value.get("coordinates")
@@ -119,11 +122,17 @@ def _of_geometry(value: object, name: str, where: str, depth: int) -> Iterator[S
             yield polygon(title, _rings(part, where), where)
     elif kind == "Point" and names_home(name):
         yield Shape(name, Role.HOME, (_point(inside, where),))
+    elif kind == "LineString":
+        points = [_point(point, where) for point in _list(inside, where)]
+        if len(points) > 3 and points[0] == points[-1]:
+            yield polygon(name, [points], where)
+        else:
+            notices.append("open paths are left out; an area is a polygon")
     elif kind == "GeometryCollection":
         if depth == 0:
             raise AreaError(f"{where}: collections in collections without an end")
         for part in _list(value.get("geometries"), where):
-            yield from _of_geometry(part, name, where, depth - 1)
+            yield from _of_geometry(part, name, where, depth - 1, notices)
 
 
 def _rings(value: object, where: str) -> list[list[Point]]:

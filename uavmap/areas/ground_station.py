@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import pyproj
 import shapely
 from pymavlink.dialects.v20 import common as mav
-from shapely.geometry import MultiPoint, Polygon
+from shapely.geometry import LineString, MultiPoint, Polygon
 
-from missions.errors import AreaError
+from missions.errors import AreaError, GeodesyError
+from missions.ground.grid import Grid
+from missions.units import GridPoint, LatLon
 from uavmap.areas import crs
 from uavmap.areas.drawing import Layer, Point, Role, Shape, bounded, number, polygon
 from uavmap.printable import printable
@@ -45,11 +48,18 @@ def read_plan(text: str, source: str) -> Layer:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise AreaError(f"{source}: not JSON ({printable(str(error), 80)})") from None
-    if not isinstance(root, dict) or root.get("fileType") != "Plan":
+    kind = root.get("fileType") if isinstance(root, dict) else None
+    if isinstance(kind, str) and kind != "Plan":
+        raise AreaError(
+            f"{source}: {printable(kind, 20)!r} of an old QGroundControl; open it there and save "
+            "it as a plan"
+        )
+    if kind != "Plan":
         raise AreaError(f'{source}: no plan of QGroundControl ("fileType": "Plan" is missing)')
     mission, fence = _table(root, "mission", source), _table(root, "geoFence", source)
     home = _home(root, mission, source)
     items = [item for item in _listed(mission, "items", source) if isinstance(item, Mapping)]
+    structures = sum(item.get("complexItemType") == "StructureScan" for item in items)
     shapes = [*_surveys(items, source), *_fences(fence, source)]
     if home is not None:
         shapes.append(Shape("home", Role.HOME, (home,)))
@@ -60,7 +70,13 @@ def read_plan(text: str, source: str) -> Layer:
         and isinstance(item.get("params"), list)
         and len(item["params"]) >= 6
     ]
-    return _with_area(shapes, flown, home, source)
+    layer = with_area(shapes, flown, home, source)
+    if not structures:
+        return layer
+    said = "a structure scan is left out: it outlines what stands there, not what is flown over"
+    if all(shape.role is Role.HOME for shape in layer.shapes):
+        raise AreaError(f"{source}: {said}; draw a survey around it")
+    return replace(layer, notices=(*layer.notices, said))
 
 
 def _home(root: Mapping[str, Any], mission: Mapping[str, Any], source: str) -> Point | None:
@@ -82,6 +98,37 @@ def _surveys(items: list[Mapping[str, Any]], source: str) -> Iterator[Shape]:
             where = f"{source}: {name}"
             corners = [_lat_lon(p, where) for p in _listed(item, "polygon", where)]
             yield polygon(name, [corners], where, Role.AREA)
+        elif item.get("complexItemType") == "CorridorScan":
+            count += 1
+            yield _corridor(item, f"corridor {count}", source)
+
+
+def _corridor(item: Mapping[str, Any], name: str, source: str) -> Shape:
+    """The ground that a corridor scan covers: a line with half the width on either side."""
+    where = f"{source}: {name}"
+    line = [_lat_lon(p, where) for p in _listed(item, "polyline", where)]
+    width_m = number(item.get("CorridorWidth"), where)
+    if len(line) < 2 or not 0.0 < width_m <= _LARGEST_RADIUS_M:
+        raise AreaError(f"{where}: {len(line)} points, {width_m:g} m wide; it needs two, and width")
+    if not all(abs(lon) <= 180.0 and abs(lat) <= 90.0 for lon, lat in line):
+        raise AreaError(f"{where}: a point is no latitude and longitude")
+    try:
+        grid = Grid.at(LatLon(line[0][1], line[0][0]), 1.0)
+        path = LineString([grid.fixed(LatLon(lat, lon)) for lon, lat in line])
+    except GeodesyError as error:
+        raise AreaError(f"{where}: {error}") from None
+    ground = path.buffer(width_m / 2.0, cap_style="flat", join_style="mitre")
+    if not isinstance(ground, Polygon) or ground.is_empty:
+        raise AreaError(f"{where}: its line has no length; draw it anew")
+    rings = [
+        [(place.lon_deg, place.lat_deg) for place in map(grid.position, _grid_points(ring))]
+        for ring in (ground.exterior, *ground.interiors)
+    ]
+    return polygon(name, rings, where, Role.AREA)
+
+
+def _grid_points(ring: Any) -> list[GridPoint]:
+    return [GridPoint(float(x), float(y)) for x, y, *_ in ring.coords]
 
 
 def _fences(fence: Mapping[str, Any], source: str) -> Iterator[Shape]:
@@ -156,7 +203,7 @@ def read_waypoints(text: str, source: str) -> Layer:
         raise AreaError(f"{source}: the last polygon of its fence lacks corners; save it anew")
     if home is not None:
         shapes.append(Shape("home", Role.HOME, (home,)))
-    return _with_area(shapes, flown, home, source)
+    return with_area(shapes, flown, home, source)
 
 
 def _row(line: str, where: str) -> tuple[int, float, Point]:
@@ -172,11 +219,25 @@ def _row(line: str, where: str) -> tuple[int, float, Point]:
     return command, number(first, where), (number(lon_deg, where), number(lat_deg, where))
 
 
-def read_polygon(text: str, source: str, *, fence: bool) -> Layer:
-    """A polygon of Mission Planner: latitude and longitude a line (.poly, .fen).
+def is_pairs(text: str) -> bool:
+    """Whether the first line that is no comment has two numbers.
 
-    A fence file (.fen) begins with its return point, which is taken for the home. Raises
-    `AreaError`.
+    >>> is_pairs("# a fence\\n52.4 13.3"), is_pairs("52.4, 13.3, 5"), is_pairs("x y")
+    (True, False, False)
+    """
+    lines = (line.replace(",", " ").split() for line in text.splitlines())
+    first = next((words for words in lines if words and not words[0].startswith("#")), [])
+    try:
+        return len([float(word) for word in first]) == 2
+    except ValueError:
+        return False
+
+
+def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
+    """A polygon of Mission Planner or MAVProxy: latitude and longitude a line (.poly, .fen).
+
+    A fence file (.fen) begins with its return point, which is taken for the home. With None it is
+    taken for one where its second point comes again at the end. Raises `AreaError`.
     """
     points: list[Point] = []
     for i, line in enumerate(text.splitlines()):
@@ -190,6 +251,8 @@ def read_polygon(text: str, source: str, *, fence: bool) -> Layer:
                 f"{source}: line {i + 1}: {printable(line, 40)!r} is not latitude and longitude"
             ) from None
         points.append((number(lon_deg, source), number(lat_deg, source)))
+    if fence is None:
+        fence = len(points) > 4 and points[1] == points[-1]
     if not fence:
         return Layer(bounded([polygon("polygon", [points], source, Role.AREA)], source), crs.WGS84)
     home, corners = points[:1], points[1:]
@@ -198,9 +261,9 @@ def read_polygon(text: str, source: str, *, fence: bool) -> Layer:
     return Layer(bounded(shapes, source), crs.WGS84)
 
 
-# --- both -------------------------------------------------------------------------------------
-def _with_area(shapes: list[Shape], flown: list[Point], home: Point | None, source: str) -> Layer:
-    """The shapes and, where no area is among them, what the waypoints span."""
+# --- all of them --------------------------------------------------------------------------------
+def with_area(shapes: list[Shape], flown: list[Point], home: Point | None, source: str) -> Layer:
+    """The shapes of a mission and, where no area is among them, what the waypoints span."""
     notices: list[str] = []
     if not any(shape.role is Role.AREA for shape in shapes):
         away = [

@@ -7,96 +7,117 @@ import re
 import zipfile
 from collections.abc import Iterator
 from typing import Final
-from xml.etree.ElementTree import Element, ParseError
-
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import fromstring
+from xml.etree.ElementTree import Element
 
 from missions.errors import AreaError
 from uavmap.areas import crs
 from uavmap.areas.archive import read_member
 from uavmap.areas.drawing import (
+    MOST_BYTES,
     Layer,
     Point,
     Role,
     Shape,
     bounded,
+    bounded_together,
     names_home,
     polygon,
     shown_name,
 )
+from uavmap.areas.markup import local, refused, root_of, text_of
 from uavmap.printable import printable
 
 _AROUND_COMMA: Final = re.compile(r"\s*,\s*")
 
 
-def read_kml(data: bytes, source: str) -> Layer:
-    """The polygons of a KML file, closed paths among them. Raises `AreaError`."""
-    try:
-        root = fromstring(data, forbid_dtd=True)
-    except DefusedXmlException:
-        raise AreaError(
-            f"{source}: XML with a document type or entities, which no KML has; save it anew"
-        ) from None
-    except (ParseError, ValueError, LookupError) as error:
-        raise AreaError(
-            f"{source}: not well-formed XML ({printable(str(error), 80)}); save it anew as KML"
-        ) from None
-    if _local(root) != "kml":
-        raise AreaError(f"{source}: XML, but no KML: its root is {_local(root)[:40]!r}")
-    notices: list[str] = []
-    shapes = bounded(_shapes(root, source, notices), source)
-    if not any(shape.role is Role.AREA for shape in shapes) and _has(root, "NetworkLink"):
-        raise AreaError(f"{source}: holds a link to another file; save the polygon itself as KML")
-    return Layer(shapes, crs.WGS84, tuple(notices))
+def read_kml(root: Element, source: str) -> Layer:
+    """The polygons of a KML document, closed paths among them. Raises `AreaError`."""
+    layer = _layer(root, source)
+    if not _areas(layer) and next(_links(root), None) is not None:
+        raise _elsewhere(source)
+    return layer
 
 
-def read_kmz(data: bytes, source: str) -> Layer:
-    """The first KML file of a KMZ, as Google Earth takes it. Raises `AreaError`."""
+def read_kmz(data: bytes, source: str) -> list[Layer]:
+    """The first KML file of a KMZ, as Google Earth takes it, and those in it that it links to.
+
+    GDAL writes a file a layer, and one that links to them. Nothing outside of the archive is read.
+    Raises `AreaError`.
+    """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
         if not names:
             raise AreaError(f"{source}: a zip archive without a .kml; save the polygon as KML")
-        return read_kml(read_member(archive, names[0], source), source)
+        first = _root_in(archive, names[0], source)
+        hrefs = list(dict.fromkeys(_links(first)))
+        linked = [name for name in hrefs if name in names[1:]]
+        if sum(archive.getinfo(name).file_size for name in linked) > MOST_BYTES:
+            raise AreaError(
+                f"{source}: its files unpack to more than {MOST_BYTES // 1_000_000} MB; save the "
+                "area alone"
+            )
+        layers = [_layer(first, source)]
+        for name in linked:
+            layers.append(_layer(_root_in(archive, name, source), source))
+            bounded_together(layers, source)
+    if not any(map(_areas, layers)) and len(linked) < len(hrefs):
+        raise _elsewhere(source)
+    return layers
 
 
-def _local(element: Element) -> str:
-    """The name of an element without its namespace, which differs from tool to tool."""
-    tag = element.tag
-    return tag.rpartition("}")[2] if isinstance(tag, str) else ""
+def _root_in(archive: zipfile.ZipFile, name: str, source: str) -> Element:
+    root = root_of(read_member(archive, name, source), source)
+    if local(root) != "kml":
+        raise refused(root, source)
+    return root
 
 
-def _has(root: Element, name: str) -> bool:
-    return any(_local(element) == name for element in root.iter())
+def _layer(root: Element, source: str) -> Layer:
+    notices: list[str] = []
+    shapes = bounded(_shapes(root, source, notices), source)
+    return Layer(shapes, crs.WGS84, tuple(notices))
 
 
-def _text(element: Element, name: str) -> str | None:
-    return next((child.text for child in element if _local(child) == name), None)
+def _areas(layer: Layer) -> bool:
+    return any(shape.role is Role.AREA for shape in layer.shapes)
+
+
+def _links(root: Element) -> Iterator[str]:
+    """What network links lead to."""
+    for link in root.iter():
+        if local(link) == "NetworkLink":
+            inside = (text_of(part, "href") for part in link if local(part) in ("Link", "Url"))
+            yield next((href for href in inside if href), "").strip()
+
+
+def _elsewhere(source: str) -> AreaError:
+    return AreaError(f"{source}: holds a link to another file; save the polygon itself as KML")
 
 
 def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
     number, paths = 0, 0
     for placemark in root.iter():
-        if _local(placemark) != "Placemark":
+        if local(placemark) != "Placemark":
             continue
         inside = [part for part in placemark.iter() if part is not placemark]
-        if any(_local(part) == "Placemark" for part in inside):
+        if any(local(part) == "Placemark" for part in inside):
             # no KML has that, and nested deeply it would be looked through over and over
             raise AreaError(f"{source}: a placemark in a placemark; save it anew as KML")
-        parts = [part for part in inside if _local(part) in _KINDS]
-        polygons = [part for part in parts if _local(part) == "Polygon"]
-        title = _text(placemark, "name")
+        of_polygons = {ring for part in inside if local(part) in _BOUNDARIES for ring in part}
+        parts = [part for part in inside if local(part) in _KINDS and part not in of_polygons]
+        polygons = [part for part in parts if local(part) == "Polygon"]
+        title = text_of(placemark, "name")
         for i, part in enumerate(polygons):
             number += 1
             name = shown_name(title, f"polygon {number}")
             name += f" ({i + 1})" if len(polygons) > 1 else ""
             yield polygon(name, list(_rings(part, source, name)), f"{source}: {name}")
         for part in parts:
-            kind, name = _local(part), shown_name(title, "path")
+            kind, name = local(part), shown_name(title, "path")
             if kind == "Point" and names_home(name):
                 for point in _points(part, source, name)[:1]:
                     yield Shape(name, Role.HOME, (point,))
-            elif kind == "LineString":
+            elif kind in ("LineString", "LinearRing"):
                 points = _points(part, source, name)
                 if len(points) > 3 and points[0] == points[-1]:
                     yield polygon(name, [points], f"{source}: {name}")
@@ -106,13 +127,14 @@ def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
         notices.append(f"{paths} open paths are left out; an area is a polygon")
 
 
-_KINDS: Final = ("Polygon", "Point", "LineString")
+_KINDS: Final = ("Polygon", "Point", "LineString", "LinearRing")
+_BOUNDARIES: Final = ("outerBoundaryIs", "innerBoundaryIs")
 
 
 def _rings(part: Element, source: str, name: str) -> Iterator[list[Point]]:
-    for kind in ("outerBoundaryIs", "innerBoundaryIs"):
+    for kind in _BOUNDARIES:
         for boundary in part:
-            if _local(boundary) == kind:
+            if local(boundary) == kind:
                 # old files have several rings in one inner boundary
                 for ring in boundary:
                     yield _points(ring, source, name)
@@ -120,7 +142,7 @@ def _rings(part: Element, source: str, name: str) -> Iterator[list[Point]]:
 
 def _points(part: Element, source: str, name: str) -> list[Point]:
     """The coordinates of an element: longitude, latitude and perhaps a height, commas between."""
-    text = next((e.text or "" for e in part.iter() if _local(e) == "coordinates"), "")
+    text = next((e.text or "" for e in part.iter() if local(e) == "coordinates"), "")
     found: list[Point] = []
     for word in _AROUND_COMMA.sub(",", text).split():
         parts = word.split(",")

@@ -15,14 +15,17 @@ from uavmap.areas.crs import in_wgs84
 from uavmap.areas.drawing import MOST_BYTES, Area, Drawing, Layer
 from uavmap.areas.geojson import read_geojson
 from uavmap.areas.geopackage import read_geopackage
-from uavmap.areas.ground_station import read_plan, read_polygon, read_waypoints
+from uavmap.areas.gpx import read_gpx
+from uavmap.areas.ground_station import is_pairs, read_plan, read_polygon, read_waypoints
 from uavmap.areas.kml import read_kml, read_kmz
+from uavmap.areas.markup import local, refused, root_of
 from uavmap.areas.shp import read_shapefile, read_zipped
+from uavmap.areas.table import is_table, read_table
 from uavmap.text_files import read_bytes
 
 KINDS: Final = (
-    "KML, KMZ, GeoJSON, Shapefile (.shp, .zip), GeoPackage (.gpkg), QGroundControl .plan, "
-    "Mission Planner .waypoints, .poly, .fen"
+    "KML, KMZ, GeoJSON, Shapefile (.shp, .zip), GeoPackage (.gpkg), GPX, CSV, "
+    "QGroundControl .plan, Mission Planner .waypoints, .poly, .fen"
 )
 _ZIP: Final = b"PK\x03\x04"
 _SQLITE: Final = b"SQLite format 3\x00"
@@ -50,7 +53,8 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
     if drawing.areas:
         return drawing
     if not drawing.fences:
-        raise AreaError(f"{name}: holds no polygon; draw the area as a closed polygon")
+        why = f" ({drawing.notices[0]})" if drawing.notices else ""
+        raise AreaError(f"{name}: holds no polygon{why}; draw the area as a closed polygon")
     return replace(
         drawing,
         areas=tuple(Area(f"inside of {one.name}", one.ring) for one in drawing.fences),
@@ -82,31 +86,51 @@ def _layers(path: Path, data: bytes, name: str) -> list[Layer]:
     if suffix in (".gpkg", ".zip", ".kmz"):
         raise AreaError(f"{name}: not what {suffix} says; export it anew")
     head = data[:200].lstrip(b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n")
-    if suffix == ".kml" or head.startswith(b"<"):
-        return [read_kml(data, name)]
+    if suffix in (".kml", ".gpx") or head.startswith(b"<"):
+        return [_of_markup(data, name)]
     return [_of_text(data, suffix, head, name)]
 
 
 def _of_archive(data: bytes, name: str) -> list[Layer]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         suffixes = {Path(member).suffix.lower() for member in archive.namelist()}
-    return read_zipped(data, name) if ".shp" in suffixes else [read_kmz(data, name)]
+    return read_zipped(data, name) if ".shp" in suffixes else read_kmz(data, name)
+
+
+def _of_markup(data: bytes, name: str) -> Layer:
+    root = root_of(data, name)
+    readers = {"kml": read_kml, "gpx": read_gpx}
+    if local(root) not in readers:
+        raise refused(root, name)
+    return readers[local(root)](root, name)
 
 
 def _of_text(data: bytes, suffix: str, head: bytes, name: str) -> Layer:
     try:
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
-        raise AreaError(f"{name}: not a kind of file that is read: {KINDS}") from None
+        raise _unknown(name) from None
     if head.startswith((b"QGC WPL", b"Q\x00G\x00C\x00")):
         return read_waypoints(text, name)
     if suffix == ".plan" or ('"fileType"' in text[:100_000] and suffix not in (".geojson",)):
         return read_plan(text, name)
     if suffix in (".poly", ".fen"):
         return read_polygon(text, name, fence=suffix == ".fen")
+    if text.startswith("RALLY"):
+        raise AreaError(f"{name}: rally points alone; give the file of the fence or the polygon")
     if head.startswith((b"{", b"[", b"\x1e")) or suffix in (".geojson", ".json", ".geojsonl"):
         return read_geojson(text, name)
-    raise AreaError(f"{name}: not a kind of file that is read: {KINDS}")
+    if is_table(text):
+        return read_table(text, name)
+    if is_pairs(text):
+        return read_polygon(text, name, fence=None)
+    raise _unknown(name)
+
+
+def _unknown(name: str) -> AreaError:
+    return AreaError(
+        f"{name}: not a kind of file that is read; export the area as one of these: {KINDS}"
+    )
 
 
 def _beside(path: Path, name: str) -> dict[str, bytes]:

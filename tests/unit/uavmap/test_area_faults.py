@@ -91,7 +91,7 @@ FAULTS: dict[str, tuple[Maker, str]] = {
     "a device": (lambda _: Path("/dev/zero"), "not an ordinary file"),
     "an empty file": (text("a.kml", " \n"), "is empty"),
     "a picture": (text("a.png", b"\x89PNG\r\n\x1a\n" + bytes(range(256))), "not a kind of file"),
-    "a spreadsheet": (text("a.csv", "lat,lon\n1,2\n"), "not a kind of file"),
+    "a spreadsheet": (text("a.csv", "a,b\n1,2\n"), "not a kind of file"),
     "XML with entities": (text("a.kml", ENTITIES), "document type or entities"),
     "XML that reads a file": (text("a.kml", OUTSIDE), "document type or entities"),
     "XML of an unknown encoding": (
@@ -112,7 +112,8 @@ FAULTS: dict[str, tuple[Maker, str]] = {
         ),
         "more than 100 layers",
     ),
-    "a GPX": (text("a.gpx", "<gpx version='1.1'/>"), "no KML"),
+    "an empty GPX": (text("a.gpx", "<gpx version='1.1'/>"), "holds no polygon"),
+    "XML of something else": (text("a.kml", "<html/>"), "no KML"),
     "KML without a polygon": (
         text("a.kml", kml(placemark("here", files.point(FIELD[0])))), "holds no polygon",
     ),

@@ -11,6 +11,7 @@ from shapely.geometry import Polygon
 
 from missions.mission_file.checks import parse_mission
 from missions.units import LatLon
+from tests import area_files_of_tools
 from tests.area_files import FIELD, HOME, HOME_INSIDE, KINDS, POND
 from uavmap.areas.composing import Figures, Flying, compose
 from uavmap.areas.drawing import Positions
@@ -28,14 +29,25 @@ HOMES = {
     "mission_planner_waypoints": HOME,
     "mission_planner_fence": HOME_INSIDE,
     "mission_planner_old_fence": HOME_INSIDE,
+    "qgc_of_3_2": HOME,
+    "qgc_fence_alone": HOME_INSIDE,
+    "qgc_corridor": HOME,
+    "qgc_survey_and_structure": HOME,
+    "mission_planner_splines": HOME,
+    "mission_planner_fence_with_circle": HOME_INSIDE,
+    "mavproxy_waypoints": HOME,
+    "mavproxy_fence": HOME_INSIDE,
+    "osmand_walk": HOME,
 }
 FENCES = {
     "kml_with_roles", "qgc_survey_with_fence", "qgc_survey_with_circles", "qgc_of_2017",
     "mission_planner_fence", "mission_planner_old_fence", "geopackage_with_roles",
+    "qgc_fence_alone", "mission_planner_fence_with_circle", "mavproxy_fence",
 }  # fmt: skip
 KEEP_OUT = {
     "kml_with_roles", "kml_with_hole", "qgc_survey_with_fence", "qgc_survey_with_circles",
     "mission_planner_fence", "shapefile_with_hole", "geopackage_with_roles",
+    "mission_planner_fence_with_circle",
 }  # fmt: skip
 
 
@@ -47,7 +59,8 @@ def metres(ring: Positions | tuple[tuple[float, float], ...]) -> Polygon:
 
 
 def test_there_are_at_least_forty_kinds() -> None:
-    assert len(KINDS) >= 40
+    assert len(KINDS) >= 80
+    assert area_files_of_tools.gdal_kml.__name__ in KINDS
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -364,7 +364,13 @@ def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None
 # --- round trips, and what is refused ------------------------------------------------------------
 @pytest.mark.parametrize(
     ("kind", "name"),
-    [("geojson", "region.geojson"), ("shp", "region.shp"), ("gpkg", ""), ("kml", "")],
+    [
+        ("geojson", "region.geojson"),
+        ("shp", "region.shp"),
+        ("csv", "region.csv"),
+        ("gpkg", ""),
+        ("kml", ""),
+    ],
 )
 def test_a_region_is_read_back_as_an_area(
     kind: str, name: str, folder: Path, tmp_path: Path
@@ -379,6 +385,14 @@ def test_a_region_is_read_back_as_an_area(
     if not name:
         assert len(drawing.fences) == 1
         assert drawing.home is not None
+
+
+def test_an_outline_in_gpx_is_read_back_as_an_area(folder: Path, tmp_path: Path) -> None:
+    drawing = read_area_file(str(exported(folder, "gpx", tmp_path / "out.gpx")))
+    (region,) = (area for area in drawing.areas if area.name == "outline of the region")
+    ring = shapely.Polygon([flown_of(folder).data.grid.fixed(place) for place in region.ring])
+    assert ring.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert drawing.home is not None
 
 
 def test_an_interrupted_flight_yields_its_map(
