@@ -30,7 +30,7 @@ run: setup
 
 # in the order of tests/conftest.py, which keeps all cores busy
 test: kernels
-	$(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )$(BIN)/pytest -q -rfEs -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+	$(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )$(BIN)/pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff check .
