@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from missions.errors import AreaError
 from uavmap.areas import crs
 from uavmap.areas.drawing import (
+    MOST_BYTES,
     MOST_SHAPES,
     MOST_VERTICES,
     NAME_COLUMNS,
@@ -81,6 +82,7 @@ def read_table(text: str, source: str) -> Layer:
 
 
 def _rows(text: str, source: str) -> Iterator[list[str]]:
+    before = csv.field_size_limit(MOST_BYTES)  # the outline of a large region is one long cell
     try:
         reader = csv.reader(text.strip().splitlines()[1:], delimiter=_between(text))
         for count, row in enumerate(reader):
@@ -90,6 +92,8 @@ def _rows(text: str, source: str) -> Iterator[list[str]]:
                 yield row
     except csv.Error as error:
         raise AreaError(f"{source}: not a table ({printable(str(error), 60)})") from None
+    finally:
+        csv.field_size_limit(before)
 
 
 def _column(names: list[str], called: tuple[str, ...]) -> int:

@@ -181,3 +181,9 @@ def test_a_table_of_wkt_has_its_holes_and_names(tmp_path: Path) -> None:
     assert len(drawing.areas[0].holes) == 1
     assert len(drawing.fences) == 1
     assert "names no coordinate system" in drawing.notices[0]
+
+
+def test_an_outline_of_many_corners_fits_into_a_cell(tmp_path: Path) -> None:
+    coast = shapely.Point(13.303, 52.456).buffer(0.001, quad_segs=1500)
+    (area,) = read_area_file(str(saved(tmp_path, "a.csv", f'wkt\n"{coast.wkt}"'))).areas
+    assert len(area.ring) == 6000
