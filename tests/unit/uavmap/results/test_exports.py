@@ -126,6 +126,11 @@ def test_the_styles_are_in_the_colours_of_the_picture(folder: Path, tmp_path: Pa
             "SELECT f_table_name, f_geometry_column, styleQML, useAsDefault FROM layer_styles"
         ).fetchall()
     assert [row[0] for row in rows] == LAYERS
+    meta, _, _, columns = pyogrio.raw.read(file, layer="layer_styles")  # as QGIS does, by GDAL
+    by_gdal = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    assert list(by_gdal["f_table_name"]) == LAYERS
+    assert all(by_gdal["useAsDefault"])
+    assert [ET.fromstring(qml).tag for qml in by_gdal["styleQML"]] == ["qgis"] * len(LAYERS)
     assert {(column, default) for _, column, _, default in rows} == {("geom", 1)}
     styles = {name: ET.fromstring(qml) for name, _, qml, _ in rows}
     renderer = styles["cells"].find("renderer-v2")
