@@ -5,14 +5,16 @@ GPX has no polygons. A track or a route that comes back to where it began is tak
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Final
 from xml.etree.ElementTree import Element
 
 import pyproj
 import shapely
-from shapely.geometry import LinearRing, Polygon
+from shapely import STRtree
+from shapely.geometry import LinearRing, LineString, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from missions.errors import AreaError
 from uavmap.areas import crs
@@ -35,8 +37,9 @@ _CLOSED: Final = 0.05
 """Of its length: as far from each other the ends of the way around a field may be."""
 _LOOPS: Final = 0.05
 """Of the area: as much a walker may enclose beside the field, where the way crosses itself."""
-_MOST_MENDED: Final = 2000
-"""Points of a way whose crossings are looked for: every two lines of it may cross."""
+_MOST_MENDED: Final = 3000
+"""Points of all ways of a file whose crossings are looked for: every two lines may cross."""
+_MOST_CROSSINGS: Final = 100
 _FINE_DEG: Final = 1e-6
 """A tenth of a metre, less than a receiver knows."""
 
@@ -49,12 +52,15 @@ def read_gpx(root: Element, source: str) -> Layer:
 
 
 def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
-    open_ones = 0
+    open_ones, looked_at = 0, 0
     for name, points in _ways(root, source):
         if len(points) < 3 or not _comes_back(points):
             open_ones += 1
             continue
-        yield polygon(name, [_without_loops(points, name, notices)], f"{source}: {name}")
+        looked_at += len(points)
+        if looked_at <= _MOST_MENDED:
+            points = _without_loops(points, name, notices)
+        yield polygon(name, [points], f"{source}: {name}")
     for element in root:
         name = shown_name(text_of(element, "name"), "")
         if local(element) == "wpt" and names_home(name):
@@ -112,7 +118,7 @@ def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[P
     One that crosses itself in earnest, as a figure of eight, is left as it is; it is refused later.
     """
     ring = LinearRing(points).simplify(_FINE_DEG)
-    if ring.is_simple or len(ring.coords) > _MOST_MENDED or not _finite(points):
+    if ring.is_simple or _crossings(ring) > _MOST_CROSSINGS:
         return points
     faces = shapely.get_parts(shapely.polygonize([shapely.unary_union(ring)]))
     largest = max(faces, key=shapely.area, default=Polygon())
@@ -122,5 +128,8 @@ def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[P
     return [(float(x), float(y)) for x, y in largest.exterior.coords]
 
 
-def _finite(points: list[Point]) -> bool:
-    return all(math.isfinite(x) and math.isfinite(y) for x, y in points)
+def _crossings(ring: BaseGeometry) -> int:
+    """How many pairs of lines of a ring cross."""
+    corners = shapely.get_coordinates(ring)
+    lines = [LineString(ends) for ends in pairwise(corners)]
+    return int(STRtree(lines).query(lines, predicate="crosses").shape[1]) // 2

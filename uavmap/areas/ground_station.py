@@ -16,13 +16,15 @@ from missions.errors import AreaError, GeodesyError
 from missions.ground.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.areas import crs
-from uavmap.areas.drawing import Layer, Point, Role, Shape, bounded, number, polygon
+from uavmap.areas.drawing import MOST_VERTICES, Layer, Point, Role, Shape, bounded, number, polygon
 from uavmap.printable import printable
 
 _GEOD: Final = pyproj.Geod(ellps="WGS84")
 _CORNERS: Final = 32
 """Of a circle."""
 _LARGEST_RADIUS_M: Final = 50_000.0
+_MOST_BENDS: Final = 300
+"""Of a corridor: each piece of its ground may cross every other."""
 _NEAR_HOME_M: Final = 5.0
 _FLOWN: Final = (
     mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_LOITER_TURNS, mav.MAV_CMD_NAV_LOITER_TIME,
@@ -108,6 +110,8 @@ def _corridor(item: Mapping[str, Any], name: str, source: str) -> Shape:
     where = f"{source}: {name}"
     line = [_lat_lon(p, where) for p in _listed(item, "polyline", where)]
     width_m = number(item.get("CorridorWidth"), where)
+    if len(line) > _MOST_BENDS:
+        raise AreaError(f"{where}: {len(line)} points; simplify it to at most {_MOST_BENDS}")
     if len(line) < 2 or not 0.0 < width_m <= _LARGEST_RADIUS_M:
         raise AreaError(f"{where}: {len(line)} points, {width_m:g} m wide; it needs two, and width")
     if not all(abs(lon) <= 180.0 and abs(lat) <= 90.0 for lon, lat in line):
@@ -251,6 +255,8 @@ def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
                 f"{source}: line {i + 1}: {printable(line, 40)!r} is not latitude and longitude"
             ) from None
         points.append((number(lon_deg, source), number(lat_deg, source)))
+        if len(points) > MOST_VERTICES:
+            raise AreaError(f"{source}: more than {MOST_VERTICES} corners; simplify the area")
     if fence is None:
         fence = len(points) > 4 and points[1] == points[-1]
     if not fence:

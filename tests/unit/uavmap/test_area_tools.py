@@ -113,6 +113,10 @@ REFUSED: dict[str, tuple[Maker, str]] = {
     "a corridor without a width": (corridor(CorridorWidth=0), "it needs two, and width"),
     "a corridor of one point": (corridor(polyline=[[52.0, 13.0]]), "it needs two, and width"),
     "a corridor of one place": (corridor(polyline=[[52.0, 13.0]] * 2), "no length"),
+    "a corridor of a thousand bends": (
+        corridor(polyline=[[52.0 + k % 7 / 100, 13.0 + k % 5 / 100] for k in range(1000)]),
+        "simplify it to at most 300",
+    ),
     "a corridor beyond the pole": (corridor(polyline=[[95.0, 13.0]] * 2), "no latitude"),
     "rally points": (text("a.rally", "RALLY 52.4 13.3 30 20 0 0\n"), "rally points alone"),
     # GPX and tables
@@ -157,6 +161,14 @@ def test_ways_that_are_left_out_are_told(tmp_path: Path) -> None:
     made = files.collection(files.feature(), {"type": "Feature", "geometry": line})
     drawing = read_area_file(str(saved(tmp_path, "a.geojson", made)))
     assert drawing.notices == ("open paths are left out; an area is a polygon",)
+
+
+def test_a_way_that_crosses_itself_all_over_costs_nothing(tmp_path: Path) -> None:
+    """Every line of it crosses nearly every other; nobody looks for the loops of that."""
+    star = [(13.0 + k * 97 % 151 / 1e4, 52.0 + k * 61 % 149 / 1e4) for k in range(150)]
+    drawing = read_area_file(str(saved(tmp_path, "a.gpx", gpx(tracks={"w": [*star, star[0]]}))))
+    assert drawing.notices == ()
+    assert len(drawing.areas[0].ring) == 150
 
 
 def test_a_structure_beside_a_survey_is_told(tmp_path: Path) -> None:
