@@ -103,6 +103,8 @@ def test_a_notebook_shows_what_the_program_does(name: str, monkeypatch: pytest.M
         for cell in notebook["cells"]:
             if cell["cell_type"] == "code":
                 value = await ran("".join(cell["source"]), names)
+                if hasattr(value, "_repr_png_"):
+                    value._repr_png_()  # as a notebook draws it, which reads its file to the end
                 told = [o for o in cell["outputs"] if o["output_type"] == "execute_result"]
                 texts = ["".join(o["data"]["text/plain"]) for o in told if len(o["data"]) == 1]
                 if texts:

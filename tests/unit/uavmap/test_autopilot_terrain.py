@@ -61,10 +61,13 @@ def test_ground_that_never_comes_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 
 def _alone(call) -> None:
     """What a task of a group raises, by itself."""
+    alone: BaseException | None = None
     try:
         call()
     except* LinkError as group:
-        raise group.exceptions[0] from None
+        alone = group.exceptions[0]
+    if alone is not None:  # the first versions of Python 3.11 wrap what is raised in an except*
+        raise alone
 
 
 def test_a_long_leg_up_a_steep_slope_is_no_trouble(tmp_path) -> None:
