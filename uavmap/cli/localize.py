@@ -1,4 +1,4 @@
-"""uavmap simulate --localize: a robot that does not know where it is, and what finding out takes."""
+"""uavmap simulate --localize: where a robot is that does not know, and what finding out takes."""
 
 from __future__ import annotations
 
