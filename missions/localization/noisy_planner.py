@@ -27,9 +27,11 @@ MOST_PROBABLE: Final = 8
 """Cells that are looked at besides."""
 AHEAD: Final = 3
 """Moves of the ways that are all tried."""
+LEAST_GAIN: Final = 0.1
+"""Of the moves that are reckoned: a way that spares fewer does not help."""
 NEWS: Final = 2 / 3
 """Of the doubt when it was planned: below this share a way is given up for a new one."""
-MOVES_A_HALVING: Final = 1.3
+MOVES_A_HALVING: Final = 1.0
 """What is reckoned for each halving of the doubt that is left."""
 
 Doubts = NDArray[np.float64]
@@ -75,7 +77,8 @@ class NoisyPlanner:
             value, number = self._best(ways, length)
             if value < best[0]:
                 best = (value, [number // 4**i % 4 for i in reversed(range(length))])
-        if best[0] < self._best(doubts[None], 0)[0]:
+        reckoned = best[0] - len(best[1])
+        if reckoned < self._best(doubts[None], 0)[0] - LEAST_GAIN:
             return best[1]
         first, second = np.argsort(-belief.mass, kind="stable")[:2]
         return self._telling_apart(int(first), int(second))

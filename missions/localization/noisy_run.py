@@ -49,7 +49,8 @@ def localize_with_errors(
 
     It senses its first cell and each cell after a move, and believes by `Belief`. A method is
     shown the neighbours of the most probable cell, which a map makes more reliable than those that
-    were sensed; one that has no more moves begins anew. `plan` is `NoisyPlanner`.
+    were sensed. It begins anew when it has no more moves, and when the most probable cell is not
+    the one where the last move should have led. `plan` is `NoisyPlanner`.
 
     Raises:
         KeyError: the start is not on the map.
@@ -90,13 +91,23 @@ class _Walk:
         if method.needs_map:
             self._planner = NoisyPlanner(known, errors.noise, errors.confidence)
         self._moves: Moves | None = None
+        self._ahead = -1
+        """The cell where the last move should have led."""
 
     def move(self, belief: Belief) -> int:
         """The next direction."""
         if self._planner is not None:
             return self._planner.move(belief)
-        pattern = self._known.patterns[belief.number]
-        if self._moves is not None:
+        here = belief.number
+        direction = self._next(here)
+        self._ahead = int(self._known.landings[direction, here])
+        return direction
+
+    def _next(self, here: int) -> int:
+        """The method's next direction; it begins anew where it has none, or where the robot turns
+        out to be elsewhere, and what the method remembers is of another place."""
+        pattern = self._known.patterns[here]
+        if self._moves is not None and here == self._ahead:
             try:
                 return self._moves.send(pattern)
             except StopIteration:
