@@ -61,9 +61,8 @@ class Planner:
 
     Args:
         known: the map.
-        exact: up to so many candidates the best of all plans is looked for. With as many as look
-            alike at first all plans are the best that there are (and on small maps only found in
-            a reasonable time).
+        exact: for up to so many candidates the best of all plans is found. As many as there are
+            cells: no plan is better. Beyond some hundred cells that takes too long.
     """
 
     def __init__(self, known: GridMap, exact: int = EXACT) -> None:
@@ -77,10 +76,9 @@ class Planner:
         return self._best(candidates, _depth(candidates))[1]
 
     def expected_moves(self) -> float:
-        """Moves to certainty, reckoned from all cells as starts, each as probable.
+        """Mean moves to certainty over all cells as starts, as reckoned.
 
-        With at most `exact` cells that look alike that is what the best of all plans needs in the
-        mean; else the planner's own estimate.
+        Where no more than `exact` cells look alike it is the mean of the best of all plans.
         """
         alike = self.known.alike.values()
         return sum(self._best(c, _depth(c))[0] for c in alike) / self.known.size

@@ -21,6 +21,7 @@ from missions.localization.planner import Planner
 from missions.localization.run import Localized, localize
 from missions.units import Cell
 from uavmap.studies.homing_robot_page import (
+    BEST,
     COMPARED,
     MANY_GRIDS,
     NOISE,
@@ -187,7 +188,7 @@ def _optimum(job: Job) -> list[Found]:
     found = [
         Found(OPTIMUM, job.grid, known.size, name, True, known.size, moves, 0.0, 0, known.size,
               float(known.size))
-        for name, moves in (("best of all plans", best), ("cells that look like others", alone))
+        for name, moves in ((BEST, best), ("cells that look like others", alone))
     ]  # fmt: skip
     for name in ("plan", "homing"):
         planner = Planner(known)
