@@ -7,6 +7,7 @@
     ├── ImageError              a picture without a geotag, or that cannot be decoded
     ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
     ├── RoiError                a file or option that does not describe a ROI
+    ├── LocalizationError       a map, a rate or a look by which no cell can be found
     ├── AreaError               a drawing or option from which no mission can be made
     ├── StudyError              a study that cannot run: an extra is missing, a scheduler is silent
     ├── JournalError            a journal that is truncated, foreign, or of another version
@@ -51,6 +52,10 @@ class StrategyError(UavmapError):
 
 class RoiError(UavmapError):
     """A file from which no ROI can be read, or a ROI that cannot be generated."""
+
+
+class LocalizationError(UavmapError):
+    """A map without a place to be, a rate that is none, or a look that fits no cell."""
 
 
 class AreaError(UavmapError):

@@ -23,6 +23,7 @@ from missions.units import LatLon
 from uavmap.animation import film_of_run
 from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
 from uavmap.cli.endings import INTERRUPTED
+from uavmap.cli.localize_options import add_localize_options, refuse_localize_options
 from uavmap.cli.nonstop_options import add_nonstop_options, refuse_nonstop_options
 from uavmap.cli.pictures import (
     add_picture_options,
@@ -49,6 +50,8 @@ examples:
   uavmap simulate --roi eden:300:2 --robots 5 --animate five.gif --tree five.svg
 
   uavmap simulate --generate ragged --strategy swath,survey --robots 3 --footprint 20,15
+  uavmap simulate --generate eden --count 10 --localize homing,plan
+  uavmap simulate --roi eden:120:7 --localize plan --noise 0.056,0.11 --slip 0.02 --trials 1000
 
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
 Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
@@ -108,6 +111,7 @@ def add_parser(commands: Any) -> None:
         help="who knows what the others saw: all at once, or only who meets (default shared)",
     )
     add_nonstop_options(parser)
+    add_localize_options(parser)
     add_picture_options(parser, several=True)
     add("--out", metavar="DIR", help=f"write {_SUMMARY} into this folder, too")
     add("--json", action="store_true", help="print the figures as JSON")
@@ -116,6 +120,9 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate."""
+    if options.localize is not None:
+        return _localize(options)
+    refuse_localize_options(options)
     names = _names(options.strategy)
     nonstop = [NONSTOP[name] for name in names if name in NONSTOP]
     if nonstop and len(nonstop) < len(names):
@@ -154,6 +161,13 @@ def run(options: argparse.Namespace) -> int:
     if wants_pictures(options) and code == 0:
         _pictures(options, rois[options.index], explorers[0], terms)
     return code
+
+
+def _localize(options: argparse.Namespace) -> int:
+    """Robots that do not know where they are."""
+    from uavmap.cli.localize import run_localize  # noqa: PLC0415 - not for the others
+
+    return run_localize(options, lambda: _rois(options, nonstop=True), _free(options.out))
 
 
 def _pictures(options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms) -> None:

@@ -118,6 +118,18 @@ def test_strategies_sets_ours_beside_the_prototypes(tmp_path):
     assert reference("thin", 120, 20, "horizon") is None
 
 
+def test_homing_robot_keeps_its_bounds_and_meets_the_papers_grids(tmp_path):
+    rows = study("homing-robot", tmp_path)
+    assert {row["bound broken"] for row in rows if row["part"] != "errors"} == {"0"}
+    assert {row["right"] for row in rows if row["part"] != "errors"} == {"1"}
+    ratio = {row["grid"]: float(row["most moves / n"]) for row in rows if row["part"] == "worst"}
+    assert round(ratio["studded 50"], 3) == 2.649
+    assert ratio["chevrons 4, 5"] == pytest.approx(303 / 140)
+    page = (tmp_path / "homing-robot.md").read_text()
+    assert "**0 violations** in 100 runs" in page
+    assert "0 of\n28 needed fewer" in page
+
+
 # --- the lawn mower --------------------------------------------------------------------------
 def test_a_lawn_mower_splits_its_rectangle_and_takes_the_better_way():
     corners = [Cell(0, 0), Cell(9, 3)]

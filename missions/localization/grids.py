@@ -1,0 +1,67 @@
+"""The grids of the paper's proofs, and random ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from missions.units import Cell
+
+
+def chevrons(k: int, m: int) -> tuple[set[Cell], Cell]:
+    """G_{k,m} of Figure 6 and the cell A where the Homing Robot starts: the worst that is known.
+
+    m obstacles of 2 k + 1 cells point west. Rows -(k + 1) to k + 1 are each moved east by their
+    distance from the middle; all but the outermost are (free, free, obstructed) m times, then free,
+    free.
+
+    >>> cells, start = chevrons(4, 5)
+    >>> len(cells) == 4 * 4 * 5 + 8 * 5 + 4 * 4 + 4, start
+    (True, Cell(east=16, north=0))
+    """
+    width = 3 * m + 2
+    cells = {
+        Cell(abs(row) + column, row)
+        for row in range(-k, k + 1)
+        for column in range(width)
+        if column % 3 != 2
+    }
+    for row in (-k - 1, k + 1):
+        cells |= {Cell(k + 1 + column, row) for column in range(width - 1)}
+    return cells, Cell(width - 1, 0)
+
+
+def studded(k: int) -> set[Cell]:
+    """G_k of Lemma 8: a square of 2 k + 1 with k^2 obstacles of one cell.
+
+    >>> len(studded(3)) == 3 * 3**2 + 4 * 3 + 1
+    True
+    """
+    side = range(2 * k + 1)
+    return {Cell(east, north) for east in side for north in side if not east % 2 * (north % 2)}
+
+
+def corridor(cells: int) -> set[Cell]:
+    """A row of cells, on which any deterministic method needs n - 3 moves at worst (Theorem 3)."""
+    return {Cell(east, 0) for east in range(cells)}
+
+
+def cluttered(width: int, height: int, share: float, rng: np.random.Generator) -> set[Cell]:
+    """A room in which a share of the cells is obstructed, at random: the largest part of it.
+
+    >>> len(cluttered(4, 3, 0.0, np.random.default_rng(1)))
+    12
+    """
+    free = rng.random((width, height)) >= share
+    left = {Cell(int(e), int(n)) for e, n in np.argwhere(free)} or {Cell(0, 0)}
+    best: set[Cell] = set()
+    while len(left) > len(best):
+        part, todo = set[Cell](), [min(left)]
+        left -= set(todo)
+        while todo:
+            cell = todo.pop()
+            part.add(cell)
+            near = [other for other in cell.neighbours() if other in left]
+            left -= set(near)
+            todo += near
+        best = max(best, part, key=len)
+    return best
