@@ -104,7 +104,7 @@ class Space:
     @property
     def diameter_m(self) -> float:
         """Between the two corners that are farthest from each other."""
-        hull = np.array(self.polygon.convex_hull.exterior.coords)
+        hull = shapely.get_coordinates(self.polygon.convex_hull)
         return float(np.hypot(*(hull[:, None] - hull[None]).transpose(2, 0, 1)).max())
 
     @property

@@ -225,17 +225,21 @@ class _Explorer:
         beyond = too_far(far)
         if beyond <= 0.0:
             return far
-        near, within = x, too_far(x)
-        # regula falsi, after Illinois: who stays on one side twice counts half
+        near, within, last = x, too_far(x), 0.0
+        # regula falsi, after Illinois: an end that stays twice counts half
         for _ in range(_STEPS):
             middle = (near * beyond - far * within) / (beyond - within)
             found = too_far(middle)
-            if found > 0.0:
-                far, beyond, within = middle, found, within / 2.0
-            elif found > -_SAME_M:
+            if -_SAME_M < found <= 0.0:
                 return middle
+            again = found * last > 0.0
+            if found > 0.0:
+                far, beyond = middle, found
+                within /= 2.0 if again else 1.0
             else:
-                near, within, beyond = middle, found, beyond / 2.0
+                near, within = middle, found
+                beyond /= 2.0 if again else 1.0
+            last = found
         return near
 
     def _leg(

@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from uavmap.studies import greedy_table_1, lrv_figure_3, roi_bounds, roi_figure_7, strategies
+from uavmap.studies import (
+    greedy_table_1,
+    lrv_figure_3,
+    roi_bounds,
+    roi_figure_7,
+    strategies,
+    two_robots,
+)
 from uavmap.studies.study import Study
 
-_MODULES = (roi_figure_7, roi_bounds, strategies, greedy_table_1, lrv_figure_3)
+_MODULES = (roi_figure_7, roi_bounds, strategies, greedy_table_1, lrv_figure_3, two_robots)
 
 STUDIES: Mapping[str, Study] = MappingProxyType(
     {module.STUDY.name: module.STUDY for module in _MODULES}
