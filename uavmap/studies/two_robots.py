@@ -144,7 +144,7 @@ Rekleitis, Dudek and Milios, *Multi-Robot Exploration of an Unknown Environment*
 Table 1: {stripes} stripes of {moves} moves each, range 10 m, explored by two robots that do not
 know the rectangle. What the formulas leave out are the ends of stripes: there the robots stand side
 by side, which takes up to three steps more in a stripe; the first and the last diamond of a stripe
-have no tip; nobody leaves the last stripe, so that of the 2Y between stripes up to one breadth of a
+have no tip, those beside the walls half of one; nobody leaves the last stripe, so that of the 2Y between stripes up to one breadth of a
 stripe is not gone, and of the turns two are not made. The farthest off are path by {path:.2f} %,
 steps by {steps:.2f} %, and turns by {turns:.2f} % of the corrected formula.
 

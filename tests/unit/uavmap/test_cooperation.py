@@ -94,8 +94,14 @@ def test_files_and_pictures(hall, tmp_path, capsys):
     [
         (["--range", "9"], "--polygon needs --cooperate"),
         (["--cooperate", "column"], "--polygon needs --range"),
-        (["--cooperate", "column", "--range", "9", "--robots", "2"], "two are for --cooperate trap"),
-        (["--cooperate", "trapezoid", "--range", "9", "--robots", "3"], "are for --cooperate column"),
+        (
+            ["--cooperate", "column", "--range", "9", "--robots", "2"],
+            "two are for --cooperate trap",
+        ),
+        (
+            ["--cooperate", "trapezoid", "--range", "9", "--robots", "3"],
+            "are for --cooperate column",
+        ),
         (["--cooperate", "column", "--range", "9", "--robots", "6"], "column takes 3 to 5"),
         (["--cooperate", "triangulation", "--range", "9"], "m wide, the range is 9 m"),
         (["--cooperate", "triangulation", "--range", "99", "--theta", "40"], "--theta is for stri"),
@@ -120,7 +126,7 @@ def test_cells_are_explored_without_these_options(capsys, option):
     assert "is for --polygon FILE" in capsys.readouterr().err
 
 
-# --- files --------------------------------------------------------------------------------------------
+# --- files --------------------------------------------------------------------------------------
 def test_json_in_metres(tmp_path):
     path = tmp_path / "a.json"
     ring, hole = [[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [2, 1], [2, 2]]
@@ -178,7 +184,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         read_polygon_file(str(tmp_path / "b.wkt"))
 
 
-# --- the study ------------------------------------------------------------------------------------------
+# --- the study ----------------------------------------------------------------------------------
 def test_the_study_sets_the_paper_beside(tmp_path, capsys):
     assert main(["study", "two-robots", "--quick", "--out", str(tmp_path)]) == 0
     with (tmp_path / "two-robots.csv").open() as file:
