@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from missions.cooperation.exploration import Exploration, Move
 from missions.cooperation.space import Point, between, distance
 
-_AT_ONCE: Final = 200_000
+_FEW: Final = 4
 _SLACK: Final = 1e-9
 
 
@@ -40,28 +40,28 @@ def unseen(
     Robots are looked at every `spacing_m` along their ways: a point may be missing from sight only
     in between, never the other way round.
     """
-    places = places_of(exploration, spacing_m)
-    left = np.arange(len(points))
-    # the nearest place that is in range sees most points; the rest of them few are left for
-    squares = [((places - point) ** 2).sum(axis=1) for point in points]
-    order = [np.argsort(square) for square in squares]
-    most = exploration.range_m**2 * (1.0 + _SLACK)
-    done, wide = 0, 1
-    while len(left) and done < len(places):
-        pairs = [
-            (i, j) for i in left for j in order[i][done : done + wide] if squares[i][j] <= most
-        ]
-        if not pairs:
-            break
-        rows, columns = np.array(pairs).T
-        seen = np.zeros(len(points), bool)
-        for first in range(0, len(rows), _AT_ONCE):
-            some = slice(first, first + _AT_ONCE)
-            free = exploration.space.sees_all(points[rows[some]], places[columns[some]])
-            seen[rows[some][free]] = True
-        left = left[~seen[left]]
-        done, wide = done + wide, wide * 4
-    return np.asarray(points[left])
+    left = points
+    for spacing in (max(exploration.range_m, spacing_m), spacing_m):  # few need the many places
+        if len(left):
+            places = places_of(exploration, spacing)
+            left = left[[not _is_seen(exploration, point, places) for point in left]]
+    return left
+
+
+def _is_seen(
+    exploration: Exploration, point: NDArray[np.float64], places: NDArray[np.float64]
+) -> bool:
+    """Whether a point is in sight of one of the places within the range, the nearest first."""
+    squares = ((places - point) ** 2).sum(axis=1)
+    near = np.flatnonzero(squares <= exploration.range_m**2 * (1.0 + _SLACK))
+    near = near[np.argsort(squares[near], kind="stable")]
+    first, many = 0, _FEW
+    while first < len(near):
+        some = places[near[first : first + many]]
+        if exploration.space.sees_all(np.broadcast_to(point, some.shape), some).any():
+            return True
+        first, many = first + many, many * 8
+    return False
 
 
 def unwatched(exploration: Exploration, spacing_m: float) -> list[tuple[Move, Point]]:

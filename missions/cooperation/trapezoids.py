@@ -27,7 +27,8 @@ from missions.cooperation.stripes import Door, Stripe, stripes_of
 from missions.cooperation.team import Team
 from missions.errors import StrategyError
 
-MOST_STRIPES: Final = 20_000
+MOST_MOVES: Final = 100_000
+"""By a rough estimate, from area and range."""
 _SAME_M: Final = 1e-9
 _STEPS: Final = 60
 
@@ -61,6 +62,11 @@ class Pattern:
         return self.range_m * math.cos(self.theta_rad / 2.0)
 
     @property
+    def move_m(self) -> float:
+        """How far ahead of who watches it a robot gets, where the stripe has its full height."""
+        return self.range_m * math.sin(self.theta_rad / 2.0)
+
+    @property
     def height_m(self) -> float:
         """Of a stripe."""
         return self.range_m if self.cover is Cover.DIAMONDS else (self.robots - 1) * self.row_m
@@ -81,8 +87,7 @@ class Pattern:
 def explore(space: Space, start: Point, pattern: Pattern) -> Exploration:
     """Explore a ground from a place in it; ends when every stripe is swept.
 
-    Raises `StrategyError` where the range is so short that the ground has more than `MOST_STRIPES`
-    layers.
+    Raises `StrategyError` where the range is so short that more than `MOST_MOVES` would be needed.
 
     >>> hall = Space([(0, 0), (40, 0), (40, 20), (0, 20)])
     >>> figures = explore(hall, (0.0, 0.0), Pattern(10.0, math.radians(60.0))).figures()
@@ -90,10 +95,12 @@ def explore(space: Space, start: Point, pattern: Pattern) -> Exploration:
     (3, 277, 0.0)
     """
     south, north = space.edges[:, 1].min(), space.edges[:, 1].max()
-    if north - south > MOST_STRIPES * pattern.height_m:
+    layers = (north - south) / pattern.height_m
+    moves = space.area_m2 / (pattern.range_m * pattern.move_m)
+    if max(layers, moves) > MOST_MOVES:
         raise StrategyError(
-            f"a range of {pattern.range_m:g} m makes more than {MOST_STRIPES} stripes of this "
-            "area; give a longer one"
+            f"a range of {pattern.range_m:g} m takes more than {MOST_MOVES} moves in this area; "
+            "give a longer one, or a larger theta"
         )
     return _Explorer(space, start, pattern).explored()
 

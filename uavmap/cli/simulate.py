@@ -51,7 +51,7 @@ examples:
 
   uavmap simulate --generate ragged --strategy swath,survey --robots 3 --footprint 20,15
 
-  uavmap simulate --polygon hall.wkt --cooperate trapezoid --range 10 --out watched
+  uavmap simulate --polygon examples/hall.wkt --cooperate trapezoid --range 10 --out watched
   uavmap simulate --polygon field.kml --cooperate column --robots 5 --range 40 --json
 
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
