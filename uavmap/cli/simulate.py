@@ -99,8 +99,8 @@ def add_parser(commands: Any) -> None:
     add(
         "--start",
         metavar="LAT,LON",
-        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end); for "
-        "--polygon (default: its southern corner; EAST,NORTH for a file in metres)",
+        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
+        "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
     )
     add(
         "--strategy",
