@@ -62,7 +62,7 @@ def write_film(film: Film, path: Path, say: Say) -> None:
     check_path(path, FILMS)
     stage, times = Stage(film), film.times()
     frames = _patiently(stage.frames(times), f"{path.name}: frame {{}} of {len(times)}", say)
-    save(path, _gif(film, frames) if path.suffix.lower() == ".gif" else _mp4(stage.size, frames))
+    save(path, _gif(film, frames) if path.suffix.lower() == ".gif" else mp4(stage.size, frames))
 
 
 def _patiently(items: Iterable[T], text: str, say: Say) -> Iterator[T]:
@@ -123,8 +123,11 @@ class _FewColours:
         return few
 
 
-def _mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
-    """An MP4 (MPEG-4 part 2); OpenCV writes to a file only."""
+def mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
+    """An MP4 (MPEG-4 part 2) of frames of a size; OpenCV writes to a file only.
+
+    Raises `OutputError` where this OpenCV has no such codec.
+    """
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "film.mp4")
         codec = cv2.VideoWriter.fourcc(*"mp4v")

@@ -107,7 +107,7 @@ def _refuse_others(options: argparse.Namespace) -> None:
     for name, why in _REFUSED.items():
         if getattr(options, name) is not None:
             raise LocalizationError(f"--{name.replace('_', '-')} with --localize: {why}")
-    if options.robots != 1:
+    if options.robots not in (None, 1):
         raise LocalizationError(
             f"--robots {options.robots} with --localize: a robot localizes alone; leave it out"
         )

@@ -22,6 +22,7 @@ from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.animation import film_of_run
 from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
+from uavmap.cli.cooperation_options import add_cooperation_options, refuse_cooperation_options
 from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.localize_options import add_localize_options, refuse_localize_options
 from uavmap.cli.nonstop_options import add_nonstop_options, refuse_nonstop_options
@@ -53,6 +54,9 @@ examples:
   uavmap simulate --generate eden --count 10 --localize homing,plan
   uavmap simulate --roi eden:120:7 --localize plan --noise 0.056,0.11 --slip 0.02 --trials 1000
 
+  uavmap simulate --polygon examples/hall.wkt --cooperate trapezoid --range 10 --out watched
+  uavmap simulate --polygon field.kml --cooperate column --robots 5 --range 40 --json
+
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
 Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
 which V cells are flown. swath and survey do not stop over cells: their times are seconds, and
@@ -73,6 +77,11 @@ def add_parser(commands: Any) -> None:
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--roi", metavar="FILE", help="ROIs, or a growth KIND:CELLS:SEED")
     where.add_argument("--generate", metavar="KIND", help=f"grow ROIs: {', '.join(KINDS)}")
+    where.add_argument(
+        "--polygon",
+        metavar="FILE",
+        help="a polygon with holes, for --cooperate: GeoJSON, KML, or WKT or JSON in metres",
+    )
     cells = number_type(int, 1, MAX_CELLS)
     count = number_type(int, 1, 100_000)
     add("--cells", metavar="N", type=cells, help=f"of a grown ROI (default {_CELLS})")
@@ -93,7 +102,8 @@ def add_parser(commands: Any) -> None:
     add(
         "--start",
         metavar="LAT,LON",
-        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end)",
+        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
+        "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
     )
     add(
         "--strategy",
@@ -101,7 +111,7 @@ def add_parser(commands: Any) -> None:
         action="append",
         help="one or, with commas or given again, several (default rdfs); see uavmap strategies",
     )
-    add("--robots", metavar="R", type=number_type(int, 1, MAX_ROBOTS), default=1, help="default 1")
+    add("--robots", metavar="R", type=number_type(int, 1, MAX_ROBOTS), help="default 1")
     speed = number_type(float, 1e-3, 1e3)
     add("--speed", metavar="V", type=speed, help="default 1; of swath and survey m/s, default 6")
     add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
@@ -112,8 +122,13 @@ def add_parser(commands: Any) -> None:
     )
     add_nonstop_options(parser)
     add_localize_options(parser)
+    add_cooperation_options(parser)
     add_picture_options(parser, several=True)
-    add("--out", metavar="DIR", help=f"write {_SUMMARY} into this folder, too")
+    add(
+        "--out",
+        metavar="DIR",
+        help=f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png",
+    )
     add("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(run=run)
 
@@ -121,8 +136,21 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate."""
     if options.localize is not None:
+        if options.polygon is not None:
+            raise StrategyError(
+                "--localize is of one robot on a grid, --polygon of several in a polygon; leave "
+                "out the one or the other"
+            )
+        refuse_cooperation_options(options)
         return _localize(options)
     refuse_localize_options(options)
+    if options.polygon is not None:
+        # its readers and pictures are nobody else's
+        from uavmap.cli.cooperation import run_cooperation  # noqa: PLC0415
+
+        return run_cooperation(options)
+    refuse_cooperation_options(options)
+    options.robots = options.robots or 1
     names = _names(options.strategy)
     nonstop = [NONSTOP[name] for name in names if name in NONSTOP]
     if nonstop and len(nonstop) < len(names):

@@ -12,10 +12,14 @@ from uavmap.studies import (
     roi_bounds,
     roi_figure_7,
     strategies,
+    two_robots,
 )
 from uavmap.studies.study import Study
 
-_MODULES = (roi_figure_7, roi_bounds, strategies, greedy_table_1, lrv_figure_3, homing_robot)
+_MODULES = (
+    *(roi_figure_7, roi_bounds, strategies, greedy_table_1, lrv_figure_3),
+    *(homing_robot, two_robots),
+)
 
 STUDIES: Mapping[str, Study] = MappingProxyType(
     {module.STUDY.name: module.STUDY for module in _MODULES}
