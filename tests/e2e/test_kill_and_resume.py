@@ -99,8 +99,8 @@ def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
 def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     whole = bodies(speck.folder)
     folder = tmp_path / "out"
-    # paced, so that it is still in the air when the signal comes
-    stopped = begin_and_stop(folder, len(whole) // 2, signal.SIGINT, "--speedup", 15)
+    # paced, so that it is still in the air when the signal comes, on a busy machine as well
+    stopped = begin_and_stop(folder, len(whole) // 4, signal.SIGINT, "--speedup", 8)
     assert stopped is not None
     assert stopped.code == 130
     assert stopped.out == ""

@@ -29,7 +29,7 @@ from uavmap.fly.interrupts import interrupts, like_control_c
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
-from uavmap.fly.map_so_far import leave_map
+from uavmap.fly.map_so_far import leave_map, patiently
 from uavmap.fly.onlooker import Both, Onlooker, folded
 from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
@@ -253,13 +253,14 @@ class _Flight:
                 clock = ScaledClock(self._plan.speedup or 1.0)
                 run(self._called(self._fly_connected()), clock)
         except BaseException as failure:
-            with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
-                if len(self._journal):
-                    self._progress.say(f"to go on: uavmap resume {self._folder}")
-            if self._again or len(self._journal) > self._events_before:
-                leave_map(
-                    lambda: self._write_results(None), failure, self._folder, self._progress.say
-                )
+            with patiently(self._progress.say):
+                with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
+                    if len(self._journal):
+                        self._progress.say(f"to go on: uavmap resume {self._folder}")
+                if self._again or len(self._journal) > self._events_before:
+                    leave_map(
+                        lambda: self._write_results(None), failure, self._folder, self._progress.say
+                    )
             raise
 
     def _write_results(self, truth: Truth | None) -> dict[str, Any]:

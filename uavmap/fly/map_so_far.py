@@ -15,7 +15,7 @@ from uavmap.fly.interrupts import SIGNALS
 def leave_map(
     write: Callable[[], object], failure: BaseException, folder: Path, say: Callable[[str], None]
 ) -> None:
-    """Write what is known; call it when nobody depends on this process any more.
+    """Write what is known; call it `patiently`, when nobody depends on this process any more.
 
     `failure` is why the flight has ended. Raises nothing: where the map cannot be written, or the
     operator does not wait for it, `say` gets the command that makes it.
@@ -25,8 +25,7 @@ def leave_map(
         return  # there is nothing to make a map from, and the line says what is wrong with it
     later = f"`uavmap export {folder} --to gpkg` makes it from the journal"
     try:
-        with _patiently(say):
-            write()
+        write()
     except KeyboardInterrupt:
         say(f"the map so far is not written; {later}")
     except Exception as error:
@@ -36,8 +35,11 @@ def leave_map(
 
 
 @contextlib.contextmanager
-def _patiently(say: Callable[[str], None]) -> Iterator[None]:
-    """The first signal that would end the process is answered, the second does end what it does."""
+def patiently(say: Callable[[str], None]) -> Iterator[None]:
+    """The first signal that would end the process is answered, the second does end what it does.
+
+    From before anything is said of how it goes on: whoever reads that may press again at once.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the main thread's, who waits for this one
         return

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from missions.events import (
@@ -114,7 +114,7 @@ class Watcher:
         if isinstance(event, FrameSeen):
             self._seen, self._judged = event, self._judged + 1
             if self._evidence is None:
-                self._marked.update(dict.fromkeys(vote.cell for vote in event.votes))
+                self._mark(vote.cell for vote in event.votes)
         elif isinstance(event, Weighed):
             self._weigh(event)
         elif isinstance(event, FrameLost):
@@ -122,6 +122,17 @@ class Watcher:
         elif isinstance(event, Tracked | Connected):
             self._track(event)
         self._tell(event, state)
+
+    def _mark(self, voted: Iterable[Cell]) -> None:
+        """Note the cells that a frame may have changed."""
+        if not self.setting.sees_box:
+            self._marked.update(dict.fromkeys(voted))
+            return
+        # without a tree a cell is explored once those beside it are decided, and what is plain
+        # from high up depends on all around it
+        steps, judged = (-1, 0, 1), self.state.belief.open_ballots
+        near = {Cell(c.east + e, c.north + n) for c in voted for e in steps for n in steps}
+        self._marked.update(dict.fromkeys(cell for cell in sorted(near) if cell in judged))
 
     def say(self, text: str, level: str = "said") -> None:
         """Add to the log what was said to the operator."""

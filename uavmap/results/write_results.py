@@ -81,7 +81,10 @@ def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
     if cell in state.skipped:
         return "skipped"
     tree: Tree | None = state.tree
-    if tree is None or cell not in tree:
+    if tree is None:  # of a survey, or where every patch is looked for
+        known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
+        return "explored" if known else "unexplored"
+    if cell not in tree:
         return "unexplored"
     return tree.state(cell).value
 

@@ -180,7 +180,7 @@ def test_every_path_of_a_survey(seed: int) -> None:
     assert flight.state.completed == (len(seen) == len(flight.setting.box_cells))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 100_000), high=st.booleans())
 def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -> None:
     scenario = scattered(random_scenario(seed, strategy="swath"), seed, high=high)
