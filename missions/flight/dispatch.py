@@ -109,6 +109,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if state.tree is None and idle_in_search(vehicle):
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
+    if setting.searches_high:
+        vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     target = _first_target(setting, state, vehicle)
     if target is None and setting.sees_box and not any(v.lanes for v in state.vehicles.values()):
         target = _nearest_open(setting, state, vehicle)
@@ -133,8 +135,6 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(setting, state, vehicle)
-    if setting.searches_high:
-        vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_height_m))
 
 

@@ -175,7 +175,7 @@ def way_back(at: GridPoint, home: LatLon, fence: Fence, grid: Grid, profile: Pro
 
 def search_profile(mission: Mission, vehicle: int, *, nonstop: bool, above: Above) -> Profile:
     """How a vehicle (from 0) flies its search lanes: height, speed and pictures of the mission."""
-    layer_m = mission.altitude_m(vehicle)
+    layer_m = mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
     height_m = layer_m + (mission.start.amsl_m if above is Above.SEA else 0.0)
     if not nonstop:
         return Profile(height_m, mission.flight.speed_m_s, mission.grid.cell_m, above)
