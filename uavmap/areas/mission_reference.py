@@ -38,13 +38,6 @@ an area.
 
 _NESTED: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "search.find": "`first`: the search ends where the region is seen first, and what hangs "
-        "together with that is mapped; `all`: the whole box is seen, and every patch mapped "
-        "([more](strategies.md#several-patches))",
-        "search.altitude_m": "lowest layer of the search above the start, where it has layers of "
-        "its own ([more](strategies.md#search-high-map-low)); `auto`: as high as "
-        "`search.pixels_per_cell` and `fence.ceiling_m` allow",
-        "search.pixels_per_cell": "pixels that the edge of a cell must have for a suspicion",
         "search.prior": "A place where the region may be: a point, or a polygon.",
         "search.prior.position": "the middle of the place",
         "search.prior.spread_m": "standard deviation around it; by default half of the box's "
@@ -104,6 +97,7 @@ _HIDDEN: Final = frozenset({"detector.tables"})
 """Written as tables of their own, one a detector."""
 _TYPES: Final = {
     "flight.altitude_m": 'number or `"auto"`',
+    "search.altitude_m": 'number or `"auto"`',
     "search.prior": "position, list, or path of a GeoJSON file",
     "terrain.dem": "path of a GeoTIFF",
 }
