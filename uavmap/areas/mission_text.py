@@ -54,7 +54,7 @@ COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
         "start.amsl_m": "the ground's height above the sea, for `uavmap export`",
         "search.box": "[latitude, longitude] of each corner, once around",
         "search.prior": "where in it the region probably is (docs/prior.md)",
-        "search.find": '"first": map the piece seen first; "all": all of the box (docs/strategies.md)',
+        "search.find": '"first": the piece seen first; "all": all in the box (docs/strategies.md)',
         "search.altitude_m": 'of the lowest vehicle that searches higher up; for find = "all"',
         "search.pixels_per_cell": "of the edge of a cell, for a suspicion from up there",
         "fence.polygon": "with room for a region that reaches out of the area",
