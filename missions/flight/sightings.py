@@ -61,7 +61,7 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
     vehicle = replace(
         state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
     )
-    belief = with_plain(state.belief, overview, setting.in_box, votes)
+    belief = with_plain(state.belief, state.overview, overview, setting.in_box, votes)
     state = replace(state, belief=belief, overview=overview)
     return _on_a_lane(setting, state, vehicle, event)
 

@@ -4,9 +4,10 @@ With `search.altitude_m` lanes are flown in layers of their own above all those 
 is made, so wide that few of them see the box. What such a frame (an *overview*) shows is coarse, so
 its votes are kept apart (`State.overview`). A cell is *plain* when the overview has decided it and
 all eight around it alike: then its votes count as any others, and nobody flies there again. All
-else, which is what lies along outlines, is looked at from below. Far from an outline the detector
-errs by chance alone; if each vote is wrong with probability e, independently of the others, a plain
-cell is wrong with less than that of three wrong of five, 10 e^3, of nine cells at once.
+else, which is what lies along outlines, is looked at from below. If each vote is wrong with
+probability e, independently of the others, three of five are with 10 e^3 at most: a patch or a hole
+of a single cell is taken for plain ground so often, which is the chance of any verdict. Amid nine
+cells that are alike in truth, all nine have to be wrong at once.
 
 A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed.
 """
@@ -80,15 +81,21 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
 
 # --- what is plain -----------------------------------------------------------------------------
 def with_plain(
-    belief: Belief, overview: Belief, box: Container[Cell], fresh: Collection[Cell]
+    belief: Belief,
+    before: Belief,
+    overview: Belief,
+    box: Container[Cell],
+    fresh: Collection[Cell],
 ) -> Belief:
     """A belief with the votes of cells that have become plain, after `fresh` got votes from above.
 
-    Beyond the `box` nobody searches: there a cell that no overview shows stands in the way of
-    region only, which may go on there.
+    `before` is the overview without these. What was decided from below stays as it is. Beyond the
+    `box` nobody searches: there a cell that no overview shows stands in the way of region only,
+    which may go on there.
     """
     found: dict[FrameId, dict[Cell, bool]] = {}
-    for cell in sorted({near for one in fresh for near in _around(one)}):
+    decided = (cell for cell in fresh if overview.verdict(cell) is not before.verdict(cell))
+    for cell in sorted({near for one in decided for near in _around(one)}):
         if belief.verdict(cell) is None and _is_plain(overview, box, cell):
             for frame, vote in overview.open_ballots[cell]:
                 found.setdefault(frame, {})[cell] = vote

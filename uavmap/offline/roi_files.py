@@ -23,6 +23,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.arena.roi import KINDS, MAX_CELLS, Roi, boundary, component, grown
 from missions.errors import GeodesyError, RoiError
 from missions.ground.grid import Grid
+from missions.mapping.patches import patches
 from missions.units import Cell, LatLon
 from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
 from uavmap.text_files import read_text
@@ -145,7 +146,7 @@ def _regions(name: str, text: str, cell_m: float, start: LatLon | None) -> list[
                 f"{name}: polygon {number} covers half of no cell of {cell_m:g} m; choose a "
                 "smaller --cell-m"
             )
-        part = _largest_part(cells)
+        part = set(patches(cells)[0])
         rois.append(Roi(f"{Path(name).stem}[{number}]", boundary(part)[0], frozenset(part)))
     return rois
 
@@ -227,14 +228,3 @@ def _covered(name: str, region: BaseGeometry, grid: Grid) -> list[Cell]:
         )
     shares = shares_of(cells_near(region, grid), region, grid)
     return [cell for cell, share in shares.items() if share >= MISSED_SHARE]
-
-
-def _largest_part(cells: set[Cell]) -> set[Cell]:
-    """Of the parts that hang together the largest, of equals the westernmost."""
-    left, best = set(cells), set[Cell]()
-    while left:
-        part = component(left, min(left))
-        left -= part
-        if len(part) > len(best):
-            best = part
-    return best
