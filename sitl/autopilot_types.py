@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from missions.ground.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
 from sitl.body.battery import Battery
+from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
-from sitl.body.sensors import PositionError
 from sitl.codec.wire import Packed
 from sitl.copter.aircraft import Aircraft
 from sitl.mavlink.base_commands import BaseCommands
@@ -38,7 +38,7 @@ class Kit:
 
     spec: VehicleSpec
     body: Body
-    error: PositionError
+    error: Estimator
     battery: Battery
     plane: LocalPlane
     amsl_m: float

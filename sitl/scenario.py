@@ -99,6 +99,8 @@ class Setup:
     swap_after_s: float = 60.0
     gps_sigma_m: float = 0.3
     gps_tau_s: float = 60.0
+    optical_flow: bool = False
+    odometry_drift: float = 0.02
     ready_after_s: float = 5.0
     quirks: Quirks = field(default_factory=Quirks)
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -143,6 +145,8 @@ class Setup:
                         camera=self.camera,
                         gps_sigma_m=self.gps_sigma_m,
                         gps_tau_s=self.gps_tau_s,
+                        optical_flow=self.optical_flow,
+                        odometry_drift=self.odometry_drift,
                         ready_after_s=self.ready_after_s,
                         image_url_prefix=image_url_prefix,
                         quirks=self.quirks,

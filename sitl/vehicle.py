@@ -17,8 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.autopilot_types import FLAVOURS, Kit
 from sitl.body.battery import Battery
+from sitl.body.estimator import Estimator
 from sitl.body.physics import MAX_STEP_S, Body
-from sitl.body.sensors import PositionError
 from sitl.camera.corrupt_images import Spoiler
 from sitl.camera.pinhole import Shot
 from sitl.codec.wire import Message
@@ -59,7 +59,10 @@ class SimVehicle:
             world.ground_m(east, north),
         )  # fmt: skip
         self._battery = Battery(spec.battery_wh)
-        self._error = PositionError(rng, spec.gps_sigma_m, spec.gps_tau_s)
+        self._error = Estimator(
+            rng, spec.gps_sigma_m, spec.gps_tau_s, seed=self._seed, flow=spec.optical_flow,
+            drift=spec.odometry_drift,
+        )  # fmt: skip
         if spec.autopilot not in FLAVOURS:
             raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
         amsl_m = world.spec.origin_amsl_m
@@ -197,6 +200,7 @@ class SimVehicle:
             mode=self._ap.mode,
             swaps=self._swaps,
             failsafe=self._ap.failsafes.active,
+            estimate_error_m=(self._error.east, self._error.north),
         )
 
     def _hear(self, messages: list[Message]) -> None:

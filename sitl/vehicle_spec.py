@@ -9,6 +9,8 @@ from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec
 from sitl.quirks import Quirks
 
+MOST_DRIFT = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class VehicleSpec:
@@ -17,8 +19,10 @@ class VehicleSpec:
     `autopilot` is a name in `sitl.autopilot_types`.
     `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
     crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
-    position error. `image_url_prefix`: what the pictures' addresses begin with; the system id and
-    the picture's index follow. `parameters` of the autopilot are set before it flies.
+    position error. `optical_flow`: without satellites it flies on by optical flow, whose way errs
+    by the share `odometry_drift` of the distance. `image_url_prefix`: what the pictures' addresses
+    begin with; the system id and the picture's index follow. `parameters` of the autopilot are set
+    before it flies.
     """
 
     system_id: int
@@ -30,6 +34,8 @@ class VehicleSpec:
     camera: CameraSpec = field(default_factory=CameraSpec)
     gps_sigma_m: float = 0.3
     gps_tau_s: float = 60.0
+    optical_flow: bool = False
+    odometry_drift: float = 0.02
     ready_after_s: float = 5.0
     max_speed_m_s: float = 15.0
     max_accel_m_s2: float = 3.0
@@ -45,6 +51,8 @@ class VehicleSpec:
             problems.append("system_id is 1 to 254")
         if not (self.gps_sigma_m >= 0.0 and self.gps_tau_s > 0.0):
             problems.append("gps_sigma_m is not negative, gps_tau_s positive")
+        if not 0.0 <= self.odometry_drift <= MOST_DRIFT:
+            problems.append(f"odometry_drift is a share of 0 to {MOST_DRIFT:g}")
         if not (self.max_speed_m_s > 0.0 and self.max_accel_m_s2 > 0.0):
             problems.append("max_speed_m_s and max_accel_m_s2 are positive")
         if not 5.0 <= self.max_tilt_deg <= 30.0:
@@ -81,3 +89,5 @@ class VehicleTruth:
     swaps: int
     failsafe: bool
     """One of its own failsafes is on."""
+    estimate_error_m: tuple[float, float] = (0.0, 0.0)
+    """What the autopilot's estimate of its position errs by (east, north)."""

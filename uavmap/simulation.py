@@ -86,6 +86,8 @@ def setup_of(
         swap_after_s=sim.swap_s,
         gps_sigma_m=sim.gps_sigma_m,
         gps_tau_s=sim.gps_tau_s,
+        optical_flow=sim.optical_flow,
+        odometry_drift=sim.odometry_drift,
         quirks=Quirks(**sim.quirks.model_dump()),
         parameters={**_return_height(mission, autopilot or sim.autopilot), **sim.parameters},
         relief=relief_of(mission, grid),

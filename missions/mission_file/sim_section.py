@@ -128,6 +128,10 @@ class Sim(Section):
     gust_m_s: NotNegative = 0.5
     gps_sigma_m: NotNegative = 0.3
     gps_tau_s: Positive = 60.0
+    optical_flow: bool = False
+    """Whether it flies on by optical flow where satellites are lost."""
+    odometry_drift: Annotated[Number, Field(ge=0, le=0.5)] = 0.02
+    """Share of the distance flown over ground that the position by optical flow errs by."""
     swap_s: NotNegative = 60.0
     """How long the ground crew needs for a battery swap."""
     terrain: SimTerrain | None = None

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from sitl.ardupilot.aiding import Ek3Aiding
 from sitl.ardupilot.failsafes import Failsafes
 from sitl.body.battery import Battery
+from sitl.body.estimator import Estimator
 from sitl.body.physics import IDLE, Body, Command
-from sitl.body.sensors import PositionError
 from sitl.copter.aircraft import SEVERITY_CRITICAL, SEVERITY_INFO, Aircraft
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
@@ -31,7 +32,7 @@ class Autopilot(Aircraft):
     def __init__(
         self,
         body: Body,
-        error: PositionError,
+        error: Estimator,
         battery: Battery,
         *,
         ready_after_s: float,
@@ -46,6 +47,7 @@ class Autopilot(Aircraft):
             parameters,
             CopterTuning(parameters),
             Fence(),
+            Ek3Aiding(body, error, parameters),
             first_item=1,
             ready_after_s=ready_after_s,
             max_speed_m_s=max_speed_m_s,
@@ -109,7 +111,9 @@ class Autopilot(Aircraft):
     def prearm_refusal(self) -> str | None:
         """What the checks before arming object to, or None."""
         if not self.prearm_ok:
-            return "PreArm: GPS 1: Bad fix" if self.error.lost else "PreArm: Gyros still settling"
+            return (
+                "PreArm: GPS 1: Bad fix" if self.satellites_lost else "PreArm: Gyros still settling"
+            )
         if not self.position_ok:
             return "PreArm: Need Position Estimate"
         if self.battery.voltage_v < self.parameters["BATT_ARM_VOLT"]:

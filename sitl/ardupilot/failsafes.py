@@ -58,6 +58,8 @@ class Craft(Protocol):
     def navigating(self) -> bool: ...  # noqa: D102
     @property
     def position_lost(self) -> bool: ...  # noqa: D102
+    @property
+    def satellites_lost(self) -> bool: ...  # noqa: D102
     def say(self, severity: int, text: str) -> None: ...  # noqa: D102
     def set_mode(self, mode: Mode) -> str | None: ...  # noqa: D102
     def disarm(self, force: bool = False) -> str | None: ...  # noqa: D102
@@ -74,6 +76,7 @@ class Failsafes:
     broken_fence: bool = False
     _station_s: float | None = None  # last heartbeat of the ground station
     _below_s: dict[int, float] = field(default_factory=dict)
+    _glitch: bool = False
     _position_s: float | None = None
     _consumed_mah: float = 0.0
 
@@ -173,17 +176,17 @@ class Failsafes:
             craft.say(WARNING, "Radio Failsafe Cleared")
 
     def _position(self, craft: Craft) -> None:
-        """Without satellites the filter holds out for a while, then the position is gone."""
+        """Without any help the filter holds out for a while, then the position is gone."""
+        if craft.satellites_lost != self._glitch:
+            self._glitch = not self._glitch
+            craft.say(CRITICAL, "GPS Glitch or Compass error" if self._glitch else "Glitch cleared")
         if not craft.position_lost:
-            if self._position_s is not None:
-                craft.say(CRITICAL, "Glitch cleared")
             if self.no_position:
                 craft.say(CRITICAL, "EKF Failsafe Cleared")
             self._position_s, self.no_position = None, False
             return
         if self._position_s is None:
             self._position_s = craft.t_s
-            craft.say(CRITICAL, "GPS Glitch or Compass error")
         if self.no_position or craft.t_s - self._position_s < _POSITION_LOST_S:
             return
         if not craft.navigating:

@@ -88,6 +88,10 @@ class PositionError:
             return
         if self._sigma[0] == 0.0 and not self.disturbed:
             return
+        self._follow_to(self._fix(dt_s))
+
+    def _fix(self, dt_s: float) -> tuple[float, float, float]:
+        """What the receiver's position errs by, after another `dt_s`."""
         if self._at + 3 > len(self._noise):
             # drawn in blocks: one call of numpy a step would cost more than the physics
             self._noise = self._rng.standard_normal(3 * _BLOCK).tolist()
@@ -97,7 +101,7 @@ class PositionError:
             self._keep = math.exp(-dt_s / self._tau_s)
             self._kick = math.sqrt(1.0 - self._keep * self._keep)
             self._follow = -math.expm1(-dt_s / _SMOOTHING_S) * _SMOOTHING_S
-        keep, kick, follow = self._keep, self._kick, self._follow
+        keep, kick = self._keep, self._kick
         raw_east, raw_north, raw_up = self._raw
         sigma_east, sigma_north, sigma_up = self._sigma
         noise, at = self._noise, self._at
@@ -111,6 +115,12 @@ class PositionError:
             self._drifted[1] += self._drift[1] * dt_s
             raw_east += self._glitch[0] + self._drifted[0]
             raw_north += self._glitch[1] + self._drifted[1]
+        return raw_east, raw_north, raw_up
+
+    def _follow_to(self, fix: tuple[float, float, float]) -> None:
+        """Draw the estimate towards the receiver's position, for the step of the last `_fix`."""
+        raw_east, raw_north, raw_up = fix
+        follow = self._follow
         self.v_east = v_east = (raw_east - self.east) / _SMOOTHING_S
         self.v_north = v_north = (raw_north - self.north) / _SMOOTHING_S
         self.v_up = v_up = (raw_up - self.up) / _SMOOTHING_S

@@ -10,8 +10,9 @@ from abc import ABC, abstractmethod
 from typing import Protocol
 
 from sitl.body.battery import Battery
+from sitl.body.estimator import Estimator
 from sitl.body.physics import Body, Command
-from sitl.body.sensors import PositionError
+from sitl.copter.aiding import Aiding
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import Item
 from sitl.copter.motion import Motion, Place
@@ -56,11 +57,12 @@ class Aircraft(Motion, ABC):
     def __init__(
         self,
         body: Body,
-        error: PositionError,
+        error: Estimator,
         battery: Battery,
         parameters: Parameters,
         tuning: Tuning,
         fence: Fence,
+        aiding: Aiding,
         *,
         first_item: int,
         ready_after_s: float,
@@ -69,6 +71,7 @@ class Aircraft(Motion, ABC):
     ) -> None:
         super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2)
         self.error = error
+        self.aiding = aiding
         self.battery = battery
         self.armed = False
         self.radio_lost = False  # set by a fault; without one nobody holds a radio control
@@ -80,6 +83,7 @@ class Aircraft(Motion, ABC):
         self.home_changed = False
         self._ready_after_s = ready_after_s
         self._home_known = False
+        self._resets = 0  # of the position that have been planned anew for
 
     # --- what it knows of itself ---------------------------------------------------------------
 
@@ -87,7 +91,9 @@ class Aircraft(Motion, ABC):
     def prearm_ok(self) -> bool:
         """The prearm bit of SYS_STATUS."""
         settled = self.t_s >= _PREARM_SHARE * self._ready_after_s
-        return settled and not (self.body.crashed or self.position_lost)
+        if not settled or self.body.crashed or self.position_lost:
+            return False
+        return self.armed or not self.error.lost or self.error.aided
 
     @property
     def position_ok(self) -> bool:
@@ -96,8 +102,13 @@ class Aircraft(Motion, ABC):
 
     @property
     def position_lost(self) -> bool:
-        """No satellites."""
-        return self.error.lost
+        """No satellites, and nothing in their place."""
+        return self.error.unaided
+
+    @property
+    def satellites_lost(self) -> bool:
+        """No satellites, although the position is meant to come from them."""
+        return self.error.lost and self.error.satellites_used
 
     @property
     def home_known(self) -> bool:
@@ -165,7 +176,11 @@ class Aircraft(Motion, ABC):
         self.t_s += dt_s
         if not self._home_known and self.t_s >= _HOME_SHARE * self._ready_after_s:
             self._home_known = self.home_changed = True
-        self.error.step(dt_s)
+        self.aiding.step(self.t_s)
+        self.error.move(dt_s, self.body.v_east, self.body.v_north)
+        if self.error.resets != self._resets:
+            self._resets = self.error.resets
+            self._replan()
         self._look()
         self._watch_failsafes()
         if self.body.motors_on and self.battery.empty:

@@ -140,6 +140,11 @@ class Motion:
         self.hold = self._stopping_point()
         self._enter(_FLY)
 
+    def _replan(self) -> None:
+        """The position has leapt: go on from where it is now."""
+        self._shaper.active = False
+        self._follower.stop()
+
     def land(self) -> None:
         """Come down on the place that is held."""
         self.target = None

@@ -41,6 +41,10 @@ _ROWS = (
     Parameter("CAM1_TYPE", 0, INT8, fixed=True),  # 1: a camera that the autopilot triggers
     Parameter("COMPASS_ENABLE", 1, INT8, fixed=True),
     Parameter("DISARM_DELAY", 10, INT8),  # s
+    Parameter("EK3_POSNE_M_NSE", 0.5, REAL32),  # m
+    Parameter("EK3_SRC1_POSXY", 3, INT8),  # 0 none, 3 satellites, 6 a companion
+    Parameter("EK3_SRC2_POSXY", 0, INT8),
+    Parameter("EK3_SRC3_POSXY", 0, INT8),
     Parameter("FENCE_ACTION", 1, INT8),
     Parameter("FENCE_ALT_MAX", 100.0, REAL32),  # m
     Parameter("FENCE_ALT_MIN", -10.0, REAL32),  # m
@@ -57,6 +61,8 @@ _ROWS = (
     Parameter("FS_OPTIONS", 16, INT32),
     Parameter("FS_THR_ENABLE", 1, INT8),
     Parameter("GPS1_TYPE", 1, INT8, fixed=True),
+    Parameter("GPS2_TYPE", 0, INT8),  # 14: by GPS_INPUT
+    Parameter("GPS_AUTO_SWITCH", 1, INT8),  # 1, 4: the second where the first has no fix
     Parameter("GUID_TIMEOUT", 3.0, REAL32),  # s
     Parameter("LAND_ALT_LOW", 1000, INT16),  # cm
     Parameter("LAND_SPEED", 50, INT16),  # cm/s
@@ -90,6 +96,8 @@ _ROWS = (
     Parameter("SIM_WIND_DIR", 180.0, REAL32),  # degrees, where it comes from
     Parameter("SIM_WIND_SPD", 0.0, REAL32),  # m/s besides the world's
     Parameter("SYS_FAILURE_EN", 0, INT8),  # 1: MAV_CMD_INJECT_FAILURE is obeyed
+    Parameter("VISO_POS_M_NSE", 0.2, REAL32),  # m
+    Parameter("VISO_TYPE", 0, INT8),  # not 0: positions of a companion are heard
     Parameter("WPNAV_ACCEL", 250.0, REAL32),  # cm/s^2
     Parameter("WPNAV_ACCEL_Z", 100.0, REAL32),  # cm/s^2
     Parameter("WPNAV_RADIUS", 200.0, REAL32),  # cm

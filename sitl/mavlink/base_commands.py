@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon
+from sitl.copter.aiding import Answer
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.fence import Place, zones
 from sitl.copter.mission_items import FENCE, RALLY, Item
@@ -30,6 +31,8 @@ class BaseCommands(ABC):
     """
 
     refused: int = FAILED
+    nowhere: int = DENIED
+    """The MAV_RESULT of EXTERNAL_POSITION_ESTIMATE for what is no place on earth."""
 
     def __init__(self, aircraft: Aircraft, plane: LocalPlane, amsl_m: float) -> None:
         self._aircraft = aircraft
@@ -40,6 +43,7 @@ class BaseCommands(ABC):
             mav.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
             mav.MAV_CMD_DO_SET_MISSION_CURRENT: self._mission_current,
             mav.MAV_CMD_DO_SET_HOME: self._set_home,
+            mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE: self._external_position,
             mav.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Reply(
                 self.refused if aircraft.armed else ACCEPTED, self._prearm_texts()
             ),
@@ -82,6 +86,10 @@ class BaseCommands(ABC):
     def _flat(self, lat_e7: int, lon_e7: int) -> tuple[float, float]:
         return self._plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
 
+    def locate(self, lat_e7: int, lon_e7: int) -> Place | None:
+        """Latitude and longitude in the world's plane; None when it is nowhere."""
+        return self.target(mav.MAV_FRAME_GLOBAL, lat_e7, lon_e7, 0.0)
+
     def _item_place(self, item: Item) -> Place | None:
         return self.target(item.frame, item.x, item.y, item.z)
 
@@ -93,6 +101,29 @@ class BaseCommands(ABC):
         if speed > 0.0:  # -1: no change
             self._aircraft.set_speed(kind, speed)
         return Reply(ACCEPTED)
+
+    def _external_position(self, request: Request) -> Reply:
+        """EXTERNAL_POSITION_ESTIMATE: the delay, the accuracy, the place; its height is not used.
+
+        The time of transmission is taken for the time of arrival.
+        """
+        ap, (_, delay_s, sigma_m) = self._aircraft, request.p[:3]
+        place = None
+        if request.place is not None:
+            place = self.locate(*request.place[1:])
+        elif abs(request.p[4]) <= 90.0 and abs(request.p[5]) <= 180.0:
+            place = self.locate(round(request.p[4] * 1e7), round(request.p[5] * 1e7))
+        if place is None:
+            return Reply(self.nowhere)
+        if not ap.home_known:
+            return Reply(self.refused)
+        delay_s = delay_s if math.isfinite(delay_s) else 0.0
+        answer = ap.aiding.told(
+            place[0], place[1], sigma_m if math.isfinite(sigma_m) else None,
+            max(0.0, min(ap.aiding.most_delay_s, delay_s)), flying=ap.airborne,
+        )  # fmt: skip
+        results = {Answer.TAKEN: ACCEPTED, Answer.REFUSED: self.refused}
+        return Reply(results.get(answer, self.nowhere))
 
     # --- missions, fence, home ------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from sitl.copter.modes import Mode
 from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
 from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request
 
+_GLOBAL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 
 
@@ -33,6 +34,7 @@ class FlightCommands(BaseCommands):
                 mav.MAV_CMD_MISSION_START: self._mission_start,
                 mav.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
                 mav.MAV_CMD_DO_FENCE_ENABLE: self._fence_enable,
+                mav.MAV_CMD_SET_EKF_SOURCE_SET: self._choose_sources,
             }
         )
 
@@ -103,6 +105,18 @@ class FlightCommands(BaseCommands):
         if wanted not in (0, 1):
             return Reply(DENIED)
         return Reply(ACCEPTED if self._ap.pause_mission(wanted == 0) else FAILED)
+
+    def _choose_sources(self, request: Request) -> Reply:
+        number = request.integer(1)
+        return Reply(
+            ACCEPTED if number is not None and self._ap.aiding.choose_sources(number) else DENIED
+        )
+
+    def _external_position(self, request: Request) -> Reply:
+        """In a frame of the globe alone."""
+        if request.place is not None and request.place[0] not in _GLOBAL_FRAMES:
+            return Reply(UNSUPPORTED)
+        return super()._external_position(request)
 
     def _fence_enable(self, request: Request) -> Reply:
         wanted = request.integer(1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -17,6 +18,7 @@ from sitl.copter.mission_items import Item
 from sitl.copter.params import Parameter
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.commands import Commands, Request
+from sitl.mavlink.positions import ARDUPILOT_FRAMES, ToldPositions
 from sitl.mavlink.streams import STREAM_GROUPS, Streams
 from sitl.mavlink.telemetry import Telemetry
 
@@ -33,6 +35,8 @@ _UNASKED = 65535  # index of a parameter that nobody has asked for
 
 class Interpreter:
     """The vehicle's end of the link."""
+
+    odometry_frames: ClassVar[tuple[int, ...]] = ARDUPILOT_FRAMES
 
     def __init__(
         self,
@@ -70,6 +74,9 @@ class Interpreter:
             "HEARTBEAT": self._heartbeat,
             "MISSION_SET_CURRENT": self._set_current,
             **dict.fromkeys(self._transfer.handled, self._mission),
+            **ToldPositions(
+                autopilot, lambda: telemetry.origin, commands.flight.locate, self.odometry_frames
+            ).handlers,
         }
 
     def _make_transfer(self) -> Transfer:

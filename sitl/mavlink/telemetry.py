@@ -33,6 +33,7 @@ _PRESENT_AT_REST = _PRESENT & ~mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 _SMALL = (0.01, 0.01, 0.01, 0.01, 0.0, 0.0)  # variances
 # attitude, velocities, relative and absolute position, predictions
 _EKF_READY = layouts.ekf_status_report(0x33F, *_SMALL)
+_EKF_RELATIVE = layouts.ekf_status_report(0x12F, *_SMALL)  # where on earth it is not known
 _EKF_CONSTANT_POSITION = layouts.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
 _TARGET_POSITION_ONLY = 0xFDF8
 _TARGET_VELOCITY_ONLY = 0xFDC7
@@ -172,7 +173,7 @@ class Telemetry:
         health = _SENSORS
         if not ap.fence.broken:
             health |= _GEOFENCE
-        if ap.home_known and not ap.position_lost:
+        if ap.home_known and not ap.error.lost:
             health |= _GPS
         if ap.prearm_ok:
             health |= _PREARM
@@ -208,18 +209,27 @@ class Telemetry:
         return layouts.system_time(0, self.boot_ms)
 
     def gps_raw_int(self) -> Packed:
-        """GPS_RAW_INT; no fix until home is known."""
+        """GPS_RAW_INT, of the first receiver; no fix until home is known."""
         ap = self._ap
-        if not ap.home_known or ap.position_lost:
-            return layouts.gps_raw_int(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
+        if not ap.home_known or ap.error.lost:
+            kind = mav.GPS_FIX_TYPE_NO_FIX if ap.home_known else mav.GPS_FIX_TYPE_NO_GPS
+            return layouts.gps_raw_int(0, kind, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
         now = ap.estimate
-        lat, lon, amsl = self.place(now.east, now.north, now.up)
+        lat, lon, amsl = self.place(*self._fix, now.up)
         course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
         return layouts.gps_raw_int(
             int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
             uint16(100.0 * math.hypot(now.v_east, now.v_north)), uint16(course * 100.0) % 36000,
             10, amsl, 300, 300,
         )  # fmt: skip
+
+    @property
+    def _fix(self) -> tuple[float, float]:
+        """Where the first receiver is, as it says."""
+        ap = self._ap
+        if ap.error.by_satellites:
+            return ap.estimate.east, ap.estimate.north
+        return ap.body.east + ap.error.fix[0], ap.body.north + ap.error.fix[1]
 
     def attitude(self) -> Packed:
         """ATTITUDE."""
@@ -321,7 +331,9 @@ class Telemetry:
 
     def ekf_status_report(self) -> Packed:
         """EKF_STATUS_REPORT: constant position mode until ready."""
-        return _EKF_READY if self._ap.position_ok else _EKF_CONSTANT_POSITION
+        if not self._ap.position_ok:
+            return _EKF_CONSTANT_POSITION
+        return _EKF_READY if self._ap.aiding.absolute else _EKF_RELATIVE
 
     def home_position(self) -> Packed | None:
         """HOME_POSITION, once known; arming moves it."""

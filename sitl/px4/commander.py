@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from sitl.body.battery import Battery
+from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
-from sitl.body.sensors import PositionError
 from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
 from sitl.copter.fence import names
 from sitl.copter.modes import Phase
 from sitl.copter.params import Parameters
+from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.failsafes import CRITICAL, Px4Failsafes
 from sitl.px4.fence import Px4Fence
 from sitl.px4.home import HomeCorrection
@@ -32,7 +33,7 @@ class Commander(Aircraft):
     def __init__(
         self,
         body: Body,
-        error: PositionError,
+        error: Estimator,
         battery: Battery,
         *,
         system_id: int,
@@ -42,6 +43,7 @@ class Commander(Aircraft):
         correction: HomeCorrection,
     ) -> None:
         parameters = Parameters(TABLE)
+        aiding = Ekf2Aiding(body, error, parameters)
         super().__init__(
             body,
             error,
@@ -49,6 +51,7 @@ class Commander(Aircraft):
             parameters,
             Px4Tuning(parameters),
             Px4Fence(),
+            aiding,
             first_item=0,
             ready_after_s=ready_after_s,
             max_speed_m_s=max_speed_m_s,
@@ -58,6 +61,7 @@ class Commander(Aircraft):
         parameters.preset("MAV_SYS_ID", system_id)
         self.mode = Px4Mode.HOLD
         self.failsafes = Px4Failsafes()
+        self.sources = aiding
         self.setpoints = Setpoints()
         self.correction = correction
         self._flies_since_s: float | None = None
@@ -73,6 +77,19 @@ class Commander(Aircraft):
     def in_mission(self) -> bool:
         """AUTO.MISSION."""
         return self.mode == Px4Mode.MISSION
+
+    @property
+    def position_lost(self) -> bool:
+        """Nothing helps, or the filter's own accuracy has passed COM_POS_FS_EPH."""
+        return self.error.unaided or self.position_poor
+
+    @property
+    def position_poor(self) -> bool:
+        """The position by optical flow has become worse than COM_POS_FS_EPH; below 0: never."""
+        if self.sources.absolute or not self.error.flow:
+            return False
+        limit_m = self.parameters["COM_POS_FS_EPH"]
+        return 0.0 <= limit_m < self.error.accuracy_m
 
     @property
     def prearm_ok(self) -> bool:

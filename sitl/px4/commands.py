@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.ground.geodesy import LocalPlane
 from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
-from sitl.mavlink.reply import ACCEPTED, DENIED, UNSUPPORTED, Reply, Request
+from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
 
@@ -28,6 +28,7 @@ class Px4Commands(BaseCommands):
     """A PX4's."""
 
     refused: int = mav.MAV_RESULT_TEMPORARILY_REJECTED
+    nowhere: int = FAILED
 
     def __init__(self, autopilot: Px4Autopilot, plane: LocalPlane, amsl_m: float) -> None:
         super().__init__(autopilot, plane, amsl_m)
@@ -112,6 +113,12 @@ class Px4Commands(BaseCommands):
         if abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
             return None, None
         return self._flat(lat_e7, lon_e7)
+
+    def _external_position(self, request: Request) -> Reply:
+        """The delay has to be told."""
+        if not math.isfinite(request.p[1]):
+            return Reply(self.refused)
+        return super()._external_position(request)
 
     def _mission_start(self, request: Request) -> Reply:
         first = request.p[0]

@@ -18,6 +18,7 @@ from sitl.body.battery import CELLS, Battery
 from sitl.copter.control import Estimate
 from sitl.copter.fence import Fence, Place, names
 from sitl.copter.params import Parameters
+from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.modes import Px4Mode
 from sitl.px4.offboard import Setpoints
 
@@ -50,11 +51,14 @@ class Craft(Protocol):
     parameters: Parameters
     radio_lost: bool
     setpoints: Setpoints
+    sources: Ekf2Aiding
 
     @property
     def airborne(self) -> bool: ...  # noqa: D102
     @property
     def position_lost(self) -> bool: ...  # noqa: D102
+    @property
+    def position_poor(self) -> bool: ...  # noqa: D102
     def say(self, severity: int, text: str) -> None: ...  # noqa: D102
     def fail_to(self, mode: Px4Mode) -> None: ...  # noqa: D102
     def disarm(self, force: bool = False) -> str | None: ...  # noqa: D102
@@ -72,6 +76,7 @@ class Px4Failsafes:
     engaged: bool = False
     """One of them has changed the mode, and nobody has since."""
     _station_s: float | None = None  # last heartbeat of a ground station
+    _without_satellites: bool = False  # it flies on, and has said so
     _position_s: float | None = None
     _gone_after_s: float = 5.0
     _consumed_mah: float = 0.0
@@ -163,19 +168,31 @@ class Px4Failsafes:
         self.no_radio = lost
 
     def _position(self, craft: Craft) -> None:
-        """Without satellites the filter holds out for a while, then the position is gone."""
+        """Without any help the filter holds out for a while, then the position is gone."""
+        self._satellites(craft)
         if not craft.position_lost:
             self._position_s, self.no_position = None, False
             return
         if self._position_s is None:
             self._position_s = craft.t_s
             self._gone_after_s = craft.parameters.positive("EKF2_NOAID_TOUT", 5e5, 1e7) / 1e6
+        if craft.position_poor:
+            self._gone_after_s = 0.0
         if self.no_position or not self.position_gone(craft.t_s):
             return
         self.no_position = True
         craft.say(_CRITICAL, "Global position lost")
         if craft.armed and craft.airborne:
             self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
+
+    def _satellites(self, craft: Craft) -> None:
+        """They stop being fused, and it flies on; they begin to be fused again."""
+        if craft.sources.just_stopped and craft.armed and not craft.position_lost:
+            self._without_satellites = True
+            craft.say(_WARN, "GNSS data fusion stopped")
+        elif craft.sources.just_started and self._without_satellites:
+            self._without_satellites = False
+            craft.say(mav.MAV_SEVERITY_INFO, "GNSS data fusion started")
 
     def _fence(self, craft: Craft) -> None:
         now = craft.estimate

@@ -11,6 +11,7 @@ from sitl.copter.params import INT32, Parameter
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.commands import Commands
 from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
+from sitl.mavlink.positions import PX4_FRAMES
 from sitl.mavlink.streams import Streams
 from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.autopilot import Px4Autopilot
@@ -22,6 +23,8 @@ _RETRY_S, _GIVE_UP_S = 0.25, 5.0
 
 class Px4Interpreter(Interpreter):
     """A PX4's end of the link."""
+
+    odometry_frames = PX4_FRAMES
 
     def __init__(
         self,

@@ -27,8 +27,12 @@ _ROWS = (
     Parameter("COM_LOW_BAT_ACT", 0, INT32),  # 0 warn, 2 land, 3 return when critical
     Parameter("COM_OBL_RC_ACT", 0, INT32),  # 0-2 by hand, 3 return, 4 land, 5 hold, 6, 7 motors off
     Parameter("COM_OF_LOSS_T", 1.0, REAL32),  # s
+    Parameter("COM_POS_FS_EPH", 5.0, REAL32),  # m, below 0: never
     Parameter("COM_RCL_EXCEPT", 0, INT32),  # 1 mission, 2 hold, 4 offboard
     Parameter("COM_TAKEOFF_ACT", 0, INT32),  # 0 hold, 1 mission
+    Parameter("EKF2_EVP_NOISE", 0.1, REAL32),  # m
+    Parameter("EKF2_EV_CTRL", 0, INT32),  # 1: positions of a companion are fused
+    Parameter("EKF2_GPS_CTRL", 7, INT32),  # 1: positions by satellites are fused
     Parameter("EKF2_NOAID_TOUT", 5000000, INT32),  # us
     Parameter("GF_ACTION", 2, INT32),  # 0, 1 warn, 2 hold, 3 return, 4 motors off, 5 land
     Parameter("GF_MAX_HOR_DIST", 0.0, REAL32),  # m, 0: none

@@ -33,6 +33,7 @@ _BY_HAND = mav.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mav.MAV_MODE_FLAG_STABILIZE_
 _ESTIMATOR_GOOD = 0x33F  # attitude, velocities, relative and absolute position, predictions
 _ESTIMATOR_AT_REST = 0x3FF  # and, on the ground, that the position is held constant
 _ESTIMATOR_NO_POSITION = 0xA7
+_ESTIMATOR_ABSOLUTE = 0x210  # the absolute position, and its prediction
 
 DEFAULT_HZ = {
     mav.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
@@ -117,8 +118,11 @@ class Px4Telemetry(Telemetry):
         flags = _ESTIMATOR_GOOD if self._ap.airborne else _ESTIMATOR_AT_REST
         if not self._ap.position_ok:
             flags = _ESTIMATOR_NO_POSITION
+        elif not self._ap.aiding.absolute:
+            flags &= ~_ESTIMATOR_ABSOLUTE
+        accuracy_m = self._ap.error.accuracy_m
         return mav.MAVLink_estimator_status_message(
-            round(self._ap.t_s * 1e6), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.5
+            round(self._ap.t_s * 1e6), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, accuracy_m, 0.5
         )
 
     def altitude(self) -> Message:

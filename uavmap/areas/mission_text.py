@@ -119,6 +119,8 @@ COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
         "sim.gust_m_s": "of the wind",
         "sim.gps_sigma_m": "error of positions, standard deviation",
         "sim.gps_tau_s": "how long such an error lasts",
+        "sim.optical_flow": "whether it flies on without satellites",
+        "sim.odometry_drift": "share of the distance that flying on without satellites errs by",
         "sim.swap_s": "what the crew needs for a battery",
         "sim.terrain": "ground that is not level (docs/simulator.md)",
         "sim.quirks": "what real aircraft do (docs/simulator.md)",

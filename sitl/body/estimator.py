@@ -1,0 +1,219 @@
+"""What the autopilot believes of its position, and by what: satellites, optical flow, others' word.
+
+`PositionError` is satellite navigation and its loss. Here is what real navigation filters have
+besides: the way measured by optical flow while there are no satellites, and positions that a
+companion computer tells. Which of them count is the autopilot's (`sitl.copter.aiding`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sitl.body.dead_reckoning import DeadReckoning
+from sitl.body.sensors import PositionError
+
+_FLOW_SEED = 44
+_REGAINED_S = 1.0  # so long there is a fix before it counts
+_FIX_M = 0.3 / math.sqrt(2.0)  # accuracy of the position by satellites, each axis
+_GROWTH_M2_S = 0.04  # of the variance between two measurements: what an IMU leaves open
+_WANDER_M2_S = 0.004  # of the variance by optical flow, at rest
+_LOST_M2_S = 1.0  # of the variance with nothing at all
+_OUTPUT_TAU_S = 0.25  # a correction is spread over time, so that no position leaps
+_MOST_M2 = 1e6
+
+
+class Estimator(PositionError):  # noqa: N818 - an error of a position is no exception
+    """Error of the estimated position, metres (east, north, up).
+
+    Until something else than satellites is used it is `PositionError`, number for number. `flow`:
+    there is optical flow, whose way errs by the share `drift` of the distance. `satellites_used`
+    and `aided` say what the autopilot lets count, from one step to the next.
+    """
+
+    __slots__ = (
+        "_flow_m",
+        "_pending",
+        "_plain",
+        "_reckoning",
+        "_regained_s",
+        "_unaided_s",
+        "_variance",
+        "aided",
+        "fix",
+        "flow",
+        "no_fix_s",
+        "outage_s",
+        "rejoined",
+        "resets",
+        "satellites_used",
+    )
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        sigma_m: float,
+        tau_s: float,
+        *,
+        seed: Sequence[int] = (0,),
+        flow: bool = False,
+        drift: float = 0.02,
+    ) -> None:
+        super().__init__(rng, sigma_m, tau_s)
+        self.flow = flow
+        self.satellites_used = True
+        self.aided = False
+        """A second receiver or a companion tells positions that are used."""
+        self.fix = (0.0, 0.0)
+        """Of the receiver alone, once something else is used."""
+        self.no_fix_s = 0.0
+        """Since the last absolute position of any kind was fused."""
+        self.outage_s = 0.0
+        """Since satellites were last fused."""
+        self.rejoined = True
+        """Satellites come back to an estimate that has stayed near them: no reset is needed."""
+        self.resets = 0
+        """How often the position has leapt to another."""
+        self._plain = not flow
+        self._reckoning = DeadReckoning([*seed, _FLOW_SEED], drift)
+        self._regained_s = _REGAINED_S
+        self._unaided_s = 0.0
+        self._variance = _FIX_M * _FIX_M  # each axis
+        self._flow_m = 0.0  # flown by flow alone
+        self._pending = (0.0, 0.0)
+
+    # --- what is known ---------------------------------------------------------------------------
+
+    @property
+    def calm(self) -> bool:
+        """There are satellites, and there has never been anything else."""
+        return self._plain and not self.lost and self.outage_s == 0.0
+
+    @property
+    def by_satellites(self) -> bool:
+        """Satellites are fused now."""
+        return self.satellites_used and not self.lost and self._regained_s >= _REGAINED_S
+
+    @property
+    def unaided(self) -> bool:
+        """Nothing tells the position or the velocity."""
+        if self.flow or self.aided:
+            return False
+        return self.lost or not self.satellites_used
+
+    @property
+    def accuracy_m(self) -> float:
+        """Standard deviation of the horizontal position, as the filter has it."""
+        return math.sqrt(2.0 * self._variance + self._by_flow_m2)
+
+    @property
+    def _by_flow_m2(self) -> float:
+        """Both axes together."""
+        way_m = self._reckoning.drift * self._flow_m
+        return way_m * way_m
+
+    # --- what others tell ------------------------------------------------------------------------
+
+    def fuse(self, east_m: float, north_m: float, sigma_m: float) -> None:
+        """A measured position that errs by this; it is drawn towards it as the variances say."""
+        self._leave_plain()
+        variance = self._variance + 0.5 * self._by_flow_m2
+        gain = variance / (variance + sigma_m * sigma_m)
+        pending_east, pending_north = self._pending
+        self._pending = (
+            pending_east + gain * (east_m - self.east - pending_east),
+            pending_north + gain * (north_m - self.north - pending_north),
+        )
+        self._variance, self._flow_m = (1.0 - gain) * variance, 0.0
+
+    def reset_to(self, east_m: float, north_m: float, sigma_m: float) -> None:
+        """From now on the position errs by this."""
+        self._leave_plain()
+        self.east, self.north = east_m, north_m
+        self._pending = (0.0, 0.0)
+        self._variance, self._flow_m = min(sigma_m * sigma_m, _MOST_M2), 0.0
+        self.resets += 1
+
+    def far_off(self, east_m: float, north_m: float, sigma_m: float, gate: float) -> bool:
+        """Whether such a measurement is more than `gate` standard deviations away."""
+        variance = self._variance + 0.5 * self._by_flow_m2 + sigma_m * sigma_m
+        away = math.hypot(east_m - self.east, north_m - self.north)
+        return away * away > gate * gate * variance
+
+    # --- time ------------------------------------------------------------------------------------
+
+    def move(self, dt_s: float, v_east: float, v_north: float) -> None:
+        """Advance by `dt_s`, over ground at this true velocity (east, north)."""
+        if self._plain and (not self.satellites_used or self.aided):
+            self._leave_plain()
+        if self._plain:
+            self.step(dt_s)
+            self.no_fix_s = self.outage_s = self.outage_s + dt_s if self.lost else 0.0
+            return
+        fix = (0.0, 0.0, 0.0)
+        if not self.lost:
+            if self._sigma[0] != 0.0 or self.disturbed:
+                fix = self._fix(dt_s)
+            self.fix = fix[:2]
+        self._regained_s = 0.0 if self.lost else self._regained_s + dt_s
+        if self.by_satellites:
+            self._with_satellites(fix)
+            return
+        if self.outage_s == 0.0:
+            self._reckoning.begin()
+        self.disturbed = True  # from here on its error is not the receiver's
+        self.outage_s += dt_s
+        self.no_fix_s = 0.0 if self.aided else self.no_fix_s + dt_s
+        self._without_satellites(dt_s, v_east, v_north)
+        self._correct(dt_s)
+
+    def _leave_plain(self) -> None:
+        if self._plain:
+            self._plain = False
+            self._regained_s = 0.0 if self.lost else _REGAINED_S
+            self._unaided_s = self.outage_s
+            if self.outage_s > 0.0:
+                self._variance += _LOST_M2_S * self.outage_s
+
+    def _with_satellites(self, fix: tuple[float, float, float]) -> None:
+        if self.outage_s > 0.0 and not self.rejoined:
+            self.reset_to(fix[0], fix[1], _FIX_M)
+        self.outage_s = self.no_fix_s = self._unaided_s = 0.0
+        self._pending = (0.0, 0.0)
+        self._variance, self._flow_m = _FIX_M * _FIX_M, 0.0
+        if self._sigma[0] != 0.0 or self.disturbed:
+            self._follow_to(fix)
+
+    def _without_satellites(self, dt_s: float, v_east: float, v_north: float) -> None:
+        if self.unaided:
+            if self._unaided_s == 0.0:
+                bearing = self._reckoning.bearing_rad()
+                self._wander, self._lost_s = [math.sin(bearing), math.cos(bearing)], 0.0
+            self._unaided_s += dt_s
+            self._wander_off(dt_s)
+            self._grow(_LOST_M2_S * dt_s)
+            return
+        self._unaided_s = self.v_up = 0.0
+        if self.flow:
+            self.v_east, self.v_north = self._reckoning.error_m_s(v_east, v_north, dt_s)
+            self._flow_m += math.hypot(v_east, v_north) * dt_s
+        else:
+            self.v_east = self.v_north = 0.0
+        self.east += self.v_east * dt_s
+        self.north += self.v_north * dt_s
+        self._grow((_GROWTH_M2_S if self.aided else _WANDER_M2_S) * dt_s)
+
+    def _grow(self, variance_m2: float) -> None:
+        self._variance = min(self._variance + variance_m2, _MOST_M2)
+
+    def _correct(self, dt_s: float) -> None:
+        """A part of what measurements have told and the position has not followed yet."""
+        east, north = self._pending
+        if east == 0.0 == north:
+            return
+        share = -math.expm1(-dt_s / _OUTPUT_TAU_S)
+        self.east += share * east
+        self.north += share * north
+        self._pending = (east - share * east, north - share * north)

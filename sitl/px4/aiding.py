@@ -1,0 +1,112 @@
+"""What PX4's EKF2 lets count for its position.
+
+EKF2_GPS_CTRL and EKF2_EV_CTRL (bit 0: horizontal position) say what is fused. Beside satellites a
+companion's positions only count by how they change: their offset is estimated. One position at a
+time is taken by EXTERNAL_POSITION_ESTIMATE, while nothing else helps.
+"""
+
+from __future__ import annotations
+
+from sitl.body.estimator import Estimator
+from sitl.body.physics import Body
+from sitl.copter.aiding import Aiding, Answer
+from sitl.copter.params import Parameters
+
+_POSITION = 1  # of EKF2_GPS_CTRL and EKF2_EV_CTRL
+_VISION_S = 0.4
+_DEAD_RECKONING_S = 1.0
+_STOPS_AFTER_S = 7.0  # satellites without a fix are fused no more
+_OFFSET_SHARE = 0.1  # of a difference that the offset follows with each position
+_UNKNOWN_SIGMA_M = 50.0
+_HARD_SIGMA_M = 1.0  # what is better than this is taken as it is
+_GATE = 5.0
+
+
+class Ekf2Aiding(Aiding):
+    """A PX4's."""
+
+    most_delay_s = 15.0
+
+    def __init__(self, body: Body, error: Estimator, parameters: Parameters) -> None:
+        super().__init__(body, error, parameters)
+        self._version = -1
+        self._fuses_satellites = True
+        self._fuses_vision = False
+        self._offset = (0.0, 0.0)
+        self.just_stopped = self.just_started = False
+        """Fusion of satellites has, in this step."""
+
+    @property
+    def absolute(self) -> bool:
+        """By satellites, or by a companion."""
+        return self._fuses_satellites or self._fuses_vision
+
+    def step(self, t_s: float) -> None:
+        """Fusion of satellites stops some time after the last fix, and begins with one."""
+        self._t_s = t_s
+        error, get = self._error, self._get
+        if error.calm and self._version == get.version:
+            self.just_stopped = self.just_started = False
+            return
+        self._version = get.version
+        error.satellites_used = bool(int(get["EKF2_GPS_CTRL"]) & _POSITION)
+        error.rejoined = before = self._fuses_satellites
+        self._fuses_satellites = error.satellites_used and (
+            error.by_satellites or (before and error.outage_s < _STOPS_AFTER_S)
+        )
+        self.just_stopped = before and not self._fuses_satellites
+        self.just_started = self._fuses_satellites and not before
+        if self._fuses_vision and (
+            t_s - self._vision_s > _VISION_S or not int(get["EKF2_EV_CTRL"]) & _POSITION
+        ):
+            self._fuses_vision = False
+        error.aided = self._fuses_vision
+
+    def vision(self, east_m: float, north_m: float, sigma_m: float, resets: int) -> None:
+        """Alone it is the position, from its first one on; beside satellites it has an offset."""
+        error = self._error
+        if not int(self._get["EKF2_EV_CTRL"]) & _POSITION:
+            return
+        if not self._is_somewhere(east_m, north_m):
+            return
+        leapt, starts, self._vision_s = self._leapt(resets), not self._fuses_vision, self._t_s
+        self._fuses_vision = True
+        east, north = self._errs_by(east_m, north_m)
+        sigma_m = max(sigma_m, self._get["EKF2_EVP_NOISE"], 0.01)
+        if self._fuses_satellites and (error.by_satellites or starts or leapt):
+            away = (east - error.east, north - error.north)
+            share = 1.0 if starts or leapt else _OFFSET_SHARE
+            self._offset = (
+                self._offset[0] + share * (away[0] - self._offset[0]),
+                self._offset[1] + share * (away[1] - self._offset[1]),
+            )
+            return
+        if starts:
+            self._offset = (0.0, 0.0)
+        errs_by = (east - self._offset[0], north - self._offset[1])
+        if starts or leapt:
+            error.reset_to(*errs_by, sigma_m)
+        else:
+            error.fuse(*errs_by, sigma_m)
+        error.aided, error.no_fix_s = True, 0.0
+
+    def receiver(self, east_m: float, north_m: float, sigma_m: float, fix_type: int) -> None:
+        """It does not hear GPS_INPUT."""
+
+    def told(
+        self, east_m: float, north_m: float, sigma_m: float | None, delay_s: float, *, flying: bool
+    ) -> Answer:
+        """Refused while satellites, optical flow or a companion help."""
+        error = self._error
+        reckons = error.outage_s >= _DEAD_RECKONING_S and error.unaided
+        if not (reckons or (not flying and not self._fuses_satellites)):
+            return Answer.REFUSED
+        if not self._is_somewhere(east_m, north_m):
+            return Answer.NOWHERE
+        sigma_m = sigma_m if sigma_m is not None and sigma_m > 0.0 else _UNKNOWN_SIGMA_M
+        errs_by = self._errs_by(east_m, north_m, delay_s)
+        if not flying or sigma_m < _HARD_SIGMA_M or error.far_off(*errs_by, sigma_m, _GATE):
+            error.reset_to(*errs_by, sigma_m)
+        else:
+            error.fuse(*errs_by, sigma_m)
+        return Answer.TAKEN
