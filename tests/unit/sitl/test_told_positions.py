@@ -1,0 +1,409 @@
+"""Positions that a companion tells: who takes which, when, and how they are followed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+from tests.unit.sitl.positions import (
+    ABSOLUTE,
+    AUTOPILOTS,
+    NAN,
+    RELATIVE,
+    flags,
+    fly_to,
+    in_the_air,
+    off_m,
+    place,
+    put,
+    where,
+)
+
+ACCEPTED, FAILED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_FAILED, mav.MAV_RESULT_DENIED
+REJECTED, UNSUPPORTED = mav.MAV_RESULT_TEMPORARILY_REJECTED, mav.MAV_RESULT_UNSUPPORTED
+COMPANION = 6.0  # EK3_SRCn_POSXY
+
+
+def tell(vehicle, at, *, delay_s=0.0, sigma_m=0.5, frame=0):
+    """EXTERNAL_POSITION_ESTIMATE of a place in the world's plane; the result."""
+    return tell_lat_lon(vehicle, *place(vehicle, *at), delay_s, sigma_m, frame)
+
+
+def tell_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
+    vehicle.receive()
+    command = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
+    vehicle.send(
+        mav.MAVLink_command_int_message(
+            1, 1, frame, command, 0, 0, 0.0, delay_s, sigma_m, 0.0, lat_e7, lon_e7, NAN
+        )
+    )
+    return vehicle.expect("COMMAND_ACK", timeout_s=0.0, command=command).result
+
+
+def see(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
+    """VISION_POSITION_ESTIMATE that errs by so much."""
+    east, north = where(vehicle)
+    vehicle.send(
+        mav.MAVLink_vision_position_estimate_message(
+            0, north + error[1], east + error[0], -10.0, 0.0, 0.0, 0.0, spread(sigma_m), resets
+        )
+    )
+
+
+def odometry(vehicle, error=(0.0, 0.0), frame=mav.MAV_FRAME_LOCAL_FRD, quality=0):
+    east, north = where(vehicle)
+    vehicle.send(
+        mav.MAVLink_odometry_message(
+            0, frame, mav.MAV_FRAME_BODY_FRD, north + error[1], east + error[0], -10.0,
+            (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, spread(0.1), [NAN] * 21,
+            0, mav.MAV_ESTIMATOR_TYPE_VISION, quality,
+        )
+    )  # fmt: skip
+
+
+def spread(sigma_m):
+    covariance = [0.0] * 21
+    covariance[0] = covariance[6] = sigma_m * sigma_m
+    return covariance
+
+
+def receive(vehicle, error=(0.0, 0.0), fix_type=3, accuracy_m=0.5):
+    """GPS_INPUT that errs by so much."""
+    east, north = where(vehicle)
+    lat, lon = place(vehicle, east + error[0], north + error[1])
+    vehicle.send(
+        mav.MAVLink_gps_input_message(
+            0, 1, 0, 0, 0, fix_type, lat, lon, 498.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.3, accuracy_m,
+            1.0, 12,
+        )
+    )  # fmt: skip
+
+
+def often(vehicle, say, seconds, hz=10.0):
+    """Say it again and again while time passes; the largest leap of the error between two."""
+    leap_m, before = 0.0, vehicle.truth.estimate_error_m
+    for _ in range(round(seconds * hz)):
+        say()
+        for _ in range(round(20.0 / hz)):
+            vehicle.run(0.05)
+            now = vehicle.truth.estimate_error_m
+            leap_m, before = max(leap_m, math.dist(before, now)), now
+    return leap_m
+
+
+# --- EXTERNAL_POSITION_ESTIMATE ----------------------------------------------------------------
+
+
+def test_an_ardupilot_takes_a_position_while_it_reckons_by_flow():
+    vehicle = in_the_air("ardupilot", odometry_drift=0.05)
+    assert tell(vehicle, where(vehicle)) == FAILED  # it has satellites
+    vehicle.fail.gps()
+    vehicle.run(0.9)
+    assert tell(vehicle, where(vehicle)) == FAILED  # less than a second ago
+    fly_to(vehicle, 0.0, 60.0)
+    vehicle.run(20.0)
+    assert off_m(vehicle) > 0.5
+    east, north = where(vehicle)
+    assert tell(vehicle, (east + 0.2, north), sigma_m=5.0) == ACCEPTED
+    assert vehicle.truth.estimate_error_m == pytest.approx((0.2, 0.0), abs=0.05)
+    assert tell(vehicle, (east, north)) == ACCEPTED  # as often as one likes
+    assert off_m(vehicle) < 0.05
+    assert not flags(vehicle) & ABSOLUTE  # it is none the wiser of where on earth it is
+    assert flags(vehicle) & RELATIVE
+
+
+def test_a_position_that_is_old_is_moved_on():
+    vehicle = in_the_air("ardupilot")
+    vehicle.fail.gps()
+    fly_to(vehicle, 0.0, 200.0)
+    vehicle.run(6.0)
+    v_north = vehicle.truth.velocity_m_s[1]
+    assert v_north > 5.0
+    east, north = where(vehicle)
+    assert tell(vehicle, (east, north - 2.0 * v_north), delay_s=2.0) == ACCEPTED
+    assert vehicle.truth.estimate_error_m == pytest.approx((0.0, 0.0), abs=0.5)
+    assert tell(vehicle, (east, north), delay_s=NAN, sigma_m=NAN) == ACCEPTED
+    assert off_m(vehicle) < 0.1
+
+
+def test_an_ardupilot_without_any_help_takes_one_until_it_gives_its_position_up():
+    vehicle = in_the_air("ardupilot", optical_flow=False)
+    vehicle.fail.gps()
+    vehicle.run(5.0)
+    assert tell(vehicle, where(vehicle)) == ACCEPTED
+    assert off_m(vehicle) < 0.05
+    vehicle.run(11.0)
+    assert tell(vehicle, where(vehicle)) == FAILED
+
+
+def test_a_px4_takes_none_in_flight_while_flow_helps():
+    vehicle = in_the_air("px4")
+    assert tell(vehicle, where(vehicle)) == REJECTED
+    vehicle.fail.gps()
+    vehicle.run(10.0)
+    assert tell(vehicle, where(vehicle)) == REJECTED
+
+
+def test_a_px4_takes_one_while_nothing_helps():
+    vehicle = in_the_air("px4", optical_flow=False)
+    vehicle.fail.gps()
+    vehicle.run(0.9)
+    assert tell(vehicle, where(vehicle)) == REJECTED
+    vehicle.run(2.0)
+    wrong = tuple(a + 5.0 for a in where(vehicle))
+    assert tell(vehicle, wrong, delay_s=NAN) == REJECTED
+    assert tell(vehicle, wrong, sigma_m=0.5) == ACCEPTED
+    assert off_m(vehicle) == pytest.approx(
+        math.sqrt(50.0), abs=0.05
+    )  # a good one is taken as it is
+    assert tell(vehicle, where(vehicle), sigma_m=5.0) == ACCEPTED  # this one is weighed
+    vehicle.run(1.5)
+    assert 3.0 < off_m(vehicle) < 9.0
+
+
+def test_a_px4_on_the_ground_takes_one_without_satellites():
+    vehicle = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0))[0]
+    vehicle.run(6.0)
+    assert tell(vehicle, (3.0, 4.0)) == REJECTED
+    vehicle.fail.gps()
+    vehicle.run(8.0)
+    assert tell(vehicle, (3.0, 4.0)) == ACCEPTED
+    assert off_m(vehicle) == pytest.approx(5.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "nowhere"), [("ardupilot", DENIED), ("px4", FAILED)], ids=AUTOPILOTS
+)
+def test_what_is_no_place_changes_nothing(autopilot, nowhere):
+    vehicle = in_the_air(autopilot, optical_flow=autopilot == "ardupilot")
+    vehicle.fail.gps()
+    vehicle.run(2.0)
+    before = vehicle.truth.estimate_error_m
+    assert tell_lat_lon(vehicle, 910_000_000, 0) == nowhere
+    assert tell_lat_lon(vehicle, 0, 0) == nowhere  # thousands of kilometres away
+    if autopilot == "ardupilot":
+        assert tell(vehicle, where(vehicle), frame=3) == UNSUPPORTED
+    assert vehicle.truth.estimate_error_m == before
+
+
+def test_it_may_come_as_a_command_long():
+    vehicle = in_the_air("ardupilot")
+    vehicle.fail.gps()
+    vehicle.run(2.0)
+    lat, lon = place(vehicle, *where(vehicle))
+    command = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
+    assert vehicle.command(command, 0, 0, 0.5, 0, lat / 1e7, lon / 1e7, NAN) == ACCEPTED
+    assert vehicle.command(command, 0, 0, 0.5, 0, NAN, NAN, NAN) == DENIED
+
+
+# --- GPS_INPUT ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flow", [True, False])
+def test_a_second_receiver_of_an_ardupilot_stands_in(flow):
+    vehicle = in_the_air("ardupilot", optical_flow=flow)
+    put(vehicle, GPS2_TYPE=14.0)
+    often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 3.0, hz=5.0)
+    assert off_m(vehicle) < 0.05  # the first has a fix
+    vehicle.fail.gps()
+    leap_m = often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 4.0, hz=5.0)
+    assert vehicle.truth.estimate_error_m == pytest.approx((3.0, 0.0), abs=0.2)
+    assert leap_m < 0.5
+    often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 12.0, hz=5.0)
+    assert flags(vehicle) & ABSOLUTE
+    assert vehicle.truth.mode.name == "GUIDED"
+
+
+def test_a_second_receiver_needs_a_fix_a_type_a_switch_and_to_be_heard():
+    for setting, fix_type, seconds in (
+        ({"GPS2_TYPE": 14.0}, 2, 14.0),
+        ({"GPS2_TYPE": 1.0}, 3, 14.0),
+        ({"GPS2_TYPE": 14.0, "GPS_AUTO_SWITCH": 0.0}, 3, 14.0),
+    ):
+        vehicle = in_the_air("ardupilot", optical_flow=False)
+        put(vehicle, **setting)
+        vehicle.fail.gps()
+        often(vehicle, lambda v=vehicle, f=fix_type: receive(v, fix_type=f), seconds, hz=5.0)
+        assert vehicle.truth.mode.name == "LAND"
+    vehicle = in_the_air("ardupilot", optical_flow=False)
+    put(vehicle, GPS2_TYPE=14.0, GPS_AUTO_SWITCH=4.0)
+    vehicle.fail.gps()
+    often(vehicle, lambda: receive(vehicle), 14.0, hz=5.0)
+    assert vehicle.truth.mode.name == "GUIDED"
+    vehicle.run(4.0 + 7.8)
+    assert vehicle.truth.mode.name == "GUIDED"
+    vehicle.run(0.6)
+    assert vehicle.truth.mode.name == "LAND"
+
+
+def test_a_px4_does_not_hear_gps_input():
+    vehicle = in_the_air("px4", optical_flow=False)
+    vehicle.fail.gps()
+    often(vehicle, lambda: receive(vehicle), 6.0, hz=5.0)
+    assert vehicle.truth.mode.name == "LAND"
+
+
+# --- VISION_POSITION_ESTIMATE, ODOMETRY --------------------------------------------------------
+
+
+def choose(vehicle, number):
+    return vehicle.command(mav.MAV_CMD_SET_EKF_SOURCE_SET, number)
+
+
+def test_an_ardupilot_follows_a_companion_by_its_set_of_sources():
+    vehicle = in_the_air("ardupilot", parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION})
+    often(vehicle, lambda: see(vehicle, (2.0, 0.0)), 2.0)
+    assert off_m(vehicle) < 0.05  # satellites are the source
+    assert choose(vehicle, 0) == choose(vehicle, 4) == choose(vehicle, NAN) == DENIED
+    assert choose(vehicle, 2) == ACCEPTED
+    often(vehicle, lambda: see(vehicle, (2.0, 0.0)), 0.2)
+    assert vehicle.truth.estimate_error_m == pytest.approx((2.0, 0.0), abs=0.05)  # a reset
+    leap_m = often(vehicle, lambda: see(vehicle, (0.0, 0.0)), 1.0)
+    assert off_m(vehicle) < 0.4  # within about a second
+    assert leap_m < 0.5
+    see(vehicle, (5.0, 5.0), resets=1)  # it says itself that it leaps
+    assert vehicle.truth.estimate_error_m == pytest.approx((5.0, 5.0), abs=0.05)
+    vehicle.fail.gps()
+    often(vehicle, lambda: see(vehicle, resets=1), 12.0, hz=4.0)
+    assert flags(vehicle) & ABSOLUTE
+    assert off_m(vehicle) < 0.1
+    vehicle.fail.clear()
+    assert choose(vehicle, 1) == ACCEPTED
+    vehicle.run(1.5)
+    assert off_m(vehicle) < 0.05
+
+
+def test_satellites_that_lie_do_not_count_where_the_companion_is_the_source():
+    vehicle = in_the_air("ardupilot", parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION})
+    choose(vehicle, 2)
+    vehicle.fail.gps_drift(1.0)
+    often(vehicle, lambda: see(vehicle), 10.0)
+    assert off_m(vehicle) < 0.1
+    choose(vehicle, 1)
+    vehicle.run(0.2)
+    assert vehicle.truth.estimate_error_m[0] == pytest.approx(10.0, abs=0.5)
+
+
+@pytest.mark.parametrize("flow", [True, False])
+def test_a_companion_of_an_ardupilot_that_falls_silent(flow):
+    vehicle = in_the_air(
+        "ardupilot", optical_flow=flow, parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION}
+    )
+    choose(vehicle, 2)
+    often(vehicle, lambda: see(vehicle), 2.0)
+    vehicle.run(9.0)
+    assert vehicle.truth.mode.name == ("GUIDED" if flow else "LAND")
+    vehicle.run(2.0)
+    assert not flags(vehicle) & ABSOLUTE
+
+
+def test_an_ardupilot_without_viso_type_hears_nobody():
+    vehicle = in_the_air("ardupilot", parameters={"EK3_SRC1_POSXY": COMPANION}, optical_flow=True)
+    often(vehicle, lambda: see(vehicle, (9.0, 0.0)), 2.0)
+    assert off_m(vehicle) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "frame", "heard"),
+    [
+        ("ardupilot", mav.MAV_FRAME_LOCAL_FRD, True),
+        ("ardupilot", mav.MAV_FRAME_LOCAL_NED, False),
+        ("px4", mav.MAV_FRAME_LOCAL_FRD, True),
+        ("px4", mav.MAV_FRAME_LOCAL_NED, True),
+        ("px4", mav.MAV_FRAME_BODY_FRD, False),
+    ],
+)
+def test_odometry_by_its_frame_and_its_quality(autopilot, frame, heard):
+    parameters = {"EKF2_EV_CTRL": 1, "EKF2_GPS_CTRL": 0}
+    if autopilot == "ardupilot":
+        parameters = {"VISO_TYPE": 1, "EK3_SRC1_POSXY": COMPANION}
+    vehicle = in_the_air(autopilot)
+    put(vehicle, **{name: float(value) for name, value in parameters.items()})
+    vehicle.run(0.2)
+    odometry(vehicle, (3.0, 1.0), frame, quality=-1)
+    assert off_m(vehicle) < 0.2
+    odometry(vehicle, (3.0, 1.0), frame)
+    assert (off_m(vehicle) > 3.0) == heard
+
+
+def test_a_px4_knows_a_companion_by_its_changes_while_it_has_satellites():
+    vehicle = in_the_air("px4", optical_flow=False)
+    put(vehicle, EKF2_EV_CTRL=1.0)
+    often(vehicle, lambda: see(vehicle, (4.0, 0.0)), 3.0)
+    assert off_m(vehicle) < 0.1
+    vehicle.fail.gps()
+    often(vehicle, lambda: see(vehicle, (4.0, 0.0)), 10.0)
+    assert off_m(vehicle) < 0.3  # its offset is kept
+    assert vehicle.truth.mode.name == "HOLD"
+    assert flags(vehicle) & ABSOLUTE
+    often(vehicle, lambda: see(vehicle, (5.0, 0.0)), 2.0)
+    assert vehicle.truth.estimate_error_m[0] == pytest.approx(1.0, abs=0.2)
+    vehicle.run(1.0)  # it falls silent, and begins anew: now its positions are the position
+    often(vehicle, lambda: see(vehicle, (5.0, 0.0)), 1.0)
+    assert vehicle.truth.estimate_error_m[0] == pytest.approx(5.0, abs=0.1)
+    vehicle.run(7.0)
+    assert vehicle.truth.mode.name == "LAND"
+
+
+def test_a_px4_can_be_told_to_leave_satellites_alone():
+    vehicle = in_the_air("px4")
+    put(vehicle, EKF2_GPS_CTRL=0.0)
+    vehicle.fail.gps_glitch(30.0)
+    vehicle.run(3.0)
+    assert off_m(vehicle) < 0.5
+    assert not flags(vehicle) & ABSOLUTE
+    put(vehicle, EKF2_EV_CTRL=1.0)
+    often(vehicle, lambda: see(vehicle), 2.0)
+    assert off_m(vehicle) < 0.1
+    assert flags(vehicle) & ABSOLUTE
+    put(vehicle, EKF2_GPS_CTRL=7.0)
+    vehicle.run(0.3)
+    assert off_m(vehicle) == pytest.approx(30.0, abs=0.5)
+
+
+def test_a_poorer_position_is_followed_more_slowly():
+    ways = []
+    for sigma_m in (0.1, 3.0):
+        vehicle = in_the_air(
+            "ardupilot", parameters={"VISO_TYPE": 1, "EK3_SRC1_POSXY": COMPANION}, seed=2
+        )
+        often(vehicle, lambda v=vehicle, s=sigma_m: see(v, sigma_m=s), 3.0)
+        often(vehicle, lambda v=vehicle, s=sigma_m: see(v, (2.0, 0.0), sigma_m=s), 0.8)
+        ways.append(vehicle.truth.estimate_error_m[0])
+    assert ways[0] > 1.5 > 2.0 * ways[1]
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    numbers=st.lists(st.floats(width=32), min_size=4, max_size=4),
+    lat=st.integers(-(2**31), 2**31 - 1),
+    lon=st.integers(-(2**31), 2**31 - 1),
+    autopilot=st.sampled_from(AUTOPILOTS),
+)
+def test_whatever_is_told_the_estimate_stays_a_number(numbers, lat, lon, autopilot):
+    parameters = {"EKF2_EV_CTRL": 1}
+    if autopilot == "ardupilot":
+        parameters = {"VISO_TYPE": 1, "EK3_SRC1_POSXY": COMPANION, "GPS2_TYPE": 14}
+    vehicle = Fleet(Setup(autopilot=autopilot, optical_flow=True, parameters=parameters))[0]
+    vehicle.run(6.0)
+    vehicle.fail.gps()
+    vehicle.run(8.0)
+    a, b, c, d = numbers
+    vehicle.send(
+        mav.MAVLink_vision_position_estimate_message(0, a, b, c, d, a, b, [c, *[d] * 20], 7)
+    )
+    vehicle.send(
+        mav.MAVLink_gps_input_message(
+            0, 1, 0, 0, 0, 3, lat, lon, a, b, c, d, a, b, c, d, a, 12
+        )
+    )  # fmt: skip
+    tell_lat_lon(vehicle, lat, lon, a, b)
+    vehicle.run(1.0)
+    assert all(map(math.isfinite, vehicle.truth.estimate_error_m))
+    assert math.isfinite(vehicle._vehicle._error.accuracy_m)
