@@ -22,7 +22,7 @@ _GROWTH_M2_S = 0.04  # of the variance between two measurements: what an IMU lea
 _WANDER_M2_S = 0.004  # of the variance by optical flow, at rest
 _LOST_M2_S = 1.0  # of the variance with nothing at all
 _OUTPUT_TAU_S = 0.25  # a correction is spread over time, so that no position leaps
-_MOST_M2 = 1e6
+_LEAST_M2, _MOST_M2 = 1e-6, 1e6
 
 
 class Estimator(PositionError):  # noqa: N818 - an error of a position is no exception
@@ -120,7 +120,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         """A measured position that errs by this; it is drawn towards it as the variances say."""
         self._leave_plain()
         variance = self._variance + 0.5 * self._by_flow_m2
-        gain = variance / (variance + sigma_m * sigma_m)
+        gain = variance / (variance + max(sigma_m * sigma_m, _LEAST_M2))
         pending_east, pending_north = self._pending
         self._pending = (
             pending_east + gain * (east_m - self.east - pending_east),

@@ -57,7 +57,7 @@ class Faults:
     # --- what can go wrong -----------------------------------------------------------------------
 
     def gps(self, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """Satellite navigation is lost; the estimate wanders off by itself."""
+        """Satellite navigation is lost: the estimate wanders off, or drifts with optical flow."""
         self._add("gps", after_s, for_s)
 
     def gps_glitch(

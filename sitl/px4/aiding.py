@@ -69,8 +69,9 @@ class Ekf2Aiding(Aiding):
             return
         if not self._is_somewhere(east_m, north_m):
             return
-        leapt, starts, self._vision_s = self._leapt(resets), not self._fuses_vision, self._t_s
-        self._fuses_vision = True
+        starts = not self._fuses_vision or self._t_s - self._vision_s > _VISION_S
+        leapt = self._leapt(resets)
+        self._fuses_vision, self._vision_s = True, self._t_s
         east, north = self._errs_by(east_m, north_m)
         sigma_m = max(sigma_m, self._get["EKF2_EVP_NOISE"], 0.01)
         if self._fuses_satellites and (error.by_satellites or starts or leapt):

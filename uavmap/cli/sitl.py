@@ -29,7 +29,7 @@ examples:
 A line a vehicle is printed on standard output: the URL that a client connects with. How to connect
 is said on standard error. Ctrl-C ends it.
 """
-_WITHOUT_MISSION = ("home", "world", "world_crs", "wind")
+_WITHOUT_MISSION = ("home", "world", "world_crs", "wind", "optical_flow")
 
 
 def add_parser(commands: Any) -> None:
@@ -61,6 +61,12 @@ def add_parser(commands: Any) -> None:
         "may be given again",
     )
     add("--world-crs", metavar="EPSG", type=epsg_code, help="of a world file (default: 4326)")
+    add(
+        "--optical-flow",
+        action="store_true",
+        default=None,
+        help="without satellites it flies on (in a mission: [sim] optical_flow)",
+    )
     add("--tcp", action="store_true", help="listen on TCP, instead of sending UDP to the client")
     add(
         "--port",
@@ -153,6 +159,7 @@ def _by_home(options: argparse.Namespace) -> _Serving:
         wind_from_deg=from_deg,
         world=tuple(options.world or ()),
         world_epsg=options.world_crs,
+        optical_flow=bool(options.optical_flow),
     )
     return lambda on_ready: simulation.serve_setup(
         setup, base_port=options.port, http_port=options.http_port, on_ready=on_ready

@@ -28,6 +28,7 @@ HOME = "47.4,8.5,488,90"
         (f"--home {HOME} --mission runway", "--home is for a simulation without --mission"),
         ("--mission runway --wind 3,90", "--wind is for a simulation without"),
         ("--world a.geojson", "--world needs --home"),
+        ("--optical-flow", "--optical-flow needs --home"),
         ("--world-crs 32632", "--world-crs needs --home"),
         (f"--home {HOME} --wind 3", "SPEED,FROM"),
         (f"--home {HOME} --wind 300,0", "0 to 40 m/s"),

@@ -27,11 +27,14 @@ from tests.unit.sitl.positions import (
     fly_to,
     in_the_air,
     off_m,
+    place,
     put,
     texts,
     told,
     where,
 )
+from tests.unit.sitl.test_px4 import upload as upload_to_px4
+from tests.unit.sitl.test_route import UP, WP, Planner, row
 
 
 def straight(seed, drift, legs, dt_s=0.05, speed_m_s=5.0):
@@ -185,6 +188,7 @@ def test_a_px4_lands_once_its_own_accuracy_is_gone():
     vehicle.until(lambda: vehicle.truth.mode.name == "LAND", timeout_s=30.0)
     assert where(vehicle)[1] == pytest.approx(2.0 / 0.04, abs=6.0)  # as it reckons
     assert not flags(vehicle) & (ABSOLUTE | RELATIVE)
+    assert ask(vehicle, "ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(2.0, abs=0.1)
     patient = in_the_air("px4", odometry_drift=0.04)
     put(patient, COM_POS_FS_EPH=-1.0)
     patient.fail.gps()
@@ -232,3 +236,38 @@ def test_equal_seeds_give_equal_bytes(autopilot):
         return vehicle.receive_bytes(), vehicle.truth
 
     assert flown() == flown()
+
+
+def test_an_ardupilot_in_auto_and_in_loiter_goes_on(make_client):
+    client = make_client(optical_flow=True)
+    client.run(6.0)
+    planner = Planner(client)
+    planner.upload(UP, row(WP, at=(0.0, 60.0, 10.0)), row(WP, at=(0.0, 0.0, 10.0)))
+    planner.begin()
+    client.run(10.0)
+    client.vehicle.fail.gps()
+    client.run(35.0)
+    assert planner.reached[-2:] == [2, 3]
+    assert not client.vehicle.truth.failsafe
+    assert client.result(mav.MAV_CMD_DO_SET_MODE, 1, 5) == mav.MAV_RESULT_ACCEPTED
+    client.run(3.0)
+    assert client.vehicle.truth.mode.name == "LOITER"
+
+
+def test_a_px4_in_offboard_and_in_a_mission_goes_on():
+    vehicle = in_the_air("px4")
+    points = [(WP, *place(vehicle, 0.0, north_m), 10.0) for north_m in (30.0, 0.0)]
+    assert upload_to_px4(vehicle, points) == mav.MAV_MISSION_ACCEPTED
+    vehicle.fail.gps()
+    assert vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, 4, 4) == mav.MAV_RESULT_ACCEPTED
+    vehicle.until(lambda: where(vehicle)[1] > 29.0, timeout_s=30.0)
+    setpoint = mav.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, mav.MAV_FRAME_LOCAL_NED, 0xDF8, 5.0, 15.0, -10.0, *[0.0] * 8
+    )
+    for tick in range(120):
+        vehicle.send(setpoint)
+        vehicle.run(0.1)
+        if tick == 5:
+            vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, 6)
+    assert vehicle.truth.mode.name == "OFFBOARD"
+    assert told(vehicle) == pytest.approx((15.0, 5.0), abs=0.3)
