@@ -186,6 +186,18 @@ def test_a_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
     assert flight.truth.t_s < 60.0
 
 
+@both
+def test_an_outage_of_satellites_is_flown_through_by_optical_flow(autopilot):
+    flow = "[sim]\noptical_flow = true\nodometry_drift = 0.01\n"
+    flight = scenario(
+        autopilot,
+        once(flying, lambda v: v.fail.gps(after_s=2.0, for_s=20.0)),
+        change=lambda text: text.replace("[sim]\n", flow),
+    )
+    assert (flight.code, flight.summary["completed"]) == (0, True)
+    assert flight.columns >= {"home"}
+
+
 # --- cameras -------------------------------------------------------------------------------------
 NOTHING_JUDGED = "no region found in 0 judged frames"
 
