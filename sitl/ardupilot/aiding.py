@@ -55,7 +55,7 @@ class Ek3Aiding(Aiding):
             return
         by_gps = self._source == _GPS
         error.satellites_used = by_gps
-        error.rejoined = self.absolute and not self._changed
+        error.still_near = self.absolute and not self._changed
         if error.by_satellites:
             self._changed = False
         error.aided = self._hears_companion if self._source == _EXTERNAL_NAV else (

@@ -14,7 +14,7 @@ import numpy as np
 _MOST_SIGMAS, _MOST_WANDER = 2.5, 3.0
 _WANDER_M_S = 0.02  # at rest, each axis
 _WANDER_TAU_S = 5.0
-_CHANGING_SHARE = 0.25  # of the drift: what no scale and no rotation explains
+_CHANGING_SHARE = 0.15  # of the drift: what no scale and no rotation explains
 _BLOCK = 256
 
 

@@ -18,7 +18,7 @@ from sitl.body.sensors import PositionError
 _FLOW_SEED = 44
 _REGAINED_S = 1.0  # so long there is a fix before it counts
 _FIX_M = 0.3 / math.sqrt(2.0)  # accuracy of the position by satellites, each axis
-_GROWTH_M2_S = 0.04  # of the variance between two measurements: what an IMU leaves open
+_GROWTH_M2_S = 0.15  # of the variance between two measurements: what an IMU leaves open
 _WANDER_M2_S = 0.004  # of the variance by optical flow, at rest
 _LOST_M2_S = 1.0  # of the variance with nothing at all
 _OUTPUT_TAU_S = 0.25  # a correction is spread over time, so that no position leaps
@@ -46,7 +46,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         "flow",
         "no_fix_s",
         "outage_s",
-        "rejoined",
+        "still_near",
         "resets",
         "satellites_used",
     )
@@ -72,7 +72,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         """Since the last absolute position of any kind was fused."""
         self.outage_s = 0.0
         """Since satellites were last fused."""
-        self.rejoined = True
+        self.still_near = True
         """Satellites come back to an estimate that has stayed near them: no reset is needed."""
         self.resets = 0
         """How often the position has leapt to another."""
@@ -178,7 +178,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
                 self._variance += _LOST_M2_S * self.outage_s
 
     def _with_satellites(self, fix: tuple[float, float, float]) -> None:
-        if self.outage_s > 0.0 and not self.rejoined:
+        if self.outage_s > 0.0 and not self.still_near:
             self.reset_to(fix[0], fix[1], _FIX_M)
         self.outage_s = self.no_fix_s = self._unaided_s = 0.0
         self._pending = (0.0, 0.0)

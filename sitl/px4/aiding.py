@@ -50,7 +50,7 @@ class Ekf2Aiding(Aiding):
             return
         self._version = get.version
         error.satellites_used = bool(int(get["EKF2_GPS_CTRL"]) & _POSITION)
-        error.rejoined = before = self._fuses_satellites
+        error.still_near = before = self._fuses_satellites
         self._fuses_satellites = error.satellites_used and (
             error.by_satellites or (before and error.outage_s < _STOPS_AFTER_S)
         )
