@@ -46,9 +46,9 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         "flow",
         "no_fix_s",
         "outage_s",
-        "still_near",
         "resets",
         "satellites_used",
+        "still_near",
     )
 
     def __init__(
