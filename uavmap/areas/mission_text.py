@@ -120,6 +120,8 @@ COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
         "sim.gps_sigma_m": "error of positions, standard deviation",
         "sim.gps_tau_s": "how long such an error lasts",
         "sim.swap_s": "what the crew needs for a battery",
+        "sim.tag_m": "marker on top of each vehicle; 0: none (docs/simulator.md)",
+        "sim.tag_dictionary": "of OpenCV; the number is the vehicle's",
         "sim.terrain": "ground that is not level (docs/simulator.md)",
         "sim.quirks": "what real aircraft do (docs/simulator.md)",
         "sim.parameters": "of the simulated autopilot",
