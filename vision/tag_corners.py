@@ -31,11 +31,11 @@ _ENLARGED = 2
 _FINE_PX = 16  # pixels of the pattern for each of its modules
 _MARGIN = 0.7  # modules around the black square that are looked at
 _INNER = (np.arange(3) + 0.5) / 3 - 0.5
-_MOST_PX = 6.0  # pixels for each module that are looked at; a larger marker is shrunk
+_MOST_PX = 3.0  # pixels for each module that are looked at; a larger marker is shrunk
 _BLURS_PX = (0.25, 0.45, 0.7, 1.0, 1.4, 1.9)
-_STEP_PX = 0.03
+_STEP_PX = 0.01
 _ITERATIONS = 12
-_ENOUGH_PX = 0.003
+_ENOUGH_PX = 0.005
 _LEAST_LIKENESS = 0.8  # correlation of picture and pattern
 _LEAST_NOISE = 2.0  # gray levels
 
@@ -136,10 +136,13 @@ class _Overlay:
         self._low = low
         self.corners = (corners - low + 0.5) / k - 0.5
         u, v = np.meshgrid(np.arange(small.shape[1]), np.arange(small.shape[0]))
-        at = self._modules(self.corners, u.ravel(), v.ravel())
-        inside = (np.abs(at - self._count / 2.0) <= self._count / 2.0 + _MARGIN).all(axis=1)
-        self._u, self._v = u.ravel()[inside], v.ravel()[inside]
-        self.levels = small.ravel()[inside]
+        reach = self._count / 2.0
+        right, down = self._modules(self.corners, u, v)
+        inside = np.maximum(np.abs(right - reach), np.abs(down - reach)) <= reach + _MARGIN
+        inner_u, inner_v = np.meshgrid(_INNER, _INNER)
+        self._u = u[inside][:, None] + inner_u.ravel()
+        self._v = v[inside][:, None] + inner_v.ravel()
+        self.levels = small[inside]
         self._pattern = pattern
         self._per_module = edge / self._count / k
         self.blur(_BLURS_PX[1])
@@ -153,29 +156,23 @@ class _Overlay:
         """Corners in pixels of the whole picture."""
         return np.asarray((corners + 0.5) * self.shrunk - 0.5 + self._low, dtype=np.float64)
 
-    def _modules(self, corners: Array, u: Array, v: Array) -> Array:
-        """Where pixels lie on the marker, in modules from its upper left corner."""
+    def _modules(self, corners: Array, u: Array, v: Array) -> tuple[Array, Array]:
+        """Where pixels lie on the marker, in modules right and down of its upper left corner."""
         n = float(self._count)
         square = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]], np.float32)
         matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), square)
-        points = np.column_stack([u, v, np.ones(len(u))]) @ matrix.T
-        return np.asarray(points[:, :2] / points[:, 2:], dtype=np.float64)
+        (a, b, c), (d, e, f), (g, h, i) = matrix
+        scale = g * u + h * v + i
+        return np.asarray((a * u + b * v + c) / scale), np.asarray((d * u + e * v + f) / scale)
 
     def seen(self, corners: Array) -> Array:
         """The blurred pattern in each pixel, 0 to 1, for corners in pixels of the part."""
-        inner_u, inner_v = np.meshgrid(_INNER, _INNER)
-        fine_u = self._u[:, None] + inner_u.ravel()
-        fine_v = self._v[:, None] + inner_v.ravel()
-        at = (self._modules(corners, fine_u.ravel(), fine_v.ravel()) + 2.0) * _FINE_PX - 0.5
-        columns, rows = at[:, 0].astype(np.float32), at[:, 1].astype(np.float32)
-        # remap takes pictures of less than 32,768 pixels along an edge
-        wide = math.ceil(math.sqrt(len(columns)))
-        columns, rows = (np.resize(x, (wide, wide)) for x in (columns, rows))
+        right, down = ((x + 2.0) * _FINE_PX - 0.5 for x in self._modules(corners, self._u, self._v))
         sampled = cv2.remap(
-            self._blurred, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-        per_pixel = np.asarray(sampled, np.float64).ravel()[: fine_u.size]
-        return np.asarray(per_pixel.reshape(len(self._u), -1).mean(axis=1))
+            self._blurred, right.astype(np.float32), down.astype(np.float32), cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        return np.asarray(np.asarray(sampled, np.float64).mean(axis=1))
 
 
 def _refined(gray: Gray, dictionary: str, number: int, corners: Array) -> FoundTag | None:
@@ -217,14 +214,12 @@ def _residuals(overlay: _Overlay, corners: Array) -> tuple[Array, float, float]:
 def _slopes(overlay: _Overlay, corners: Array, gain: float) -> Array:
     """How each pixel answers to a pixel of motion of each corner, to the gain and to an offset."""
     found = np.empty((len(overlay.levels), 10))
+    now = overlay.seen(corners)
     for i in range(8):
         step = np.zeros(8)
         step[i] = _STEP_PX
-        ahead = overlay.seen(corners + step.reshape(4, 2))
-        behind = overlay.seen(corners - step.reshape(4, 2))
-        found[:, i] = gain * (ahead - behind) / (2.0 * _STEP_PX)
-    found[:, 8] = overlay.seen(corners)
-    found[:, 9] = 1.0
+        found[:, i] = gain * (overlay.seen(corners + step.reshape(4, 2)) - now) / _STEP_PX
+    found[:, 8], found[:, 9] = now, 1.0
     return found
 
 
