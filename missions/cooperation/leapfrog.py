@@ -64,8 +64,8 @@ class TrackerView:
             raise ValueError(f"tag_m is above 0, tilt_rad and margin_m at least 0: {self}")
         if not 0.0 < self.separation_m <= self.above_m:
             raise ValueError(
-                f"above_m is {self.above_m:g}: the tracker crosses above the mapper, so it flies at "
-                f"least separation_m = {self.separation_m:g} m higher"
+                f"above_m is {self.above_m:g}: the tracker crosses above the mapper, so it flies "
+                f"at least separation_m = {self.separation_m:g} m higher"
             )
         if not self.reach_m > 0.0:
             raise ValueError(
@@ -164,7 +164,7 @@ def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
     flown = 0.0
     while flown < line.length - _STILL_M:
         until = _farthest(line, flown, view.reach_m)
-        piece = LineString(substring(line, flown, until))
+        piece = _piece(line, flown, until)
         centre = _centre(piece)
         if distance(tracker, centre) > _STILL_M:
             steps.append(Step(Role.TRACKER, (tracker, centre), mapper))
@@ -179,7 +179,7 @@ def _farthest(line: LineString, flown_m: float, reach_m: float) -> float:
     """How far along the path a piece from `flown_m` may go: its circle only grows with it."""
 
     def fits(until_m: float) -> bool:
-        piece = substring(line, flown_m, until_m)
+        piece = _piece(line, flown_m, until_m)
         return float(shapely.minimum_bounding_radius(piece)) <= reach_m
 
     length_m = float(line.length)
@@ -191,6 +191,13 @@ def _farthest(line: LineString, flown_m: float, reach_m: float) -> float:
         middle = (low + high) / 2.0
         low, high = (middle, high) if fits(middle) else (low, middle)
     return low
+
+
+def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
+    piece = substring(line, start_m, end_m)
+    if not isinstance(piece, LineString):
+        raise AssertionError("a piece has a length")
+    return piece
 
 
 def _centre(piece: LineString) -> Point:

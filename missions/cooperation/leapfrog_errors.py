@@ -250,7 +250,7 @@ def _legs(step: Step) -> Sequence[Array]:
 def _apart(step: Step) -> Array:
     """From the tracker to the mapper at a step's end, by the plan."""
     towards = np.array(step.hovering) - np.array(step.end)
-    return towards if step.mover is Role.TRACKER else -towards
+    return np.asarray(towards if step.mover is Role.TRACKER else -towards, dtype=np.float64)
 
 
 def _drawn(covariance: Array, rng: np.random.Generator) -> Array:
@@ -269,9 +269,9 @@ def _flown(ends: list[tuple[Array, Array]]) -> Flown:
 def _turned(angle_rad: float) -> Array:
     """The matrix that turns against the clock."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[cos, -sin], [sin, cos]])
+    return np.asarray([[cos, -sin], [sin, cos]], dtype=np.float64)
 
 
 def _across(leg: Array) -> Array:
     """A leg turned left: where its end goes, for each radian."""
-    return np.array([-leg[1], leg[0]])
+    return np.asarray([-leg[1], leg[0]], dtype=np.float64)
