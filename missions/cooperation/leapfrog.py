@@ -24,7 +24,7 @@ from shapely.ops import substring
 from missions.cooperation.space import Point, distance
 
 _STILL_M: Final = 1e-6
-_HALVINGS: Final = 50
+_HALVINGS: Final = 32
 
 
 class Role(StrEnum):

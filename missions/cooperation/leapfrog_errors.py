@@ -210,9 +210,9 @@ class Comparison:
         return self.alone_m / self.tracked_m
 
 
-def compare(plan: Leapfrog, noise: LeapfrogNoise, runs: int) -> Comparison:
-    """What tracking each other is worth on a plan, by `runs` flights (seeds from 0)."""
-    flights = [fly_leapfrog(plan, noise, seed) for seed in range(runs)]
+def compare(plan: Leapfrog, noise: LeapfrogNoise, seeds: Sequence[int]) -> Comparison:
+    """What tracking each other is worth on a plan, by a flight for each seed."""
+    flights = [fly_leapfrog(plan, noise, seed) for seed in seeds]
     rms = [math.sqrt(float(np.mean([f[i].rms_m ** 2 for f in flights]))) for i in (0, 1)]
     # of the last hop alone: those of one flight are not independent
     nees = [float(np.mean([f[i].nees[-1] for f in flights])) for i in (0, 1)]

@@ -34,7 +34,7 @@ def test_a_straight_path_takes_hops_as_long_as_the_circle_is_wide():
     assert plan.length_m(Role.MAPPER) == pytest.approx(200.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(paths)
 def test_nobody_ever_leaves_the_picture_and_the_path_is_flown(path):
     plan = plan_leapfrog(path, VIEW)
@@ -69,7 +69,7 @@ def test_what_cannot_be_flown_or_seen_is_refused():
 def test_the_map_errs_by_a_fifth_of_what_dead_reckoning_does(above_m):
     """Odometry of 2 % of the distance, and a gyro of 0.3 deg after a metre, without a compass."""
     plan = plan_leapfrog(STRAIGHT, TrackerView(above_m=above_m))
-    found = compare(plan, LeapfrogNoise.of_tracker(above_m), runs=40)
+    found = compare(plan, LeapfrogNoise.of_tracker(above_m), seeds=range(40))
     assert found.times_better > 5.0
     assert 0.3 < found.tracked_m < 1.3
     # by hand: 2 % along, and the root of L^3 / 3 for the gyro, at the end of 200 m
@@ -80,7 +80,7 @@ def test_the_map_errs_by_a_fifth_of_what_dead_reckoning_does(above_m):
 def test_what_is_believed_of_the_errors_is_honest():
     """NEES of a place: 2; of the mean of 150 runs 99.9 % lie in here."""
     bent = plan_leapfrog([(0.0, 0.0), (40.0, 0.0), (40.0, 15.0), (0.0, 15.0)], VIEW)
-    found = compare(bent, LeapfrogNoise.of_tracker(12.0), runs=150)
+    found = compare(bent, LeapfrogNoise.of_tracker(12.0), seeds=range(150))
     assert 1.5 < found.tracked_nees < 2.6
     assert 1.5 < found.alone_nees < 2.6
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from importlib import resources
 
 import cv2
 import numpy as np
 import pytest
 
-from missions.errors import UavmapError
+from missions.errors import MissionFileError, UavmapError
+from missions.mission_file.checks import parse_mission
 from missions.units import LatLon, Quaternion
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.scenario import Setup
 from sitl.world.tags import DICTIONARIES, TAG_OVER_FEET_M, TagPose, modules
 from sitl.world.world import World, WorldSpec
+from uavmap.simulation import setup_of
 
 ORIGIN = LatLon(37.2, -80.4)
 LENS_M = 0.1
@@ -126,3 +129,13 @@ def test_a_vehicle_says_where_its_marker_is_at_another_ones_exposure():
     place = (seen.number, seen.east_m, seen.north_m, seen.up_m)
     assert place == pytest.approx((2, east, north, TAG_OVER_FEET_M))
     assert Setup(vehicles=2).build()[0].world.carriers.others(1, 0.0) == ()
+
+
+def test_a_mission_file_turns_markers_on():
+    shipped = resources.files("missions.shipped").joinpath("runway.toml").read_text("utf-8")
+    assert setup_of(parse_mission(shipped, "runway"), seed=1).tag_m == 0.0
+    marked = shipped.replace("[sim]", '[sim]\ntag_m = 0.4\ntag_dictionary = "DICT_5X5_50"')
+    setup = setup_of(parse_mission(marked, "runway"), seed=1)
+    assert (setup.tag_m, setup.tag_dictionary) == (0.4, "DICT_5X5_50")
+    with pytest.raises(MissionFileError, match=r"sim\.tag_m"):
+        parse_mission(marked.replace("tag_m = 0.4", "tag_m = -1"), "runway")
