@@ -105,6 +105,8 @@ class Setup:
     quirks: Quirks = field(default_factory=Quirks)
     parameters: Mapping[str, float] = field(default_factory=dict)
     relief: Relief | None = None
+    tag_m: float = 0.0
+    tag_dictionary: str = "DICT_4X4_50"
 
     def __post_init__(self) -> None:
         if self.autopilot not in FLAVOURS:
@@ -124,6 +126,8 @@ class Setup:
             )
         if not 0.0 <= self.gust_m_s <= 10.0:
             raise UavmapError(f"gusts: {self.gust_m_s} m/s is not 0 to 10")
+        if not 0.0 <= self.tag_m <= 5.0:
+            raise UavmapError(f"tag_m: {self.tag_m} m is not 0 to 5")
         if self.relief is not None and self.world:
             raise UavmapError("world: files of a world are shown on level ground only")
 
@@ -178,6 +182,8 @@ class Setup:
             seed=self.seed,
             orthophoto=ground.orthophoto,
             relief=self.relief,
+            tag_m=self.tag_m,
+            tag_dictionary=self.tag_dictionary,
         )
 
     def _rows(self, home: Home) -> list[LatLon]:

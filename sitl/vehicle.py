@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import Quaternion
 from sitl.autopilot_types import FLAVOURS, Kit
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
@@ -30,6 +31,7 @@ from sitl.mavlink.links import Link
 from sitl.mavlink.signing import Signing
 from sitl.mavlink.streams import Streams
 from sitl.vehicle_spec import VehicleSpec, VehicleTruth
+from sitl.world.tags import TAG_OVER_FEET_M, TagPose, check_number
 from sitl.world.world import World
 
 __all__ = ["SimVehicle", "VehicleSpec", "VehicleTruth"]
@@ -106,6 +108,26 @@ class SimVehicle:
         self._signing = Signing()
         self._links: list[Link] = []
         self._main = self.connect()
+        if world.spec.tag_m > 0.0:
+            check_number(world.spec.tag_dictionary, spec.system_id)
+            world.carriers.join(spec.system_id, self._tag_at)
+
+    def _tag_at(self, t_s: float) -> TagPose:
+        """The marker on its top at a time of the world, by its present motion.
+
+        Vehicles of one world are stepped one after the other: at an exposure of another one its own
+        time is the same, or a step less.
+        """
+        body, after_s = self._body, t_s - self._ap.t_s
+        roll, pitch, yaw = body.turned(after_s)
+        return TagPose(
+            self.spec.system_id,
+            body.east + body.v_east * after_s,
+            body.north + body.v_north * after_s,
+            body.up + body.v_up * after_s + TAG_OVER_FEET_M,
+            Quaternion.from_euler(roll, pitch, yaw),
+            (body.v_east, body.v_north, body.v_up),
+        )
 
     @property
     def t_s(self) -> float:
@@ -335,6 +357,7 @@ class SimVehicle:
             (body.v_east * open_s, body.v_north * open_s, body.v_up * open_s),
             camera.attitude(*body.turned(open_s)),
             body.ground,
+            self.world.carriers.others(self.spec.system_id, self._ap.t_s),
         )
         return Exposure(
             shot,

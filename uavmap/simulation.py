@@ -91,6 +91,8 @@ def setup_of(
         quirks=Quirks(**sim.quirks.model_dump()),
         parameters={**_return_height(mission, autopilot or sim.autopilot), **sim.parameters},
         relief=relief_of(mission, grid),
+        tag_m=sim.tag_m,
+        tag_dictionary=sim.tag_dictionary,
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from missions.units import Quaternion
 from sitl.world.orthophoto import Matrix
+from sitl.world.tags import TagPose
 
 _LENS_OVER_GROUND_M = 0.1  # of a landed vehicle
 _MAX_HALF_DIAGONAL_DEG = 55.0  # with the tilt limit this keeps the horizon out of the picture
@@ -72,7 +73,7 @@ class Shot:
     That is the middle of the time for which the shutter is open. `moved_m` (east, north, up) is how
     far the camera moves in all of that time, `turned` the attitude that the same time would turn it
     to; None where it does not turn. `height_m` is over the ground below, which is `ground_m` above
-    the plane.
+    the plane. `tags` are the markers of the other vehicles.
     """
 
     east_m: float
@@ -84,6 +85,7 @@ class Shot:
     moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turned: Quaternion | None = None
     ground_m: float = 0.0
+    tags: tuple[TagPose, ...] = ()
 
 
 def lens_height_m(shot: Shot) -> float:
@@ -97,7 +99,7 @@ def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
 
     The point's pixel is the first two components divided by the third, which is its depth.
     """
-    rotation = _matrix(shot.attitude)  # columns: forward, right, down of the camera in NED
+    rotation = axes_to_ned(shot.attitude)  # columns: forward, right, down of the camera in NED
     height = lens_height_m(shot)
     # a ground point (east, north) is (north, east, height) from the lens, in NED
     to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, height]])
@@ -124,8 +126,8 @@ def image_motion_px(camera: CameraSpec, shot: Shot) -> tuple[float, float]:
     return float(u / depth) - middle[0], float(v / depth) - middle[1]
 
 
-def _matrix(q: Quaternion) -> Matrix:
-    """Rotation matrix of a unit quaternion."""
+def axes_to_ned(q: Quaternion) -> Matrix:
+    """The rotation matrix of a unit quaternion: its columns are the axes in NED."""
     w, x, y, z = q
     return np.array(
         [

@@ -17,6 +17,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from sitl.camera.over_relief import pixels_of, seen_ground
 from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, image_motion_px
+from sitl.camera.tag_layer import shows_tag, with_tags
 from sitl.world.orthophoto import Matrix, Orthophoto, Picture
 from sitl.world.relief import Relief
 from sitl.world.texture import METRES_PER_PIXEL, TILE_M, TILE_PX, Gray
@@ -37,6 +38,10 @@ def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
     homography = ground_to_pixel(camera, shot)
     view = _paint(world, camera, shot, homography)
     view = _smeared(view, *image_motion_px(camera, shot))
+    tag_m = world.spec.tag_m
+    if shot.tags and shows_tag(camera, shot, tag_m):
+        paper = view if view.ndim == 3 else _coloured(world, view)
+        view = with_tags(paper, camera, shot, tag_m, world.spec.tag_dictionary)
     gain = world.illumination_at(shot.t_s)
     view = np.asarray(cv2.convertScaleAbs(view, alpha=gain), dtype=np.uint8)
     if world.spec.sensor_noise > 0.0:

@@ -20,6 +20,7 @@ from missions.ground.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.world.orthophoto import Orthophoto
 from sitl.world.relief import Relief
+from sitl.world.tags import Carriers
 from sitl.world.texture import Gray, ground_tile, roi_tile
 
 # numbers that keep the streams of random numbers of one seed apart
@@ -45,6 +46,8 @@ class WorldSpec:
     that of a frame's noise, `illumination` the largest relative change of the light, which is
     slow. `gust_m_s` is the standard deviation of each component of the wind around its mean.
     `orthophoto` is what the camera sees instead of a meadow, where it reaches; it does not drift.
+    `tag_m` is the side of the marker that each vehicle carries on its top, of `tag_dictionary` of
+    OpenCV, with the vehicle's number; 0: none.
     """
 
     origin: LatLon
@@ -63,6 +66,8 @@ class WorldSpec:
     seed: int = 0
     orthophoto: Orthophoto | None = None
     relief: Relief | None = None
+    tag_m: float = 0.0
+    tag_dictionary: str = "DICT_4X4_50"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +116,8 @@ class World:
     def __init__(self, spec: WorldSpec) -> None:
         self.spec = spec
         self.plane = LocalPlane(spec.origin)
+        self.carriers = Carriers()
+        """The vehicles with a marker on their top; none where `tag_m` is 0."""
         toward = math.radians(spec.drift_toward_deg)
         self._drift = (
             spec.drift_speed_m_s * math.sin(toward),

@@ -122,6 +122,8 @@ COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
         "sim.optical_flow": "whether it flies on without satellites",
         "sim.odometry_drift": "share of the distance that flying on without satellites errs by",
         "sim.swap_s": "what the crew needs for a battery",
+        "sim.tag_m": "marker on top of each vehicle; 0: none (docs/simulator.md)",
+        "sim.tag_dictionary": "of OpenCV; the number is the vehicle's",
         "sim.terrain": "ground that is not level (docs/simulator.md)",
         "sim.quirks": "what real aircraft do (docs/simulator.md)",
         "sim.parameters": "of the simulated autopilot",

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from uavmap.studies import (
     greedy_table_1,
     homing_robot,
+    leapfrog,
     lrv_figure_3,
     roi_bounds,
     roi_figure_7,
@@ -18,7 +19,7 @@ from uavmap.studies.study import Study
 
 _MODULES = (
     *(roi_figure_7, roi_bounds, strategies, greedy_table_1, lrv_figure_3),
-    *(homing_robot, two_robots),
+    *(homing_robot, two_robots, leapfrog),
 )
 
 STUDIES: Mapping[str, Study] = MappingProxyType(

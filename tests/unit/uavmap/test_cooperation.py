@@ -197,3 +197,14 @@ def test_the_study_sets_the_paper_beside(tmp_path, capsys):
     page = (tmp_path / "two-robots.md").read_text()
     assert "as printed" in page
     assert (tmp_path / "two-robots.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_study_of_the_leapfrog(tmp_path, capsys):
+    assert main(["study", "leapfrog", "--quick", "--out", str(tmp_path)]) == 0
+    with (tmp_path / "leapfrog.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["m"], row["hops"]) for row in rows} == {
+        ("50", "6"), ("100", "12"), ("50", "5"), ("100", "9")
+    }  # fmt: skip
+    assert all(float(row["times better"]) > 1.5 for row in rows)
+    assert "tracked errors are" in (tmp_path / "leapfrog.md").read_text().lower()
