@@ -1,0 +1,393 @@
+"""The way of one vehicle: keyframes, links between them, and the error of what was told.
+
+    told = true + error        at each keyframe, east and north
+    moved (by the ground) = told movement - change of the error + common scale and rotation + noise
+
+While satellites are trusted, the error is a Gauss-Markov process around 0. Else it moves freely, by
+a share of the way: then only links to keyframes from before hold it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.navigation.network import Links, Solution, Steps, solve
+
+_GATE: Final = 13.8  # chi-square, two degrees of freedom, 99.9 %
+_ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
+_LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did
+_UNEASE_M: Final = 0.3  # of a step that nobody vouches for, more than dead reckoning errs
+_SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong
+_BEGINNINGS_S: Final = (15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
+
+
+@dataclass(frozen=True, slots=True)
+class ToldErrors:
+    """What told positions err by; standard deviations in one direction.
+
+    Attributes:
+        satellites_m: Of a position by satellites, above 0.
+        satellites_s: Over which time such an error stays alike, above 0.
+        reckoned_share: What dead reckoning errs by, as a share of the way.
+        reckoned_over_m: Over which way that share stays alike.
+        reckoned_m_sqrt_s: What it wanders by in a second, at rest too; it grows with the root.
+        common: Of the scale of all links (heights) and their rotation in radians (headings).
+        pointing_m: How far the place below the camera is off in each picture, by its attitude.
+    """
+
+    satellites_m: float = 1.0
+    satellites_s: float = 60.0
+    reckoned_share: float = 0.03
+    reckoned_over_m: float = 50.0
+    reckoned_m_sqrt_s: float = 0.1
+    common: float = 0.04
+    pointing_m: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Refuse what is no standard deviation with `ValueError`."""
+        for name in ("satellites_m", "satellites_s", "reckoned_m_sqrt_s", "common"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What is known of the newest keyframe.
+
+    Attributes:
+        error_m: Told minus true position, east and north.
+        sigma_m: Its standard deviation in one direction.
+        scale: By how much all links are too long, as a share.
+        rotation_rad: By how much they are turned, counter-clockwise.
+    """
+
+    error_m: tuple[float, float]
+    sigma_m: float
+    scale: float
+    rotation_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """How far satellites are off, if they began to lie at `since_s`.
+
+    Attributes:
+        error_m: Told minus true position of the newest keyframe, east and north.
+        sigma_m: Its standard deviation in one direction.
+        since_s: When the lie began, as far as that can be told: rather too early.
+    """
+
+    error_m: tuple[float, float]
+    sigma_m: float
+    since_s: float
+
+    @property
+    def least_m(self) -> float:
+        """The error less 2.5 standard deviations; may be negative."""
+        return math.hypot(*self.error_m) - 2.5 * self.sigma_m
+
+
+@dataclass(slots=True)
+class _Key:
+    t_s: float
+    told: complex
+    trusted: bool
+    leapt: bool = False  # the told position leapt on the way here, as links have shown
+
+
+@dataclass(slots=True)
+class _Link:
+    begin: int
+    to: int
+    moved: complex
+    sigma_m: float
+    state: str = "new"  # new, held, suspect
+
+
+@dataclass(slots=True)
+class Track:
+    """Keyframes of one vehicle in the order of their time, and the links between them.
+
+    >>> track = Track()
+    >>> for k in range(40):  # dead reckoning from the twentieth on, too long by 0.2 m a step
+    ...     key = track.add(float(k), (5.0 * k + max(0.0, 0.2 * (k - 19)), 0.0), trusted=k < 20)
+    ...     if k:
+    ...         track.link(key - 1, key, (5.0, 0.0), 0.05)
+    >>> 2.0 < track.estimate().error_m[0] < 5.0
+    True
+    """
+
+    errors: ToldErrors = field(default_factory=ToldErrors)
+    _keys: dict[int, _Key] = field(default_factory=dict)
+    _links: list[_Link] = field(default_factory=list)
+    _next: int = 0
+    _lying: bool = False
+    _loose: Solution | None = None
+
+    # --- what is told -----------------------------------------------------------------------
+    def add(self, t_s: float, told_m: tuple[float, float], trusted: bool) -> int:
+        """A keyframe, later than all others; gives its number.
+
+        Args:
+            t_s: Mission time.
+            told_m: The told position, metres east and north.
+            trusted: It comes from satellites, and there is no reason to doubt them.
+
+        Raises:
+            ValueError: it is not later than the newest one.
+        """
+        if self._keys and t_s <= self._keys[self.newest].t_s:
+            raise ValueError(f"a keyframe at {t_s:g} s after one at {self._newest.t_s:g} s")
+        number, self._next = self._next, self._next + 1
+        self._keys[number] = _Key(t_s, complex(*told_m), trusted and not self._lying)
+        self._loose = None
+        return number
+
+    def link(self, begin: int, to: int, moved_m: tuple[float, float], sigma_m: float) -> None:
+        """The ground says that from one keyframe to another the camera moved so far.
+
+        Args:
+            begin: Number of a keyframe.
+            to: Number of a later one.
+            moved_m: East and north.
+            sigma_m: Standard deviation in one direction, above 0.
+
+        Raises:
+            ValueError: there is no such keyframe, or they are not in order.
+        """
+        if begin not in self._keys or to not in self._keys or begin >= to or not sigma_m > 0.0:
+            raise ValueError(f"no link from keyframe {begin} to {to} with sigma {sigma_m:g} m")
+        self._links.append(_Link(begin, to, complex(*moved_m), sigma_m))
+
+    def distrust(self, since_s: float) -> None:
+        """Satellites have lied since then: no position from then on is held to be near the truth.
+
+        That holds for keyframes to come, too, until `trust_again`.
+        """
+        for key in self._keys.values():
+            key.trusted = key.trusted and key.t_s < since_s
+        self._lying = True
+        self._loose = None
+
+    def trust_again(self) -> None:
+        """From the next keyframe on satellites are believed, where it is told so."""
+        self._lying = False
+
+    def remove(self, number: int, *, bridged: bool = True) -> None:
+        """Forget a keyframe; what it tied together stays tied, where it is to be bridged."""
+        del self._keys[number]
+        mine = [link for link in self._links if number in (link.begin, link.to)]
+        self._links = [link for link in self._links if number not in (link.begin, link.to)]
+        held = sorted((link for link in mine if link.state == "held"), key=lambda k: k.sigma_m)
+        if bridged and len(held) > 1:
+            self._bridge(number, held)
+        self._loose = None
+
+    def _bridge(self, number: int, held: Iterable[_Link]) -> None:
+        """Links between the partners of a keyframe, by way of the one that is known best."""
+        partners = [
+            (link.to, link.moved, link.sigma_m)
+            if link.begin == number
+            else (link.begin, -link.moved, link.sigma_m)
+            for link in held
+        ]
+        hub, to_hub, hub_sigma_m = partners[0]
+        tied = {frozenset((link.begin, link.to)) for link in self._links}
+        for other, to_other, sigma_m in partners[1:]:
+            if other == hub or frozenset((other, hub)) in tied:
+                continue
+            begin, to, moved = hub, other, to_other - to_hub
+            if begin > to:
+                begin, to, moved = to, begin, -moved
+            self._links.append(_Link(begin, to, moved, math.hypot(hub_sigma_m, sigma_m), "held"))
+
+    # --- what follows -----------------------------------------------------------------------
+    @property
+    def newest(self) -> int:
+        """The number of the newest keyframe."""
+        return next(reversed(self._keys))
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Of all keyframes, oldest first."""
+        return tuple(self._keys)
+
+    @property
+    def links(self) -> int:
+        """How many links are believed."""
+        return sum(link.state == "held" for link in self._links)
+
+    @property
+    def _newest(self) -> _Key:
+        return self._keys[self.newest]
+
+    def expected_m(self, numbers: Iterable[int]) -> list[tuple[float, float, float]]:
+        """From each of these keyframes to the newest: east, north, and the standard deviation.
+
+        By links, and by what is told where there are none; trusted or not.
+        """
+        loose = self._settled()
+        index = {number: k for k, number in enumerate(self._keys)}
+        told, last = self._newest.told, len(self._keys) - 1
+        begin = np.array([index[number] for number in numbers], np.intp)
+        told_m = told - np.array([self._keys[number].told for number in numbers], np.complex128)
+        nothing = np.zeros(len(begin), np.complex128)
+        # the true movement is told - (e_to - e_begin); common unknowns turn what the ground shows
+        links = Links(
+            begin, np.full(len(begin), last), told_m, nothing, np.full(len(begin), 1e-6)
+        )  # fmt: skip
+        off, variance = loose.misfits(links)
+        return [
+            (float(place.real), float(place.imag), math.sqrt(spread))
+            for place, spread in zip(told_m - off, variance, strict=True)
+        ]
+
+    def places_m(self) -> NDArray[np.float64]:
+        """Where each keyframe truly was, east and north, by links more than by satellites.
+
+        Shape (n, 2), oldest first. Good to find what is near; `estimate` says where it is.
+        """
+        told = np.array([key.told for key in self._keys.values()])
+        places = told - self._settled().errors_m
+        return np.column_stack([places.real, places.imag])
+
+    def estimate(self) -> Estimate:
+        """The error of the newest told position.
+
+        Raises:
+            ValueError: there is no keyframe.
+        """
+        if not self._keys:
+            raise ValueError("a track without keyframes has no estimate")
+        self._settled()
+        found = self._solve(trusted_until_s=math.inf)
+        error, last = found.errors_m[-1], len(self._keys) - 1
+        sigma_m = math.sqrt(found.variance_of(last) + self.errors.pointing_m**2)
+        return Estimate(
+            (float(error.real), float(error.imag)), sigma_m, found.common.real, found.common.imag
+        )
+
+    def disagreement(self) -> Disagreement:
+        """How far satellites may be off, if they may have begun to lie at any time.
+
+        Several beginnings are tried, from some seconds to some minutes ago: positions from then on
+        are held by links alone. The one with the greatest certain error is told.
+        """
+        self._settled()
+        now_s, first_s = self._newest.t_s, next(iter(self._keys.values())).t_s
+        last, worst = len(self._keys) - 1, None
+        for ago_s in _BEGINNINGS_S:
+            begin_s = now_s - ago_s
+            if begin_s <= first_s:
+                break
+            found = self._solve(trusted_until_s=begin_s)
+            error = found.errors_m[-1]
+            sigma_m = math.sqrt(found.variance_of(last) + self.errors.pointing_m**2)
+            told = Disagreement((float(error.real), float(error.imag)), sigma_m, begin_s)
+            if worst is None or told.least_m > worst[0].least_m:
+                worst = told, found
+        if worst is None:
+            return Disagreement((0.0, 0.0), math.inf, now_s)
+        told, found = worst
+        return Disagreement(told.error_m, told.sigma_m, self._began_s(found, told.since_s))
+
+    def _began_s(self, found: Solution, earliest_s: float) -> float:
+        """The last time at which the told position was still as good as satellites are."""
+        usual_m = self.errors.satellites_m
+        began_s = earliest_s
+        for key, error in zip(self._keys.values(), found.errors_m, strict=True):
+            if key.t_s >= earliest_s and abs(error) <= usual_m:
+                began_s = key.t_s
+        return max(earliest_s, began_s - 5.0)
+
+    # --- the equations ----------------------------------------------------------------------
+    def _settled(self) -> Solution:
+        """The loose solution, once new links are believed or not."""
+        if self._loose is None:
+            self._loose = self._solve(trusted_until_s=-math.inf)
+        if any(link.state == "new" for link in self._links):
+            self._judge(self._loose)
+            self._loose = self._solve(trusted_until_s=-math.inf)
+        return self._loose
+
+    def _judge(self, loose: Solution) -> None:
+        """Which links fit what is known without them; which show that the told position leapt."""
+        index = {number: k for k, number in enumerate(self._keys)}
+        now_s = self._newest.t_s
+        open_links = [link for link in self._links if link.state != "held"]
+        off, variance = loose.misfits(self._arrays(open_links, index))
+        suspects: list[tuple[_Link, complex, float]] = []
+        for link, miss, spread in zip(open_links, off.tolist(), variance.tolist(), strict=True):
+            if abs(miss) ** 2 <= _GATE * spread:
+                link.state = "held"
+            else:
+                link.state = "suspect"
+                suspects.append((link, miss, spread))
+        for a, miss_a, _ in suspects:
+            for b, miss_b, _ in suspects:
+                if a.to >= b.to or max(a.begin, b.begin) >= a.to:
+                    continue  # the second witness is another picture, of the same step
+                noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * _UNEASE_M**2
+                if abs(miss_a - miss_b) ** 2 <= _GATE * noise:
+                    a.state = b.state = "held"
+                    self._leap(max(a.begin, b.begin), a.to)
+        self._links = [
+            link
+            for link in self._links
+            if link.state == "held" or now_s - self._keys[link.to].t_s < _SUSPECT_S
+        ]
+
+    def _leap(self, after: int, until: int) -> None:
+        """Between two keyframes the told position leapt."""
+        for number, key in self._keys.items():
+            if after < number <= until:
+                key.leapt = True
+
+    def _arrays(self, links: list[_Link], index: dict[int, int]) -> Links:
+        begin = np.array([index[link.begin] for link in links], np.intp)
+        to = np.array([index[link.to] for link in links], np.intp)
+        moved = np.array([link.moved for link in links], np.complex128)
+        told = np.array([key.told for key in self._keys.values()], np.complex128)
+        variance = np.array([link.sigma_m**2 for link in links], np.float64)
+        return Links(begin, to, moved, moved - (told[to] - told[begin]), variance)
+
+    def _solve(self, trusted_until_s: float) -> Solution:
+        index = {number: k for k, number in enumerate(self._keys)}
+        held = [link for link in self._links if link.state == "held"]
+        count = len(self._keys)
+        steps = self._steps(trusted_until_s)
+        return solve(count, steps, self._arrays(held, index), self.errors.common)
+
+    def _steps(self, trusted_until_s: float) -> Steps:
+        """What each error is by itself, or after the one before it."""
+        errors, keys = self.errors, list(self._keys.values())
+        satellites_m2 = errors.satellites_m**2
+        keep, variance = np.zeros(len(keys)), np.full(len(keys), satellites_m2)
+        before: _Key | None = None
+        for k, key in enumerate(keys):
+            trusted = key.trusted and key.t_s < trusted_until_s
+            if before is None:
+                variance[k] = satellites_m2 if trusted else _ANYWHERE_M**2
+            elif not trusted:
+                keep[k], variance[k] = 1.0, self._wander_m2(before, key)
+            elif before.trusted and not key.leapt:
+                keep[k] = math.exp((before.t_s - key.t_s) / errors.satellites_s)
+                variance[k] = satellites_m2 * (1.0 - keep[k] ** 2) + errors.pointing_m**2
+            before = key
+        return Steps(np.arange(len(keys)), keep, variance)
+
+    def _wander_m2(self, before: _Key, key: _Key) -> float:
+        """How far the error may go from one keyframe to the next, nobody vouching for it."""
+        errors = self.errors
+        if key.leapt:
+            return _LEAP_M**2
+        way_m = abs(key.told - before.told)
+        share = errors.reckoned_share**2 * way_m * max(way_m, errors.reckoned_over_m)
+        at_rest = errors.reckoned_m_sqrt_s**2 * (key.t_s - before.t_s)
+        return share + at_rest + _UNEASE_M**2
