@@ -218,7 +218,7 @@ def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArra
     """Contrast to the surroundings, over how much it differs there."""
     window = (_WINDOW_M_PER_PX, _WINDOW_M_PER_PX)
 
-    def around(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def around(values: NDArray[np.floating]) -> NDArray[np.float32]:
         mean = cv2.boxFilter(values, cv2.CV_32F, window, borderType=cv2.BORDER_CONSTANT)
         return np.asarray(mean, dtype=np.float32)
 

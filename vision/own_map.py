@@ -8,7 +8,6 @@ good, and hold the estimate when it comes back over them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -26,7 +25,30 @@ _OLDEST, _NEAREST = 2, 1  # how many keyframes besides the last one a picture is
 _LEAST_SEARCH_M: Final = 0.6
 _SEARCH_SIGMAS: Final = 3.5
 _WIDEST_SHARE: Final = 0.5  # of a footprint's side: the farthest a place is searched
+_LEAP_S: Final = 3.0  # for so long a leap waits for a second picture that shows it
+_FLOWN_ON_M: Final = 3.0  # how far off a place is that goes by the last velocity
 _OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
+
+
+@dataclass(frozen=True, slots=True)
+class _Leap:
+    """After a keyframe the told position may have leapt so far; other pictures have to say so."""
+
+    t_s: float
+    after: int
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """Place and velocity of the newest picture whose ground was recognised."""
+
+    t_s: float
+    east_m: float
+    north_m: float
+    v_east_m_s: float
+    v_north_m_s: float
 
 
 @dataclass(slots=True)
@@ -45,6 +67,10 @@ class OwnMap:
     _patches: dict[int, Patch] = field(default_factory=dict)
     _sides_m: dict[int, float] = field(default_factory=dict)
     _passing: int | None = None  # the newest picture, if it is no keyframe
+    _last_t_s: float = -math.inf  # of the newest keyframe
+    _seen_s: float = -math.inf  # when ground was last recognised
+    _leap: _Leap | None = None
+    _way: _Way | None = None
 
     def __post_init__(self) -> None:
         self.track = Track(self.errors)
@@ -71,10 +97,10 @@ class OwnMap:
         if self._passing is not None:
             self.track.remove(self._passing, bridged=False)
             self._passing = None
-        last = self._last()
+        last = next(reversed(self._patches), None)
         number = self.track.add(t_s, told_m, trusted)
         if patch is not None and last is not None:
-            self._tie(number, patch, last)
+            self._tie(number, patch, t_s, last)
         estimate = self.track.estimate()
         if patch is None or not self._is_keyframe(t_s, patch, last):
             self._passing = number
@@ -89,37 +115,69 @@ class OwnMap:
         """How far satellites and the pictures disagree; see `Track.disagreement`."""
         return self.track.disagreement()
 
-    _last_t_s: float = -math.inf
-
-    def _last(self) -> int | None:
-        return next(reversed(self._patches), None)
-
     def _is_keyframe(self, t_s: float, patch: Patch, last: int | None) -> bool:
         if last is None or t_s - self._last_t_s >= _KEYFRAME_S:
             return True
+        if self._leap is not None and self._leap.t_s == t_s:
+            return True  # the next picture is to say the same
         east, north, _ = self.track.expected_m([last])[0]
         return math.hypot(east, north) >= _KEYFRAME_SHARE * _side_m(patch)
 
-    def _tie(self, number: int, patch: Patch, last: int) -> None:
+    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> None:
         """Match a new picture with keyframes, and link it to those that show the same ground."""
+        if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
+            self._leap = None
+        leap = self._leap
         chosen = self._partners(patch, last)
-        expected = self.track.expected_m(chosen)
-        side_m = _side_m(patch)
-        for key, (east, north, sigma_m) in zip(chosen, expected, strict=True):
-            widest_m = _WIDEST_SHARE * side_m
-            search_m = min(max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m), widest_m)
+        if leap is not None and leap.after in self._patches and leap.after not in chosen:
+            chosen.append(leap.after)
+        for key, (east, north, sigma_m) in zip(chosen, self.track.expected_m(chosen), strict=True):
+            search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
+            search_m = min(search_m, _WIDEST_SHARE * _side_m(patch))
             found = match(self._patches[key], patch, (east, north), search_m)
-            if found is None and key == last and search_m < widest_m:
-                # the told position may have leapt
-                found = match(self._patches[key], patch, (east, north), widest_m)
+            if found is None and leap is not None:
+                there = east + leap.east_m, north + leap.north_m
+                found = match(self._patches[key], patch, there, search_m)
+            elif found is None and key == last:
+                found = self._leapt(key, patch, t_s, (east, north))
+                if found is not None:
+                    away = found.moved_m[0] - east, found.moved_m[1] - north
+                    self._leap = leap = _Leap(t_s, key, *away)
             if found is not None:
                 self.track.link(key, number, found.moved_m, self._sigma_m(found))
+                self._seen_s = t_s
+        self._note_way(t_s)
+
+    def _leapt(
+        self, key: int, patch: Patch, t_s: float, expected_m: tuple[float, float]
+    ) -> Match | None:
+        """Where a picture is if the told position has leapt: as it flew on, or far around."""
+        if self._way is not None and t_s - self._way.t_s < _LEAP_S:
+            place = self.track.places_m()[self.track.numbers.index(key)]
+            flown_s = t_s - self._way.t_s
+            east = self._way.east_m + self._way.v_east_m_s * flown_s - place[0]
+            north = self._way.north_m + self._way.v_north_m_s * flown_s - place[1]
+            found = match(self._patches[key], patch, (float(east), float(north)), _FLOWN_ON_M)
+            if found is not None:
+                return found
+        return match(self._patches[key], patch, expected_m, _WIDEST_SHARE * _side_m(patch))
+
+    def _note_way(self, t_s: float) -> None:
+        """Place and velocity, where the ground has just been recognised."""
+        if self._seen_s != t_s or (self._leap is not None and self._leap.t_s == t_s):
+            return
+        east, north = (float(c) for c in self.track.places_m()[-1])
+        before, v_east, v_north = self._way, 0.0, 0.0
+        if before is not None and t_s - before.t_s < _LEAP_S:
+            v_east = (east - before.east_m) / (t_s - before.t_s)
+            v_north = (north - before.north_m) / (t_s - before.t_s)
+        self._way = _Way(t_s, east, north, v_east, v_north)
 
     def _sigma_m(self, found: Match) -> float:
         way_m = math.hypot(*found.moved_m)
         return math.hypot(found.sigma_m, math.sqrt(2.0) * self.errors.pointing_m, _OF_WAY * way_m)
 
-    def _partners(self, patch: Patch, last: int) -> Sequence[int]:
+    def _partners(self, patch: Patch, last: int) -> list[int]:
         """The last keyframe, the oldest, and the nearest ones that show the same ground."""
         where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
         here = where[self.track.newest]

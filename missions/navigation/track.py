@@ -9,6 +9,7 @@ a share of the way: then only links to keyframes from before hold it.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -322,21 +323,20 @@ class Track:
         now_s = self._newest.t_s
         open_links = [link for link in self._links if link.state != "held"]
         off, variance = loose.misfits(self._arrays(open_links, index))
-        suspects: list[tuple[_Link, complex, float]] = []
+        suspects: list[tuple[_Link, complex]] = []
         for link, miss, spread in zip(open_links, off.tolist(), variance.tolist(), strict=True):
             if abs(miss) ** 2 <= _GATE * spread:
                 link.state = "held"
             else:
                 link.state = "suspect"
-                suspects.append((link, miss, spread))
-        for a, miss_a, _ in suspects:
-            for b, miss_b, _ in suspects:
-                if a.to >= b.to or max(a.begin, b.begin) >= a.to:
-                    continue  # the second witness is another picture, of the same step
-                noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * _UNEASE_M**2
-                if abs(miss_a - miss_b) ** 2 <= _GATE * noise:
-                    a.state = b.state = "held"
-                    self._leap(max(a.begin, b.begin), a.to)
+                suspects.append((link, miss))
+        for (a, miss_a), (b, miss_b) in itertools.combinations(suspects, 2):
+            after, until = max(a.begin, b.begin), min(a.to, b.to)
+            noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * _UNEASE_M**2
+            # two that say the same of one step: it is not the links that are wrong
+            if after < until and abs(miss_a - miss_b) ** 2 <= _GATE * noise:
+                a.state = b.state = "held"
+                self._leap(after, until)
         self._links = [
             link
             for link in self._links

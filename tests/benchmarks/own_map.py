@@ -42,8 +42,8 @@ from vision.own_map import OwnMap
 HEIGHT_M, SPEED_M_S, SECONDS = 12.0, 6.0, 300.0
 EVERY_S = 0.2
 LANE_M, LENGTH_M = 12.0, 100.0
-SIGMAS_PER_TOLERATED = 4.0
-ALARM_LEAST_M = 1.0
+SIGMAS_PER_TOLERATED = 2.0
+ALARM_LEAST_M = 0.6
 
 
 @dataclass(frozen=True)
