@@ -25,13 +25,16 @@ LEAST_SCORE: Final = 0.3
 LEAST_LEAD: Final = 0.12
 """By so much a place must correlate better than any other one."""
 
+NOTHING: Final = -128
+"""The value of what a picture does not show."""
+
 _RESOLUTIONS_M: Final = (0.05, 0.1, 0.2, 0.4)
 _WANTED_PX: Final = 75.0  # along the shorter side of a footprint
 _REACH_HEIGHTS: Final = 2.0  # what is farther from below the camera is seen too flatly
 _WINDOW_M_PER_PX: Final = 15  # light is what changes over more pixels of the raster than these
 _LEAST_CONTRAST: Final = 2.0  # gray levels; what differs by less counts as noise
+_FEW: Final = 4  # of the pixels in a row one in so many tells the shading
 _STEPS: Final = 40.0  # of the stored values in a unit of contrast
-_NOTHING: Final = -128  # the value of what the picture does not show
 _LEAST_TEXTURE: Final = 0.35  # root mean square of a patch; of noise alone it has 0.2
 _LEAST_PX: Final = 400  # that two patches have in common
 _AROUND_PX: Final = 4  # a peak's own surroundings, where nothing is another peak
@@ -44,7 +47,7 @@ class Patch:
     """Level ground as one picture shows it, as a raster around the place below the camera.
 
     `values` are int8, row by row from the north: contrast to the surroundings in 1/40 of the local
-    deviation, -128 where nothing is seen. The centre of the pixel in row 0 and column 0 lies
+    deviation, `NOTHING` where nothing is seen. The centre of the pixel in row 0 and column 0 lies
     `west_px` pixels east (so negative) and `north_px` pixels north of the place below the camera.
     """
 
@@ -70,12 +73,12 @@ class Patch:
     @property
     def pixels(self) -> int:
         """How many pixels show ground."""
-        return int(np.count_nonzero(self.values != _NOTHING))
+        return int(np.count_nonzero(self.values != NOTHING))
 
     @property
     def texture(self) -> float:
         """How much there is to be seen, 0 (nothing but noise: 0.2) to about 1."""
-        seen = self.values[self.values != _NOTHING].astype(np.float32)
+        seen = self.values[self.values != NOTHING].astype(np.float32)
         return float(np.sqrt(np.mean(np.square(seen)))) / _STEPS if seen.size else 0.0
 
 
@@ -222,14 +225,31 @@ def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArra
         mean = cv2.boxFilter(values, cv2.CV_32F, window, borderType=cv2.BORDER_CONSTANT)
         return np.asarray(mean, dtype=np.float32)
 
+    gray = gray - _shading(gray, seen)
     there = seen.astype(np.float32)
     share = np.maximum(around(there), np.float32(1e-3))
     contrast = (gray - around(gray * there) / share) * there
     spread = np.sqrt(np.maximum(around(contrast * contrast) / share, np.float32(0.0)))
     steps = contrast * (np.float32(_STEPS) / (spread + np.float32(_LEAST_CONTRAST)))
-    values = np.clip(np.rint(steps), _NOTHING + 1, 127).astype(np.int8)
-    values[~seen] = _NOTHING
+    values = np.clip(np.rint(steps), NOTHING + 1, 127).astype(np.int8)
+    values[~seen] = NOTHING
     return values
+
+
+def _shading(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The paraboloid that fits best: at the rim of what is seen, local means leave a lens's."""
+    rows, columns = gray.shape
+    y = np.linspace(-1.0, 1.0, rows, dtype=np.float32)[:, None]
+    x = np.linspace(-1.0, 1.0, columns, dtype=np.float32)[None, :]
+    few = (slice(None, None, _FEW), slice(None, None, _FEW))
+    there = seen[few]
+    terms = [np.broadcast_to(t, gray.shape)[few][there] for t in (x, y, x * x, x * y, y * y)]
+    terms.append(np.ones_like(terms[0]))
+    if len(terms[0]) < 2 * len(terms):
+        return np.zeros_like(gray)
+    basis = np.stack(terms, axis=1)
+    a, b, c, d, e, f = np.linalg.lstsq(basis, gray[few][there], rcond=None)[0]
+    return np.asarray((a + c * x + d * y) * x + (b + e * y) * y + f, dtype=np.float32)
 
 
 # --- matching -----------------------------------------------------------------------------------
@@ -264,7 +284,7 @@ def _canvases(
         (earlier.values[rows_a, cols_a], down_a, right_a),
         (later.values[rows_b, cols_b], down_b, right_b),
     ):
-        canvas = np.full((height, width), _NOTHING, np.int8)
+        canvas = np.full((height, width), NOTHING, np.int8)
         canvas[down : down + values.shape[0], right : right + values.shape[1]] = values
         made.append(canvas)
     return made[0], made[1]
@@ -279,7 +299,7 @@ def _correlation(
     """
     spectra = []
     for canvas in (earlier, later):
-        seen = (canvas != _NOTHING).astype(np.float32)
+        seen = (canvas != NOTHING).astype(np.float32)
         values = canvas.astype(np.float32) * (seen / np.float32(_STEPS))
         spectra.append([cv2.dft(layer) for layer in (values, values * values, seen)])
     (value_a, square_a, seen_a), (value_b, square_b, seen_b) = spectra

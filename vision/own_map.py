@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from missions.navigation import Disagreement, Estimate, ToldErrors, Track
 from vision.ground_match import Match, Patch, match
+from vision.patch_mosaic import coarser, mosaic
 
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
 _KEYFRAME_S: Final = 2.0
@@ -27,6 +28,12 @@ _SEARCH_SIGMAS: Final = 3.5
 _WIDEST_SHARE: Final = 0.5  # of a footprint's side: the farthest a place is searched
 _LEAP_S: Final = 3.0  # for so long a leap waits for a second picture that shows it
 _FLOWN_ON_M: Final = 3.0  # how far off a place is that goes by the last velocity
+_LOST_M: Final = 1.0
+_SEARCH_EVERY_S: Final = 1.0
+_REACH_SIGMAS: Final = 3.7  # what is farther off would not be believed
+_FARTHEST_M: Final = 60.0  # beyond, a search would take too long
+_COARSE_PX: Final = 25.0  # a search that reaches farther is made with larger pixels
+_FINE_M: Final = 1.5
 _OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
 
 
@@ -69,6 +76,9 @@ class OwnMap:
     _passing: int | None = None  # the newest picture, if it is no keyframe
     _last_t_s: float = -math.inf  # of the newest keyframe
     _seen_s: float = -math.inf  # when ground was last recognised
+    _searched_s: float = -math.inf  # when the whole map was last searched
+    _found_anew_s: float = -math.inf
+    _sigma_now_m: float = 0.0
     _leap: _Leap | None = None
     _way: _Way | None = None
 
@@ -102,6 +112,7 @@ class OwnMap:
         if patch is not None and last is not None:
             self._tie(number, patch, t_s, last)
         estimate = self.track.estimate()
+        self._sigma_now_m = estimate.sigma_m
         if patch is None or not self._is_keyframe(t_s, patch, last):
             self._passing = number
             return estimate
@@ -118,8 +129,8 @@ class OwnMap:
     def _is_keyframe(self, t_s: float, patch: Patch, last: int | None) -> bool:
         if last is None or t_s - self._last_t_s >= _KEYFRAME_S:
             return True
-        if self._leap is not None and self._leap.t_s == t_s:
-            return True  # the next picture is to say the same
+        if self._found_anew_s == t_s or (self._leap is not None and self._leap.t_s == t_s):
+            return True  # what the next pictures go on from
         east, north, _ = self.track.expected_m([last])[0]
         return math.hypot(east, north) >= _KEYFRAME_SHARE * _side_m(patch)
 
@@ -146,7 +157,47 @@ class OwnMap:
             if found is not None:
                 self.track.link(key, number, found.moved_m, self._sigma_m(found))
                 self._seen_s = t_s
+        if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
+            self._searched_s = t_s
+            self._find_anew(number, patch, t_s)
         self._note_way(t_s)
+
+    @property
+    def _lost_m(self) -> float:
+        """From which standard deviation on the whole map is searched."""
+        return _LOST_M + 2.0 * self.errors.satellites_m
+
+    def _find_anew(self, number: int, patch: Patch, t_s: float) -> None:
+        """Search a picture on the mosaic of all others, and link it to those that it is among."""
+        here = self.track.places_m()[-1]
+        reach_m = min(_REACH_SIGMAS * self._sigma_now_m, _FARTHEST_M)
+        side_m, pitch_m = _side_m(patch), patch.metres_per_pixel
+        away = dict(zip(self.track.numbers, self.track.places_m() - here, strict=True))
+        laid = [
+            (other, (float(away[key][0]), float(away[key][1])))
+            for key, other in self._patches.items()
+            if other.metres_per_pixel == pitch_m and np.abs(away[key]).max() < reach_m + side_m
+        ]
+        ground = mosaic(laid, reach_m + side_m, pitch_m)
+        if reach_m / pitch_m > _COARSE_PX:
+            rough = match(coarser(ground), coarser(patch), (0.0, 0.0), reach_m)
+        else:
+            rough = match(ground, patch, (0.0, 0.0), reach_m)
+        if rough is None:
+            return
+        found = []
+        for key, other in self._patches.items():
+            moved = np.array(rough.moved_m) - away[key]
+            if other.metres_per_pixel != pitch_m or np.hypot(*moved) > _KEYFRAME_SHARE * side_m:
+                continue
+            seen = match(other, patch, (float(moved[0]), float(moved[1])), _FINE_M)
+            if seen is not None:
+                found.append((key, seen))
+            if len(found) == _OLDEST:
+                break
+        for key, seen in found:
+            self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
+            self._seen_s = self._found_anew_s = t_s
 
     def _leapt(
         self, key: int, patch: Patch, t_s: float, expected_m: tuple[float, float]
