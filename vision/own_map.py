@@ -21,7 +21,6 @@ from vision.patch_mosaic import coarser, mosaic
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
 _KEYFRAME_S: Final = 2.0
 _LEAST_OVERLAP: Final = 1.0 / 3.0
-_LAST_OVERLAP: Final = 0.15  # of the keyframe before, with which nothing else compares
 _OLDEST, _NEAREST = 2, 1  # how many keyframes besides the last one a picture is matched with
 _LEAST_SEARCH_M: Final = 0.6
 _SEARCH_SIGMAS: Final = 3.5
@@ -215,7 +214,10 @@ class OwnMap:
 
     def _note_way(self, t_s: float) -> None:
         """Place and velocity, where the ground has just been recognised."""
-        if self._seen_s != t_s or (self._leap is not None and self._leap.t_s == t_s):
+        if self._seen_s != t_s:
+            return
+        if self._leap is not None and self._leap.t_s == t_s:
+            self._way = None  # it may be of another place
             return
         east, north = (float(c) for c in self.track.places_m()[-1])
         before, v_east, v_north = self._way, 0.0, 0.0
@@ -238,11 +240,10 @@ class OwnMap:
         alike = [p.metres_per_pixel == patch.metres_per_pixel for p in self._patches.values()]
         overlap = _overlap(away_m, side_m) * np.array(alike)
         keys = list(self._patches)
-        chosen = [last] if overlap[-1] >= _LAST_OVERLAP else []
         near = [k for k in range(len(keys) - 1) if overlap[k] >= _LEAST_OVERLAP]
         oldest = near[:_OLDEST]
         rest = sorted(near[_OLDEST:], key=lambda k: -overlap[k])[:_NEAREST]
-        return [*chosen, *(keys[k] for k in (*oldest, *rest))]
+        return [last, *(keys[k] for k in (*oldest, *rest))]
 
     def _thin_out(self) -> None:
         """Forget the keyframe that is nearest to an older one, if there are too many."""

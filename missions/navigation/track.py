@@ -25,7 +25,8 @@ _ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites ar
 _LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did
 _UNEASE_M: Final = 0.3  # of a step that nobody vouches for, more than dead reckoning errs
 _SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong
-_BEGINNINGS_S: Final = (15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
+_LEAPS_S: Final = 60.0  # for so long a leap is held against satellites
+_BEGINNINGS_S: Final = (6.0, 15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,16 +83,29 @@ class Disagreement:
         error_m: Told minus true position of the newest keyframe, east and north.
         sigma_m: Its standard deviation in one direction.
         since_s: When the lie began, as far as that can be told: rather too early.
+        leap_m: The farthest that the told position leapt from one picture to another in the last
+            minute; 0 where it did not.
     """
 
     error_m: tuple[float, float]
     sigma_m: float
     since_s: float
+    leap_m: float = 0.0
 
     @property
     def least_m(self) -> float:
         """The error less 2.5 standard deviations; may be negative."""
         return math.hypot(*self.error_m) - 2.5 * self.sigma_m
+
+    def wrong(self, tolerated_m: float) -> bool:
+        """Whether satellites are off by more than that, or have leapt so far, for certain.
+
+        A leap is known far better than the error: it does not matter how good the map is.
+
+        >>> Disagreement((1.0, 2.0), 0.3, 60.0).wrong(1.0)
+        True
+        """
+        return max(self.least_m, self.leap_m - 2.5 * _UNEASE_M) > tolerated_m
 
 
 @dataclass(slots=True)
@@ -99,6 +113,7 @@ class _Key:
     t_s: float
     told: complex
     trusted: bool
+    way_m: float  # along all that was told, from the first keyframe on
     leapt: bool = False  # the told position leapt on the way here, as links have shown
 
 
@@ -129,6 +144,8 @@ class Track:
     _links: list[_Link] = field(default_factory=list)
     _next: int = 0
     _lying: bool = False
+    _way_m: float = 0.0
+    _told: complex | None = None
     _loose: Solution | None = None
 
     # --- what is told -----------------------------------------------------------------------
@@ -146,7 +163,10 @@ class Track:
         if self._keys and t_s <= self._keys[self.newest].t_s:
             raise ValueError(f"a keyframe at {t_s:g} s after one at {self._newest.t_s:g} s")
         number, self._next = self._next, self._next + 1
-        self._keys[number] = _Key(t_s, complex(*told_m), trusted and not self._lying)
+        told = complex(*told_m)
+        self._way_m += 0.0 if self._told is None else abs(told - self._told)
+        self._told = told
+        self._keys[number] = _Key(t_s, told, trusted and not self._lying, self._way_m)
         self._loose = None
         return number
 
@@ -293,10 +313,22 @@ class Track:
             told = Disagreement((float(error.real), float(error.imag)), sigma_m, begin_s)
             if worst is None or told.least_m > worst[0].least_m:
                 worst = told, found
+        leap_m, leapt_s = self._greatest_leap()
         if worst is None:
-            return Disagreement((0.0, 0.0), math.inf, now_s)
+            return Disagreement((0.0, 0.0), math.inf, min(now_s, leapt_s), leap_m)
         told, found = worst
-        return Disagreement(told.error_m, told.sigma_m, self._began_s(found, told.since_s))
+        since_s = min(self._began_s(found, told.since_s), leapt_s)
+        return Disagreement(told.error_m, told.sigma_m, since_s, leap_m)
+
+    def _greatest_leap(self) -> tuple[float, float]:
+        """How far the told position leapt in the last minute, and when; 0 and never."""
+        keys, errors = list(self._keys.values()), self._settled().errors_m
+        leaps = [
+            (float(abs(errors[k] - errors[k - 1])), keys[k].t_s)
+            for k in range(1, len(keys))
+            if keys[k].leapt and keys[-1].t_s - keys[k].t_s < _LEAPS_S
+        ]
+        return max(leaps, default=(0.0, math.inf))
 
     def _began_s(self, found: Solution, earliest_s: float) -> float:
         """The last time at which the told position was still as good as satellites are."""
@@ -387,7 +419,7 @@ class Track:
         errors = self.errors
         if key.leapt:
             return _LEAP_M**2
-        way_m = abs(key.told - before.told)
+        way_m = key.way_m - before.way_m  # of those in between, which were removed, too
         share = errors.reckoned_share**2 * way_m * max(way_m, errors.reckoned_over_m)
         at_rest = errors.reckoned_m_sqrt_s**2 * (key.t_s - before.t_s)
         return share + at_rest + _UNEASE_M**2

@@ -6,6 +6,7 @@ import math
 
 import cv2
 import numpy as np
+import pytest
 
 from missions.navigation import ToldErrors
 from missions.units import LatLon, Pose
@@ -38,6 +39,45 @@ def there_and_back(k: int) -> tuple[float, float]:
     return 0.4 * (k >= 30), 2.0 * min(k, 60 - k)
 
 
+def test_it_stays_small() -> None:
+    """Over the same ground for long: what is kept is bounded, and what it knows stays."""
+    own = OwnMap(ERRORS, most_keyframes=25)
+    rng = np.random.default_rng(1)
+    for k in range(90):
+        north = 2.0 * abs((k + 15) % 30 - 15)
+        off = (rng.normal(0.0, 0.2), rng.normal(0.0, 0.2))
+        told = off[0], north + off[1]
+        estimate = own.take(3.0 * k, taken(0.0, north, 0.0), told, True)
+    assert own.keyframes == 25
+    assert len(own.track.numbers) <= 26
+    assert math.dist(estimate.error_m, off) < 3.0 * estimate.sigma_m
+    assert estimate.sigma_m < 0.2
+
+
+def test_a_position_that_leaps_is_noticed_at_once() -> None:
+    own = OwnMap(ERRORS)
+    for k in range(42):
+        off = 0.0 if k < 40 else 25.0
+        own.take(k / 5, taken(0.0, 1.2 * k, 0.0), (off, 1.2 * k), True)
+        assert own.disagreement().wrong(1.0) == (k == 41)
+
+
+@pytest.mark.parametrize("off_m", [(3.0, -2.0), (-6.0, 4.0)])
+def test_it_is_found_anew_after_a_time_without_pictures(off_m: tuple[float, float]) -> None:
+    own = OwnMap(ERRORS)
+    for k in range(40):
+        east, north = 8.0 * (k // 10), 4.0 * (k % 10 if k // 10 % 2 == 0 else 9 - k % 10)
+        own.take(float(k), taken(east, north, 0.0), (east, north), True)
+    for k in range(40, 90):  # nothing to be seen: it flies away, and back
+        share = (k - 40) / 50
+        told = 24.0 + share * off_m[0], 6.0 * min(k - 40, 90 - k) + share * off_m[1]
+        lost = own.take(float(k), None, told, False)
+    assert lost.sigma_m > 2.0
+    found = own.take(91.0, taken(16.0, 20.0, 0.0), (16.0 + off_m[0], 20.0 + off_m[1]), False)
+    assert math.dist(found.error_m, off_m) < 0.4
+    assert found.sigma_m < 0.5
+
+
 def test_it_finds_back_to_the_map_made_before() -> None:
     own = OwnMap(ERRORS)
     for k in range(60):
@@ -56,8 +96,9 @@ def test_it_finds_satellites_that_lie() -> None:
         east, north = there_and_back(k)
         off = 0.1 * max(0, k - 20)
         own.take(k / 2, taken(east, north, k / 2), (east + off, north), True)
-        if found_s is None and own.disagreement().least_m > 1.0:
-            found_s = own.disagreement().since_s
+        said = own.disagreement()
+        if found_s is None and said.wrong(1.0):
+            found_s = said.since_s
             assert off < 3.0
             own.track.distrust(found_s)
     assert found_s is not None
