@@ -94,6 +94,9 @@ class OwnMap:
     ) -> Estimate:
         """The next picture of the vehicle; gives the error of its told position.
 
+        Only for pictures that are plausible (`vision.plausible`): a camera that gives the same
+        picture again shows a vehicle that stands while it is told to move.
+
         Args:
             t_s: Mission time, later than of all pictures before.
             patch: The ground that it shows, along the axes of `told_m`; None where it shows none.
