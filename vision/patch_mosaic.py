@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ground_match import NOTHING, Patch
+from vision.ground_patch import NOTHING, Patch
 
 
 def mosaic(

@@ -18,112 +18,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.navigation.network import Links, Solution, Steps, solve
+from missions.navigation.network import Links, Solution, solve
+from missions.navigation.rows import Key, Tie, links_of, steps_of
+from missions.navigation.values import UNEASE_M, Disagreement, Estimate, ToldErrors
 
 _GATE: Final = 13.8  # chi-square, two degrees of freedom, 99.9 %
-_ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
-_LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did
-_UNEASE_M: Final = 0.3  # of a step that nobody vouches for, more than dead reckoning errs
 _SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong
 _LEAPS_S: Final = 60.0  # for so long a leap is held against satellites
 _BEGINNINGS_S: Final = (6.0, 15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
-
-
-@dataclass(frozen=True, slots=True)
-class ToldErrors:
-    """What told positions err by; standard deviations in one direction.
-
-    Attributes:
-        satellites_m: Of a position by satellites, above 0.
-        satellites_s: Over which time such an error stays alike, above 0.
-        reckoned_share: What dead reckoning errs by, as a share of the way.
-        reckoned_over_m: Over which way that share stays alike.
-        reckoned_m_sqrt_s: What it wanders by in a second, at rest too; it grows with the root.
-        common: Of the scale of all links (heights) and their rotation in radians (headings).
-        pointing_m: How far the place below the camera is off in each picture, by its attitude.
-    """
-
-    satellites_m: float = 1.0
-    satellites_s: float = 60.0
-    reckoned_share: float = 0.03
-    reckoned_over_m: float = 50.0
-    reckoned_m_sqrt_s: float = 0.1
-    common: float = 0.04
-    pointing_m: float = 0.05
-
-    def __post_init__(self) -> None:
-        """Refuse what is no standard deviation with `ValueError`."""
-        for name in ("satellites_m", "satellites_s", "reckoned_m_sqrt_s", "common"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} is {getattr(self, name):g}, expected above 0")
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """What is known of the newest keyframe.
-
-    Attributes:
-        error_m: Told minus true position, east and north.
-        sigma_m: Its standard deviation in one direction.
-        scale: By how much all links are too long, as a share.
-        rotation_rad: By how much they are turned, counter-clockwise.
-    """
-
-    error_m: tuple[float, float]
-    sigma_m: float
-    scale: float
-    rotation_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class Disagreement:
-    """How far satellites are off, if they began to lie at `since_s`.
-
-    Attributes:
-        error_m: Told minus true position of the newest keyframe, east and north.
-        sigma_m: Its standard deviation in one direction.
-        since_s: When the lie began, as far as that can be told: rather too early.
-        leap_m: The farthest that the told position leapt from one picture to another in the last
-            minute; 0 where it did not.
-    """
-
-    error_m: tuple[float, float]
-    sigma_m: float
-    since_s: float
-    leap_m: float = 0.0
-
-    @property
-    def least_m(self) -> float:
-        """The error less 2.5 standard deviations; may be negative."""
-        return math.hypot(*self.error_m) - 2.5 * self.sigma_m
-
-    def wrong(self, tolerated_m: float) -> bool:
-        """Whether satellites are off by more than that, or have leapt so far, for certain.
-
-        A leap is known far better than the error: it does not matter how good the map is.
-
-        >>> Disagreement((1.0, 2.0), 0.3, 60.0).wrong(1.0)
-        True
-        """
-        return max(self.least_m, self.leap_m - 2.5 * _UNEASE_M) > tolerated_m
-
-
-@dataclass(slots=True)
-class _Key:
-    t_s: float
-    told: complex
-    trusted: bool
-    way_m: float  # along all that was told, from the first keyframe on
-    leapt: bool = False  # the told position leapt on the way here, as links have shown
-
-
-@dataclass(slots=True)
-class _Link:
-    begin: int
-    to: int
-    moved: complex
-    sigma_m: float
-    state: str = "new"  # new, held, suspect
 
 
 @dataclass(slots=True)
@@ -140,8 +42,8 @@ class Track:
     """
 
     errors: ToldErrors = field(default_factory=ToldErrors)
-    _keys: dict[int, _Key] = field(default_factory=dict)
-    _links: list[_Link] = field(default_factory=list)
+    _keys: dict[int, Key] = field(default_factory=dict)
+    _links: list[Tie] = field(default_factory=list)
     _next: int = 0
     _lying: bool = False
     _way_m: float = 0.0
@@ -166,7 +68,7 @@ class Track:
         told = complex(*told_m)
         self._way_m += 0.0 if self._told is None else abs(told - self._told)
         self._told = told
-        self._keys[number] = _Key(t_s, told, trusted and not self._lying, self._way_m)
+        self._keys[number] = Key(t_s, told, trusted and not self._lying, self._way_m)
         self._loose = None
         return number
 
@@ -184,7 +86,7 @@ class Track:
         """
         if begin not in self._keys or to not in self._keys or begin >= to or not sigma_m > 0.0:
             raise ValueError(f"no link from keyframe {begin} to {to} with sigma {sigma_m:g} m")
-        self._links.append(_Link(begin, to, complex(*moved_m), sigma_m))
+        self._links.append(Tie(begin, to, complex(*moved_m), sigma_m))
 
     def distrust(self, since_s: float) -> None:
         """Satellites have lied since then: no position from then on is held to be near the truth.
@@ -210,7 +112,7 @@ class Track:
             self._bridge(number, held)
         self._loose = None
 
-    def _bridge(self, number: int, held: Iterable[_Link]) -> None:
+    def _bridge(self, number: int, held: Iterable[Tie]) -> None:
         """Links between the partners of a keyframe, by way of the one that is known best."""
         partners = [
             (link.to, link.moved, link.sigma_m)
@@ -226,7 +128,7 @@ class Track:
             begin, to, moved = hub, other, to_other - to_hub
             if begin > to:
                 begin, to, moved = to, begin, -moved
-            self._links.append(_Link(begin, to, moved, math.hypot(hub_sigma_m, sigma_m), "held"))
+            self._links.append(Tie(begin, to, moved, math.hypot(hub_sigma_m, sigma_m), "held"))
 
     # --- what follows -----------------------------------------------------------------------
     @property
@@ -245,7 +147,7 @@ class Track:
         return sum(link.state == "held" for link in self._links)
 
     @property
-    def _newest(self) -> _Key:
+    def _newest(self) -> Key:
         return self._keys[self.newest]
 
     def expected_m(self, numbers: Iterable[int]) -> list[tuple[float, float, float]]:
@@ -351,11 +253,10 @@ class Track:
 
     def _judge(self, loose: Solution) -> None:
         """Which links fit what is known without them; which show that the told position leapt."""
-        index = {number: k for k, number in enumerate(self._keys)}
         now_s = self._newest.t_s
         open_links = [link for link in self._links if link.state != "held"]
-        off, variance = loose.misfits(self._arrays(open_links, index))
-        suspects: list[tuple[_Link, complex]] = []
+        off, variance = loose.misfits(links_of(open_links, self._keys))
+        suspects: list[tuple[Tie, complex]] = []
         for link, miss, spread in zip(open_links, off.tolist(), variance.tolist(), strict=True):
             if abs(miss) ** 2 <= _GATE * spread:
                 link.state = "held"
@@ -364,7 +265,7 @@ class Track:
                 suspects.append((link, miss))
         for (a, miss_a), (b, miss_b) in itertools.combinations(suspects, 2):
             after, until = max(a.begin, b.begin), min(a.to, b.to)
-            noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * _UNEASE_M**2
+            noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * UNEASE_M**2
             # two that say the same of one step: it is not the links that are wrong
             if after < until and abs(miss_a - miss_b) ** 2 <= _GATE * noise:
                 a.state = b.state = "held"
@@ -381,45 +282,7 @@ class Track:
             if after < number <= until:
                 key.leapt = True
 
-    def _arrays(self, links: list[_Link], index: dict[int, int]) -> Links:
-        begin = np.array([index[link.begin] for link in links], np.intp)
-        to = np.array([index[link.to] for link in links], np.intp)
-        moved = np.array([link.moved for link in links], np.complex128)
-        told = np.array([key.told for key in self._keys.values()], np.complex128)
-        variance = np.array([link.sigma_m**2 for link in links], np.float64)
-        return Links(begin, to, moved, moved - (told[to] - told[begin]), variance)
-
     def _solve(self, trusted_until_s: float) -> Solution:
-        index = {number: k for k, number in enumerate(self._keys)}
         held = [link for link in self._links if link.state == "held"]
-        count = len(self._keys)
-        steps = self._steps(trusted_until_s)
-        return solve(count, steps, self._arrays(held, index), self.errors.common)
-
-    def _steps(self, trusted_until_s: float) -> Steps:
-        """What each error is by itself, or after the one before it."""
-        errors, keys = self.errors, list(self._keys.values())
-        satellites_m2 = errors.satellites_m**2
-        keep, variance = np.zeros(len(keys)), np.full(len(keys), satellites_m2)
-        before: _Key | None = None
-        for k, key in enumerate(keys):
-            trusted = key.trusted and key.t_s < trusted_until_s
-            if before is None:
-                variance[k] = satellites_m2 if trusted else _ANYWHERE_M**2
-            elif not trusted:
-                keep[k], variance[k] = 1.0, self._wander_m2(before, key)
-            elif before.trusted and not key.leapt:
-                keep[k] = math.exp((before.t_s - key.t_s) / errors.satellites_s)
-                variance[k] = satellites_m2 * (1.0 - keep[k] ** 2) + errors.pointing_m**2
-            before = key
-        return Steps(np.arange(len(keys)), keep, variance)
-
-    def _wander_m2(self, before: _Key, key: _Key) -> float:
-        """How far the error may go from one keyframe to the next, nobody vouching for it."""
-        errors = self.errors
-        if key.leapt:
-            return _LEAP_M**2
-        way_m = key.way_m - before.way_m  # of those in between, which were removed, too
-        share = errors.reckoned_share**2 * way_m * max(way_m, errors.reckoned_over_m)
-        at_rest = errors.reckoned_m_sqrt_s**2 * (key.t_s - before.t_s)
-        return share + at_rest + _UNEASE_M**2
+        steps = steps_of(list(self._keys.values()), self.errors, trusted_until_s)
+        return solve(len(self._keys), steps, links_of(held, self._keys), self.errors.common)
