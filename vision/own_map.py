@@ -111,11 +111,12 @@ class OwnMap:
             self._passing = None
         last = next(reversed(self._patches), None)
         number = self.track.add(t_s, told_m, trusted)
+        moved_m = math.inf
         if patch is not None and last is not None:
-            self._tie(number, patch, t_s, last)
+            moved_m = self._tie(number, patch, t_s, last)
         estimate = self.track.estimate()
         self._sigma_now_m = estimate.sigma_m
-        if patch is None or not self._is_keyframe(t_s, patch, last):
+        if patch is None or not self._is_keyframe(t_s, patch, moved_m):
             self._passing = number
             return estimate
         self._patches[number] = patch
@@ -128,23 +129,28 @@ class OwnMap:
         """How far satellites and the pictures disagree; see `Track.disagreement`."""
         return self.track.disagreement()
 
-    def _is_keyframe(self, t_s: float, patch: Patch, last: int | None) -> bool:
-        if last is None or t_s - self._last_t_s >= _KEYFRAME_S:
+    def _is_keyframe(self, t_s: float, patch: Patch, moved_m: float) -> bool:
+        if t_s - self._last_t_s >= _KEYFRAME_S:
             return True
         if self._found_anew_s == t_s or (self._leap is not None and self._leap.t_s == t_s):
             return True  # what the next pictures go on from
-        east, north, _ = self.track.expected_m([last])[0]
-        return math.hypot(east, north) >= _KEYFRAME_SHARE * _side_m(patch)
+        return moved_m >= _KEYFRAME_SHARE * _side_m(patch)
 
-    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> None:
-        """Match a new picture with keyframes, and link it to those that show the same ground."""
+    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> float:
+        """Match a new picture with keyframes, and link it to those that show the same ground.
+
+        Gives how far it is from the last one, metres.
+        """
         if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
             self._leap = None
         leap = self._leap
         chosen = self._partners(patch, last)
         if leap is not None and leap.after in self._patches and leap.after not in chosen:
             chosen.append(leap.after)
-        for key, (east, north, sigma_m) in zip(chosen, self.track.expected_m(chosen), strict=True):
+        expected = self.track.expected_m(chosen)
+        place = self.track.places_m()[self.track.numbers.index(last)]
+        away_m = expected[0][:2]  # from the last one, which is the first to be asked
+        for key, (east, north, sigma_m) in zip(chosen, expected, strict=True):
             search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
             search_m = min(search_m, _WIDEST_SHARE * _side_m(patch))
             found = match(self._patches[key], patch, (east, north), search_m)
@@ -159,10 +165,12 @@ class OwnMap:
             if found is not None:
                 self.track.link(key, number, found.moved_m, self._sigma_m(found))
                 self._seen_s = t_s
+                away_m = found.moved_m if key == last else away_m
         if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
             self._find_anew(number, patch, t_s)
-        self._note_way(t_s)
+        self._note_way(t_s, float(place[0]) + away_m[0], float(place[1]) + away_m[1])
+        return math.hypot(*away_m)
 
     @property
     def _lost_m(self) -> float:
@@ -215,14 +223,13 @@ class OwnMap:
                 return found
         return match(self._patches[key], patch, expected_m, _WIDEST_SHARE * _side_m(patch))
 
-    def _note_way(self, t_s: float) -> None:
+    def _note_way(self, t_s: float, east: float, north: float) -> None:
         """Place and velocity, where the ground has just been recognised."""
         if self._seen_s != t_s:
             return
         if self._leap is not None and self._leap.t_s == t_s:
             self._way = None  # it may be of another place
             return
-        east, north = (float(c) for c in self.track.places_m()[-1])
         before, v_east, v_north = self._way, 0.0, 0.0
         if before is not None and t_s - before.t_s < _LEAP_S:
             v_east = (east - before.east_m) / (t_s - before.t_s)

@@ -188,7 +188,7 @@ class Track:
         """
         if not self._keys:
             raise ValueError("a track without keyframes has no estimate")
-        self._settled()
+        self._settle()
         found = self._solve(trusted_until_s=math.inf)
         error, last = found.errors_m[-1], len(self._keys) - 1
         sigma_m = math.sqrt(found.variance_of(last) + self.errors.pointing_m**2)
@@ -202,7 +202,7 @@ class Track:
         Several beginnings are tried, from some seconds to some minutes ago: positions from then on
         are held by links alone. The one with the greatest certain error is told.
         """
-        self._settled()
+        self._settle()
         now_s, first_s = self._newest.t_s, next(iter(self._keys.values())).t_s
         last, worst = len(self._keys) - 1, None
         for ago_s in _BEGINNINGS_S:
@@ -242,12 +242,16 @@ class Track:
         return max(earliest_s, began_s - 5.0)
 
     # --- the equations ----------------------------------------------------------------------
+    def _settle(self) -> None:
+        """See to it that each link is believed, or not."""
+        if any(link.state == "new" for link in self._links):
+            self._judge(self._loose or self._solve(trusted_until_s=-math.inf))
+            self._loose = None
+
     def _settled(self) -> Solution:
         """The loose solution, once new links are believed or not."""
+        self._settle()
         if self._loose is None:
-            self._loose = self._solve(trusted_until_s=-math.inf)
-        if any(link.state == "new" for link in self._links):
-            self._judge(self._loose)
             self._loose = self._solve(trusted_until_s=-math.inf)
         return self._loose
 
