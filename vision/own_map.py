@@ -1,0 +1,281 @@
+"""Where a vehicle is, by its own pictures: each is matched with those that it took before.
+
+Some pictures are kept, as keyframes with their patches of ground. Each new one is matched with the
+last of them, and with the oldest that show the same ground: those were taken while satellites were
+good, and hold the estimate when it comes back over them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.navigation import Disagreement, Estimate, ToldErrors, Track
+from vision.ground_match import Match, Patch, match
+from vision.patch_mosaic import coarser, mosaic
+
+_KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
+_KEYFRAME_S: Final = 2.0
+_LEAST_OVERLAP: Final = 1.0 / 3.0
+_OLDEST, _NEAREST = 2, 1  # how many keyframes besides the last one a picture is matched with
+_LEAST_SEARCH_M: Final = 0.6
+_SEARCH_SIGMAS: Final = 3.5
+_WIDEST_SHARE: Final = 0.5  # of a footprint's side: the farthest a place is searched
+_LEAP_S: Final = 3.0  # for so long a leap waits for a second picture that shows it
+_FLOWN_ON_M: Final = 3.0  # how far off a place is that goes by the last velocity
+_LOST_M: Final = 1.0
+_SEARCH_EVERY_S: Final = 1.0
+_REACH_SIGMAS: Final = 3.7  # what is farther off would not be believed
+_FARTHEST_M: Final = 60.0  # beyond, a search would take too long
+_COARSE_PX: Final = 25.0  # a search that reaches farther is made with larger pixels
+_FINE_M: Final = 1.5
+_OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
+
+
+@dataclass(frozen=True, slots=True)
+class _Leap:
+    """After a keyframe the told position may have leapt so far; other pictures have to say so."""
+
+    t_s: float
+    after: int
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """Place and velocity of the newest picture whose ground was recognised."""
+
+    t_s: float
+    east_m: float
+    north_m: float
+    v_east_m_s: float
+    v_north_m_s: float
+
+
+@dataclass(slots=True)
+class OwnMap:
+    """The pictures that a vehicle has taken, and where it is by them.
+
+    Attributes:
+        errors: What told positions err by.
+        most_keyframes: No more are kept; what goes is near others.
+        track: Keyframes and links: what to ask for the disagreement, and to tell of distrust.
+    """
+
+    errors: ToldErrors = field(default_factory=ToldErrors)
+    most_keyframes: int = 250
+    track: Track = field(init=False)
+    _patches: dict[int, Patch] = field(default_factory=dict)
+    _sides_m: dict[int, float] = field(default_factory=dict)
+    _passing: int | None = None  # the newest picture, if it is no keyframe
+    _last_t_s: float = -math.inf  # of the newest keyframe
+    _seen_s: float = -math.inf  # when ground was last recognised
+    _searched_s: float = -math.inf  # when the whole map was last searched
+    _found_anew_s: float = -math.inf
+    _sigma_now_m: float = 0.0
+    _leap: _Leap | None = None
+    _way: _Way | None = None
+
+    def __post_init__(self) -> None:
+        self.track = Track(self.errors)
+
+    @property
+    def keyframes(self) -> int:
+        """How many pictures are kept."""
+        return len(self._patches)
+
+    def take(
+        self, t_s: float, patch: Patch | None, told_m: tuple[float, float], trusted: bool
+    ) -> Estimate:
+        """The next picture of the vehicle; gives the error of its told position.
+
+        Only for pictures that are plausible (`vision.plausible`): a camera that gives the same
+        picture again shows a vehicle that stands while it is told to move.
+
+        Args:
+            t_s: Mission time, later than of all pictures before.
+            patch: The ground that it shows, along the axes of `told_m`; None where it shows none.
+            told_m: The told position, metres east and north.
+            trusted: It comes from satellites, and there is no reason to doubt them.
+
+        Raises:
+            ValueError: it is not later than the last one.
+        """
+        if self._passing is not None:
+            self.track.remove(self._passing, bridged=False)
+            self._passing = None
+        last = next(reversed(self._patches), None)
+        number = self.track.add(t_s, told_m, trusted)
+        moved_m = math.inf
+        if patch is not None and last is not None:
+            moved_m = self._tie(number, patch, t_s, last)
+        estimate = self.track.estimate()
+        self._sigma_now_m = estimate.sigma_m
+        if patch is None or not self._is_keyframe(t_s, patch, moved_m):
+            self._passing = number
+            return estimate
+        self._patches[number] = patch
+        self._sides_m[number] = _side_m(patch)
+        self._last_t_s = t_s
+        self._thin_out()
+        return estimate
+
+    def disagreement(self) -> Disagreement:
+        """How far satellites and the pictures disagree; see `Track.disagreement`."""
+        return self.track.disagreement()
+
+    def _is_keyframe(self, t_s: float, patch: Patch, moved_m: float) -> bool:
+        if t_s - self._last_t_s >= _KEYFRAME_S:
+            return True
+        if self._found_anew_s == t_s or (self._leap is not None and self._leap.t_s == t_s):
+            return True  # what the next pictures go on from
+        return moved_m >= _KEYFRAME_SHARE * _side_m(patch)
+
+    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> float:
+        """Match a new picture with keyframes, and link it to those that show the same ground.
+
+        Gives how far it is from the last one, metres.
+        """
+        if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
+            self._leap = None
+        leap = self._leap
+        chosen = self._partners(patch, last)
+        if leap is not None and leap.after in self._patches and leap.after not in chosen:
+            chosen.append(leap.after)
+        expected = self.track.expected_m(chosen)
+        place = self.track.places_m()[self.track.numbers.index(last)]
+        away_m = expected[0][:2]  # from the last one, which is the first to be asked
+        for key, (east, north, sigma_m) in zip(chosen, expected, strict=True):
+            search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
+            search_m = min(search_m, _WIDEST_SHARE * _side_m(patch))
+            found = match(self._patches[key], patch, (east, north), search_m)
+            if found is None and leap is not None:
+                there = east + leap.east_m, north + leap.north_m
+                found = match(self._patches[key], patch, there, search_m)
+            elif found is None and key == last:
+                found = self._leapt(key, patch, t_s, (east, north))
+                if found is not None:
+                    away = found.moved_m[0] - east, found.moved_m[1] - north
+                    self._leap = leap = _Leap(t_s, key, *away)
+            if found is not None:
+                self.track.link(key, number, found.moved_m, self._sigma_m(found))
+                self._seen_s = t_s
+                away_m = found.moved_m if key == last else away_m
+        if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
+            self._searched_s = t_s
+            self._find_anew(number, patch, t_s)
+        self._note_way(t_s, float(place[0]) + away_m[0], float(place[1]) + away_m[1])
+        return math.hypot(*away_m)
+
+    @property
+    def _lost_m(self) -> float:
+        """From which standard deviation on the whole map is searched."""
+        return _LOST_M + 2.0 * self.errors.satellites_m
+
+    def _find_anew(self, number: int, patch: Patch, t_s: float) -> None:
+        """Search a picture on the mosaic of all others, and link it to those that it is among."""
+        here = self.track.places_m()[-1]
+        reach_m = min(_REACH_SIGMAS * self._sigma_now_m, _FARTHEST_M)
+        side_m, pitch_m = _side_m(patch), patch.metres_per_pixel
+        away = dict(zip(self.track.numbers, self.track.places_m() - here, strict=True))
+        laid = [
+            (other, (float(away[key][0]), float(away[key][1])))
+            for key, other in self._patches.items()
+            if other.metres_per_pixel == pitch_m and np.abs(away[key]).max() < reach_m + side_m
+        ]
+        ground = mosaic(laid, reach_m + side_m, pitch_m)
+        if reach_m / pitch_m > _COARSE_PX:
+            rough = match(coarser(ground), coarser(patch), (0.0, 0.0), reach_m)
+        else:
+            rough = match(ground, patch, (0.0, 0.0), reach_m)
+        if rough is None:
+            return
+        found = []
+        for key, other in self._patches.items():
+            moved = np.array(rough.moved_m) - away[key]
+            if other.metres_per_pixel != pitch_m or np.hypot(*moved) > _KEYFRAME_SHARE * side_m:
+                continue
+            seen = match(other, patch, (float(moved[0]), float(moved[1])), _FINE_M)
+            if seen is not None:
+                found.append((key, seen))
+            if len(found) == _OLDEST:
+                break
+        for key, seen in found:
+            self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
+            self._seen_s = self._found_anew_s = t_s
+
+    def _leapt(
+        self, key: int, patch: Patch, t_s: float, expected_m: tuple[float, float]
+    ) -> Match | None:
+        """Where a picture is if the told position has leapt: as it flew on, or far around."""
+        if self._way is not None and t_s - self._way.t_s < _LEAP_S:
+            place = self.track.places_m()[self.track.numbers.index(key)]
+            flown_s = t_s - self._way.t_s
+            east = self._way.east_m + self._way.v_east_m_s * flown_s - place[0]
+            north = self._way.north_m + self._way.v_north_m_s * flown_s - place[1]
+            found = match(self._patches[key], patch, (float(east), float(north)), _FLOWN_ON_M)
+            if found is not None:
+                return found
+        return match(self._patches[key], patch, expected_m, _WIDEST_SHARE * _side_m(patch))
+
+    def _note_way(self, t_s: float, east: float, north: float) -> None:
+        """Place and velocity, where the ground has just been recognised."""
+        if self._seen_s != t_s:
+            return
+        if self._leap is not None and self._leap.t_s == t_s:
+            self._way = None  # it may be of another place
+            return
+        before, v_east, v_north = self._way, 0.0, 0.0
+        if before is not None and t_s - before.t_s < _LEAP_S:
+            v_east = (east - before.east_m) / (t_s - before.t_s)
+            v_north = (north - before.north_m) / (t_s - before.t_s)
+        self._way = _Way(t_s, east, north, v_east, v_north)
+
+    def _sigma_m(self, found: Match) -> float:
+        way_m = math.hypot(*found.moved_m)
+        return math.hypot(found.sigma_m, math.sqrt(2.0) * self.errors.pointing_m, _OF_WAY * way_m)
+
+    def _partners(self, patch: Patch, last: int) -> list[int]:
+        """The last keyframe, the oldest, and the nearest ones that show the same ground."""
+        where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
+        here = where[self.track.newest]
+        sides_m = np.array(list(self._sides_m.values()))
+        away_m = np.array([where[key] for key in self._patches]) - here
+        side_m = np.minimum(sides_m, _side_m(patch))
+        alike = [p.metres_per_pixel == patch.metres_per_pixel for p in self._patches.values()]
+        overlap = _overlap(away_m, side_m) * np.array(alike)
+        keys = list(self._patches)
+        near = [k for k in range(len(keys) - 1) if overlap[k] >= _LEAST_OVERLAP]
+        oldest = near[:_OLDEST]
+        rest = sorted(near[_OLDEST:], key=lambda k: -overlap[k])[:_NEAREST]
+        return [last, *(keys[k] for k in (*oldest, *rest))]
+
+    def _thin_out(self) -> None:
+        """Forget the keyframe that is nearest to an older one, if there are too many."""
+        if len(self._patches) <= self.most_keyframes:
+            return
+        where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
+        keys = list(self._patches)
+        places = np.array([where[key] for key in keys])
+        away_m = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+        away_m[np.triu_indices(len(keys))] = math.inf  # of each, only the older ones
+        away_m[-_OLDEST - 1 :] = math.inf  # the newest hold what comes next
+        gone = keys[int(away_m.min(axis=1).argmin())]
+        del self._patches[gone], self._sides_m[gone]
+        self.track.remove(gone)
+
+
+def _side_m(patch: Patch) -> float:
+    """Of a square as large as what a patch shows."""
+    return math.sqrt(patch.pixels) * patch.metres_per_pixel
+
+
+def _overlap(away_m: NDArray[np.float64], side_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part of a square that another one covers, so far away."""
+    free = np.maximum(0.0, 1.0 - np.abs(away_m) / side_m[:, None])
+    return np.asarray(free[:, 0] * free[:, 1], dtype=np.float64)
