@@ -169,6 +169,23 @@ class Guarded:
 
 
 @dataclass(frozen=True, slots=True)
+class Navigated:
+    """What a vehicle has to go by, when that changes, and from time to time without satellites.
+
+    It changes nothing that anybody acts on: positions of other events are corrected already.
+    """
+
+    vehicle: int
+    t_s: float
+    gnss: Literal["good", "lost", "wrong"]
+    sigma_m: float | None = None
+    """How well its place is known by its own pictures, one standard deviation; None: not so."""
+    off_m: GridPoint | None = None
+    """By how much the place that its autopilot tells is off, along the grid's axes."""
+    kind: Literal["navigated"] = "navigated"
+
+
+@dataclass(frozen=True, slots=True)
 class BatterySwapped:
     """A vehicle on the ground has a fresh battery."""
 
@@ -315,6 +332,7 @@ VehicleEvent = (
     | Landed
     | Crashed
     | Guarded
+    | Navigated
     | BatterySwapped
     | Overridden
     | Released

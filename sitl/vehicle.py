@@ -98,6 +98,10 @@ class SimVehicle:
         )
         commands.intercept = self._intercept
         self._ap.parameters.watch = self._parameter_set
+        if spec.optical_flow:
+            for name in ("FLOW_TYPE", "EK3_SRC_OPTIONS", "EKF2_OF_CTRL"):
+                if name in self._ap.parameters:
+                    self._ap.parameters.preset(name, 1.0)
         self._ap.parameters.set_up(spec.parameters)
         self._interpreter = flavour.interpreter(commands, self._streams)
         self._next_heartbeat_s = 0.0

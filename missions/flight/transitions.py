@@ -18,6 +18,7 @@ from missions.events import (
     Guarded,
     LiftedOff,
     LookEnded,
+    Navigated,
     OrderFailed,
     Paused,
     Recalled,
@@ -241,6 +242,11 @@ def _(event: Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
     does = "landing" if event.action == "land" else "returning"
     note = f"{does} by its guardian: {event.reason}"
     return taken_away(vehicle, setting, Phase.GUARDED, note, returns=event.action == "rtl")
+
+
+@_changed.register
+def _(event: Navigated, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    return vehicle  # what it tells of places is corrected already
 
 
 @_changed.register

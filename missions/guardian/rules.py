@@ -127,7 +127,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         )
         return Verdict("land", "it was told to land, and hovers") if hovers else None
     reason = _wrong(limits, guard, seen)
-    if guard.action == "rtl" and seen.mode == "follow":
+    if guard.action == "rtl" and seen.mode == "follow" and not seen.by_map:
         # it did not take the command, or was told something else
         due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None

@@ -66,6 +66,8 @@ class Seen:
     wind_m_s: float | None = None
     struck_m_s: float = 0.0
     """How fast it came down at the touch-down since the last look; 0 if it flies, or stands."""
+    by_map: bool = False
+    """It knows better than its autopilot where it is: it is flown home by targets."""
     slews: bool = False
     """Its position leapt just now, and still follows: how fast that moves is no speed."""
 

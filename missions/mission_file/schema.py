@@ -296,6 +296,24 @@ class Team(Section):
     """Height between two layers; more than `separation_m`, for what the vehicles waver."""
 
 
+class NavigationSection(Section):
+    """What happens when satellites do not say where a vehicle is, or do not tell the truth."""
+
+    gnss_loss: Literal["map", "rtl", "land"] = "rtl"
+    """Lost in flight: go on by the map that its own pictures make; return or land by the
+    autopilot. The autopilot's own failsafe has the last word."""
+    watch: Annotated[bool, Field(strict=True)] | None = None
+    """Whether pictures are held against each other and against positions, so that a position that
+    lies is noticed. Left out: with `gnss_loss = "map"`."""
+    tolerated_m: Positive = 1.0
+    """So far satellites and pictures may disagree beyond what chance explains."""
+
+    @property
+    def watches(self) -> bool:
+        """Whether positions are held against pictures."""
+        return self.gnss_loss == "map" if self.watch is None else self.watch
+
+
 class VehicleSection(Section):
     """One vehicle: where to reach it, its camera, and where it stands if not at the start."""
 
@@ -325,6 +343,7 @@ class Mission(Section):
     wind: Wind = Wind()
     drift: Drift = Drift()
     team: Team = Team()
+    navigation: NavigationSection = NavigationSection()
     vehicles: Annotated[
         tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)
     ] = (VehicleSection(),)

@@ -45,6 +45,7 @@ _ROWS = (
     Parameter("EK3_SRC1_POSXY", 3, INT8),  # 0 none, 3 satellites, 6 a companion
     Parameter("EK3_SRC2_POSXY", 0, INT8),
     Parameter("EK3_SRC3_POSXY", 0, INT8),
+    Parameter("EK3_SRC_OPTIONS", 0, INT16),  # 1: all velocities are fused; told only
     Parameter("FENCE_ACTION", 1, INT8),
     Parameter("FENCE_ALT_MAX", 100.0, REAL32),  # m
     Parameter("FENCE_ALT_MIN", -10.0, REAL32),  # m
@@ -52,6 +53,7 @@ _ROWS = (
     Parameter("FENCE_RADIUS", 150.0, REAL32),  # m
     Parameter("FENCE_TOTAL", 0, INT8, fixed=True),
     Parameter("FENCE_TYPE", 7, INT8),  # 1 top, 2 circle, 4 polygons, 8 bottom
+    Parameter("FLOW_TYPE", 0, INT8),  # not 0: an optical flow sensor; told only
     Parameter("FORMAT_VERSION", 120, INT16, fixed=True),
     Parameter("FRAME_CLASS", 1, INT8, fixed=True),
     Parameter("FRAME_TYPE", 0, INT8, fixed=True),

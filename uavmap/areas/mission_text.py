@@ -41,6 +41,7 @@ SECTIONS: Final[Mapping[str, str]] = MappingProxyType(
         "wind": "The worst wind of the day: the way home is planned against it.",
         "drift": "A region that moves as a whole, such as an oil film.",
         "team": "How several vehicles keep apart.",
+        "navigation": "When satellites are lost, or lie (docs/navigation.md).",
         "terrain": "Where the ground is not flat (docs/terrain.md).",
         "sim": "For `--sim` alone; a real flight never reads it.",
     }
@@ -104,6 +105,9 @@ COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
         "drift.toward_deg": "where it moves to, true bearing",
         "team.separation_m": "two airborne vehicles never come nearer",
         "team.layer_m": "height between two vehicles; more than the separation",
+        "navigation.gnss_loss": '"rtl", "land", or "map": on by what its own pictures tell',
+        "navigation.watch": 'hold positions against pictures; by default with "map"',
+        "navigation.tolerated_m": "that satellites and pictures may disagree",
         "vehicles.url": "where it is reached; or `uavmap fly --connect`",
         "vehicles.camera": "as `uavmap fly --camera` (docs/cameras.md)",
         "vehicles.home": "where it stands; without it in a row east of the start",

@@ -51,6 +51,8 @@ PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 CORNER_M: Final = 2.0
 """A corner of the way around a fence is turned so near to it."""
+OVER_HOME_M: Final = 1.0
+"""Who is nearer than this to the place above its home lands there."""
 BRISK_M_S: Final = 1.0
 """Who is slower than this turns on the spot."""
 CORNER_S: Final = 5.0
@@ -128,7 +130,8 @@ class Guardian:
         kind = self._view.kind
         self._monitor.commanded = (kind.rtl, kind.land)
         number = self._reporter.number
-        self._tell(f"vehicle {number}: {reason}; it is told to {_WORDS[action]}")
+        way = "fly home by its own map" if action == "rtl" and self._by_map else _WORDS[action]
+        self._tell(f"vehicle {number}: {reason}; it is told to {way}")
         self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
         if self._pursuit is not None:
             self._pursuit.cancel()
@@ -207,6 +210,9 @@ class Guardian:
         if low(seen):
             return  # the ground has stopped it: nothing that lies there is told to fly on
         if leapt and not self.acting and seen.airborne and seen.mode != "other":
+            finder = self._monitor.navigation
+            if finder is not None and finder.leapt(leapt):
+                return
             self.order_failed(f"{leapt}: satellite navigation is not to be trusted", False)
 
     def _seen(self) -> Seen | None:
@@ -228,6 +234,7 @@ class Guardian:
             remaining_wh=reporter.remaining_wh(),
             wind_m_s=self._monitor.wind.speed_m_s,
             struck_m_s=self._monitor.struck_m_s,
+            by_map=self._by_map,
         )
 
     def _age_s(self) -> float:
@@ -314,6 +321,9 @@ class Guardian:
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
+        if action == "rtl" and await self._home_by_map():
+            self.take_over("land", "it is over its home, as its own map tells")
+            return
         quickly = hurry and await self._descend()
         self._monitor.commanded = (kind.rtl, kind.land)  # in the descent targets were ours, too
         wanted = kind.rtl if action == "rtl" else kind.land
@@ -332,6 +342,34 @@ class Guardian:
         # where it has been carried to the ground may be lower than at its home
         if quickly and await self._session.until(lambda: self._aim_m() is not None, PATIENCE_S):
             await self._pursue(action, hurry=True)
+
+    @property
+    def _by_map(self) -> bool:
+        """Whether its autopilot does not know where it is, and its pictures do."""
+        navigation = self._monitor.navigation
+        return navigation is not None and navigation.by_map
+
+    async def _home_by_map(self) -> bool:
+        """To its home by targets; False where it does not take them, or needs none."""
+        kind, view, fence = self._view.kind, self._view, self._limits.fence
+        height_m = self._view.height_m
+        while self._by_map and view.armed and not self._monitor.overridden:
+            self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
+            here, home = self._reporter.position(), self._reporter.home()
+            if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
+                return True
+            corners = corners_home(fence, here, home)
+            try:
+                await self._aim(corners[0] if corners else home, height_m)
+                await self._session.flight.speed(self._limits.energy.speed_m_s)
+            except CommandRefusedError:
+                return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
+            # the place that its autopilot takes for home changes with every picture
+            await asyncio.sleep(WATCH_S)
+        return False
 
     # --- the end of a flight ----------------------------------------------------------------
     @property

@@ -18,6 +18,7 @@ from uavmap.cameras.pose import Poses
 from uavmap.cameras.source import Announcement, FrameSource, decoded
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.frames import Frames, suppressed_silence
+from uavmap.fly.navigation import Navigation
 from uavmap.printable import printable
 from uavmap.record.frames import Keeper, KeptFrame
 from vision.look import Frame
@@ -41,6 +42,8 @@ class CameraDriver:
         self._classifier = classifier
         self._now_s = mission_time_s
         self._keeper = keeper
+        self.navigation: Navigation | None = None
+        """Tells where pictures were taken, better than the autopilot does."""
         self._frames: Frames | None = None
         source.listen(self._announced)
 
@@ -137,9 +140,11 @@ class CameraDriver:
             size_px = (camera.width_px, camera.height_px)
             data = await picture.load()
             frame = Frame(decoded(data, picture.name, size_px), pose, t_s, camera)
+            if self.navigation is not None:
+                frame = self.navigation.placed(frame)
             if self._keeper is not None:
                 hfov_deg = math.degrees(camera.hfov_rad)
-                self._keeper.keep(KeptFrame("", self._number, t_s, pose, hfov_deg), data)
+                self._keeper.keep(KeptFrame("", self._number, t_s, frame.pose, hfov_deg), data)
             if anywhere:
                 votes = self._classifier.votes_anywhere(frame)
                 seen = FrameSeen(self._number, t_s, None, votes)

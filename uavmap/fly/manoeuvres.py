@@ -8,6 +8,7 @@ refusal, or what the vehicle is seen not to do, ends an order.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections.abc import Awaitable, Callable
 from typing import Final
@@ -32,6 +33,7 @@ from missions.units import Cell, GridPoint
 from uavmap.fly.frames import Frames
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.monitor import Monitor
+from uavmap.fly.navigation import Navigation
 from uavmap.fly.over_ground import OTHER_LAYER_M, aim_over_ground, at_height
 from uavmap.fly.path_stream import PathStream
 from uavmap.fly.reporter import Reporter
@@ -43,6 +45,10 @@ from uavmap.link.session import Session
 Crew = Callable[[int], Awaitable[None]]
 """Returns once the people on the ground have swapped a vehicle's battery and stand clear."""
 
+FIND_WAY_S: Final = 0.5
+"""Between two pictures on a leg, where a vehicle may have to find its way by them."""
+LOW_M: Final = 4.0
+"""Pictures from lower down show too little to find the way by."""
 READY_S: Final = 120.0
 ARM_TRIES: Final = 10
 ARM_PAUSE_S: Final = 3.0
@@ -102,6 +108,7 @@ class Manoeuvres:
         self.under_way: Callable[[Order, GridPoint], None] = lambda order, target: None
         """Called when a sweep begins to move (its camera comes first, which may take a while), and
         when the first target of an order was acknowledged: until then an older one is flown to."""
+        self.navigation: Navigation | None = None
         self._order: Order | None = None
         self._aimed = False
         self.taken_in: Callable[[], Awaitable[None]] = _nothing_to_wait_for
@@ -196,6 +203,23 @@ class Manoeuvres:
 
     # --- along --------------------------------------------------------------------------------
     async def _fly_to(self, order: FlyTo) -> None:
+        if self.navigation is None or not self.navigation.watches:
+            await self._fly_route(order)
+        else:
+            async with asyncio.TaskGroup() as tasks:
+                looking = tasks.create_task(self._find_way())
+                await self._fly_route(order)
+                looking.cancel()
+        self._arrived()
+
+    async def _find_way(self) -> None:
+        """Take pictures to find the way by, until cancelled; nobody's map depends on them."""
+        with contextlib.suppress(LinkError):
+            async with self._camera.every(FIND_WAY_S, anywhere=True) as frames:
+                async for _ in frames.judged(None):
+                    pass
+
+    async def _fly_route(self, order: FlyTo) -> None:
         last = len(order.route) - 1 if order.cell is None else len(order.route)
         for index, point in enumerate(order.route):
             # a corner of the fence is not cut: the vehicle comes to rest there
@@ -203,7 +227,6 @@ class Manoeuvres:
             await self._reach(lambda p=point: p, order.height_m, stop=stop)  # type: ignore[misc]
         if order.cell is not None:
             await self._reach(self._follow(order.cell), order.height_m, stop=order.stop)
-        self._arrived()
 
     def _arrived(self) -> None:
         reporter = self._reporter
@@ -375,6 +398,8 @@ class Manoeuvres:
 
     # --- down ---------------------------------------------------------------------------------
     async def _land(self) -> None:
+        if self.navigation is not None and self.navigation.by_map:
+            await self._sink_by_map()
         kind = self._view.kind
         self._monitor.commanded = (kind.land,)
         if not self._monitor.was_airborne:  # a slow link tells of its take-off after it
@@ -392,6 +417,18 @@ class Manoeuvres:
             )
             if self._view.on_ground and not self._monitor.was_airborne:
                 self._monitor.landed()
+
+    async def _sink_by_map(self) -> None:
+        """Down to where a landing takes a few seconds: it would follow the satellites' lie."""
+        if self._view.height_m <= LOW_M + OTHER_LAYER_M:
+            return
+        here = self._reporter.position()
+        self._monitor.commanded = (*self._view.kind.ours, self._view.kind.land)
+        with contextlib.suppress(CommandRefusedError):
+            async with asyncio.TaskGroup() as tasks:
+                looking = tasks.create_task(self._find_way())
+                await self._reach(lambda: here, LOW_M, stop=True)
+                looking.cancel()
 
     async def _await_battery(self) -> None:
         reporter = self._reporter

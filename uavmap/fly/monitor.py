@@ -6,7 +6,7 @@ Watched at every message, whatever the vehicle carries out just then.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, Literal
+from typing import Final, Literal, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -24,6 +24,23 @@ TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
 """On a path that is flown without stopping: plans follow one another so fast."""
 OFF_GROUND_M: Final = 2.0
+
+
+class PlaceFinder(Protocol):
+    """Finds out where the vehicle is when satellites do not say it (`uavmap.fly.navigation`)."""
+
+    @property
+    def by_map(self) -> bool:
+        """Whether positions are corrected by the vehicle's own pictures."""
+        ...
+
+    def leapt(self, how: str) -> bool:
+        """The told position has leapt; False where nobody can tell where the vehicle is now."""
+        ...
+
+    def look(self, *, airborne: bool) -> None:
+        """Look at what the vehicle tells; called with every position."""
+        ...
 
 
 class Monitor:
@@ -48,6 +65,7 @@ class Monitor:
         self.impact = Impact()
         self.why: Callable[[str], str | None] = lambda mode: None
         """Why the vehicle is in a mode that nobody asked for, by its own words."""
+        self.navigation: PlaceFinder | None = None
         self.struck_m_s = 0.0
         """How fast it struck the ground; whoever takes note of it sets it to 0."""
         self._reporter = reporter
@@ -68,6 +86,8 @@ class Monitor:
         elif name == "ATTITUDE":
             self.wind.tilted(message.roll, message.pitch, message.yaw)
         elif name == "GLOBAL_POSITION_INT":
+            if self.navigation is not None and self.connected:
+                self.navigation.look(airborne=self.airborne)
             self._measure_wind()
             self._look_for_leaps()
             if self._view.gate.clock.boot_s is not None:

@@ -222,7 +222,7 @@ class PathStream:
         if not all(map(math.isfinite, point)):
             raise LinkError(f"no place to send a vehicle to: {point}")
         view, grid = self._view, self._grid
-        position = grid.position(GridPoint(point.east_m, point.north_m))
+        position = view.as_told(grid.position(GridPoint(point.east_m, point.north_m)))
         rises_m_s = 0.0
         if view.ground is not None:
             at = GridPoint(point.east_m, point.north_m)

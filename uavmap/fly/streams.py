@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+import operator
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -20,9 +22,9 @@ ASK_S: Final = 120.0
 
 
 class Streams:
-    """The streams of one vehicle: those of a mission, and those that its camera needs (`also`)."""
+    """The streams of one vehicle: those of a mission, and those that others need (`also`)."""
 
-    def __init__(self, name: str, session: Session, also: Mapping[int, float]) -> None:
+    def __init__(self, name: str, session: Session, *also: Mapping[int, float]) -> None:
         self._name = name
         self._also = also
         self._session = session
@@ -58,7 +60,7 @@ class Streams:
     @property
     def _rates(self) -> Mapping[int, float]:
         """Hz, by message id."""
-        return {**self._view.kind.streams, **self._also}
+        return functools.reduce(operator.or_, map(dict, self._also), dict(self._view.kind.streams))
 
     @property
     def go_on(self) -> bool:

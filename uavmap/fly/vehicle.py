@@ -16,16 +16,18 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError, leaves
+from missions.errors import CommandRefusedError, LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.state import Setting
+from missions.units import LatLon
 from uavmap.fly.clock_rate import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.fly.monitor import Monitor
+from uavmap.fly.navigation import Navigation
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.fly.spoken import Spoken
 from uavmap.fly.stream_timeout import StreamTimeout
@@ -103,6 +105,15 @@ class MavlinkVehicle:
             session, camera, self._reporter, self._monitor, setting.mission, crew, self._timeout,
             by_places=by_places, tell=tell,
         )  # fmt: skip
+        self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)
+        self._navigation.act = self.guardian.take_over
+        self._navigation.fail = self._order_failed
+        self._navigation.aid = self._aid
+        self._monitor.navigation = self._manoeuvres.navigation = self._navigation
+        camera.navigation = self._navigation
+        self._aiding: asyncio.Task[None] | None = None
+        self._aids = True
+        """Whether its autopilot takes a position from elsewhere, as far as is known."""
         self._manoeuvres.under_way = lambda order, target: self.guardian.told(
             self._tasks_of.begun(order, target)
         )
@@ -110,7 +121,7 @@ class MavlinkVehicle:
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
         self._tasks_of = TasksOf(self._reporter, session.view, setting)
-        self._streams = Streams(name, session, camera.streams)
+        self._streams = Streams(name, session, camera.streams, self._navigation.streams)
         session.listen(self._on_message)
 
     @property
@@ -218,6 +229,20 @@ class MavlinkVehicle:
             await self._manoeuvres.carry_out(order)
         except* LinkError as group:
             self._order_failed("; ".join(str(error) for error in leaves(group)))
+
+    def _aid(self, place: LatLon, sigma_m: float) -> None:
+        """Tell its autopilot where it is; one that does not take that is not asked again."""
+        busy = self._aiding is not None and not self._aiding.done()
+        if self._tasks is not None and self._aids and not busy:
+            self._aiding = self._tasks.create_task(self._tell_place(place, sigma_m))
+
+    async def _tell_place(self, place: LatLon, sigma_m: float) -> None:
+        try:
+            await self._session.flight.you_are_at(place, sigma_m)
+        except CommandRefusedError:
+            self._aids = False
+        except LinkError:
+            pass  # the next one comes soon
 
     def _order_failed(self, reason: str, behind: bool = False) -> None:
         name = type(self._order).__name__

@@ -10,6 +10,7 @@ not answer. None of them changes the mode but those that are named for it: a pil
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from uavmap.link.session import Session
 
 
+_STAMP_WRAPS_S: Final = 250.0
+"""Before a time of transmission loses its milliseconds in a float, it begins anew."""
 _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
@@ -69,6 +72,10 @@ class Commands(Protocol):
         """Sink to targets at a speed (m/s), until the mode changes."""
         ...
 
+    async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
+        """Where it is, for an autopilot without satellites, and how sure that is (1 sigma, m)."""
+        ...
+
     async def land(self, done: Callable[[], bool] = _never) -> None:
         """Land where it is, which changes the mode."""
         ...
@@ -112,6 +119,7 @@ class MavlinkCommands:
         """MAV_CMD_DO_REPOSITION, without the flag that changes the mode."""
         kind = self._view.kind
         above_home_m = height_m + self._view.ground_m(place)
+        place = self._view.as_told(place)
         frame, wire_m = kind.altitude_on_wire(above_home_m, self._view.home_amsl_m)
         await self._session.command_at(
             mav.MAV_CMD_DO_REPOSITION,
@@ -126,6 +134,8 @@ class MavlinkCommands:
     def point_to(self, place: LatLon, height_m: float) -> None:
         """SET_POSITION_TARGET_GLOBAL_INT, of a place alone."""
         view = self._view
+        height_m += view.ground_m(place)
+        place = view.as_told(place)
         self._session.send(
             mav.MAVLink_set_position_target_global_int_message(
                 0,
@@ -135,7 +145,7 @@ class MavlinkCommands:
                 _PLACE_ALONE,
                 round(place.lat_deg * 1e7),
                 round(place.lon_deg * 1e7),
-                height_m + view.ground_m(place),
+                height_m,
                 *(0.0,) * 8,
             )
         )
@@ -147,6 +157,21 @@ class MavlinkCommands:
     async def descent_speed(self, speed_m_s: float) -> None:
         """MAV_CMD_DO_CHANGE_SPEED."""
         await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 3, speed_m_s, -1)
+
+    async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
+        """MAV_CMD_EXTERNAL_POSITION_ESTIMATE: taken by either autopilot while it has no satellites.
+
+        A PX4 whose optical flow works does not take it.
+        """
+        boot_s = self._view.since_boot_s or 0.0
+        await self._session.command_at(
+            mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE,
+            mav.MAV_FRAME_GLOBAL,
+            (boot_s % _STAMP_WRAPS_S, 0.0, sigma_m, 0.0),
+            place.lat_deg,
+            place.lon_deg,
+            math.nan,
+        )
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
         """MAV_CMD_NAV_LAND."""

@@ -270,7 +270,8 @@ class Session:
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
     ) -> None:
         """COMMAND_INT for a place; `taken` are results that mean yes. Errors as for `command`."""
-        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and math.isfinite(z)):
+        unused = command == mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE and math.isnan(z)
+        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and (math.isfinite(z) or unused)):
             raise LinkError(f"no place to send a vehicle to: {lat_deg}, {lon_deg}, {z} m")
         place = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
         asked = self._autopilot

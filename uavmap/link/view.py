@@ -31,6 +31,7 @@ _OTHER: Final = frozenset({Sender.ANY})
 _AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
 _CAMERA: Final = _OTHER | {Sender.CAMERA}
 PREARM_BIT: Final = 0x10000000
+EKF_RELATIVE: Final = 0x08
 EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
@@ -69,6 +70,13 @@ class VehicleView:
     critical: bool = False
     """What it says of its state; with an ArduPilot a failsafe lasts, whoever flies."""
     position: LatLon | None = None
+    """Where it is: as it tells, less what that is found to be off by."""
+    told: LatLon | None = None
+    """Where it tells to be."""
+    off_deg: tuple[float, float] = (0.0, 0.0)
+    """By how much the position that its autopilot tells is off, degrees of latitude and longitude:
+    what `uavmap.fly.navigation` has found out by its pictures. Targets are told with it, for the
+    autopilot is to be where it believes that to be."""
     position_s: float = float("-inf")
     height_m: float = 0.0
     """Above home; where there is a `ground`, above the ground below."""
@@ -86,6 +94,8 @@ class VehicleView:
     landed_state: int = 0
     prearm_ok: bool = False
     ekf_flags: int = 0
+    gps_fix: int | None = None
+    """GPS_FIX_TYPE; None where nobody has asked for it."""
     battery_s: float = float("-inf")
     """When the battery's charge was last told, on the loop's clock."""
     battery_percent: int | None = None
@@ -124,6 +134,40 @@ class VehicleView:
             handler(self, message, now_s, component)
         return True
 
+    def corrected(self, told: LatLon) -> LatLon:
+        """The place that the vehicle means where it tells one of its own."""
+        if self.off_deg == (0.0, 0.0):
+            return told
+        return LatLon(told.lat_deg - self.off_deg[0], told.lon_deg - self.off_deg[1])
+
+    def as_told(self, place: LatLon) -> LatLon:
+        """How a place is told to the vehicle, which believes to be elsewhere than it is.
+
+        >>> view = VehicleView()
+        >>> view.off_deg = (0.5, 0.25)
+        >>> view.as_told(LatLon(47.0, 8.0)), view.corrected(view.as_told(LatLon(47.0, 8.0)))
+        (LatLon(lat_deg=47.5, lon_deg=8.25), LatLon(lat_deg=47.0, lon_deg=8.0))
+        """
+        if self.off_deg == (0.0, 0.0):
+            return place
+        return LatLon(place.lat_deg + self.off_deg[0], place.lon_deg + self.off_deg[1])
+
+    @property
+    def by_satellites(self) -> bool:
+        """Whether its filter has a position on Earth, as far as it has said anything of that."""
+        return not self.ekf_flags or bool(self.ekf_flags & EKF_ABSOLUTE)
+
+    @property
+    def has_no_fix(self) -> bool:
+        """Whether its receiver says that it has none: its filter may hold out for a while."""
+        return self.gps_fix is not None and self.gps_fix < mav.GPS_FIX_TYPE_3D_FIX
+
+    @property
+    def by_dead_reckoning(self) -> bool:
+        """Whether its filter goes on without satellites: by optical flow, or by what it is told."""
+        known = self.ekf_flags & EKF_RELATIVE and not self.ekf_flags & EKF_CONSTANT
+        return bool(known) and not self.by_satellites
+
     def _bind(self, message: Message, system: int, component: int) -> None:
         """The first heartbeat of an autopilot says which vehicle is at the other end."""
         if self.wanted_system not in (None, system):
@@ -157,7 +201,7 @@ class VehicleView:
         return min(max(boot_ms / 1000.0 + offset_s, since_s - STAMP_SLACK_S), now_s)
 
     def place_at(self, loop_s: float) -> Place | None:
-        """Where the vehicle was at a time of the loop's clock; None if it has not said."""
+        """Where the vehicle said to be at a time of the loop's clock; None if it has not."""
         return self.whereabouts.at(loop_s - (self.boot_offset_s or 0.0))
 
     @property
@@ -275,14 +319,15 @@ def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.position = LatLon(message.lat / 1e7, message.lon / 1e7)
+    view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
+    view.position = view.corrected(view.told)
     view.position_s = now_s
     if not (view.kind.amsl and view.off_ground and view.position is not None):
         view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.height_m = view.height_of(message)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0
-    view.whereabouts.take(Fix(boot_s, view.position, view.height_m, view.velocity_ned_m_s))
+    view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
 
 
 def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -331,6 +376,10 @@ def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> N
     view.ekf_flags = message.flags
 
 
+def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.gps_fix = message.fix_type
+
+
 def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.identity = (message.vendor_id, message.product_id)
     long_uid = bytes(message.uid2)
@@ -360,6 +409,7 @@ _HANDLERS: Final = {
     "EXTENDED_SYS_STATE": _extended,
     "EKF_STATUS_REPORT": _ekf,
     "ESTIMATOR_STATUS": _ekf,  # the flags are the same
+    "GPS_RAW_INT": _gps,
     "AUTOPILOT_VERSION": _version,
     "STATUSTEXT": _text,
     "CAMERA_IMAGE_CAPTURED": _captured,

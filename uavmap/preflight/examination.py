@@ -56,7 +56,7 @@ class Examination:
         """Link, state, battery, failsafes; without a mission what can be told without."""
         measured: Measured = await self._listener.measure()
         view = self._session.view
-        parameters = await self._parameters.read_many(names_of(view.kind))
+        parameters = await self._parameters.read_many(names_of(view.kind, setting))
         return self._of(
             [
                 *state_findings(view, measured, setting, self._number),

@@ -116,13 +116,38 @@ PX4_WISHES: Final = (
     Wish("MPC_XY_CRUISE", lambda v, n: True, "", ""),
 )  # fmt: skip
 
+_ON_BY_FLOW: Final = (
+    'navigation.gnss_loss is "map": without optical flow it lands when satellites go'
+)
+ARDUPILOT_FLOW_WISHES: Final = (
+    Wish("FLOW_TYPE", lambda v, n: v["FLOW_TYPE"] != 0, "the type of your sensor", _ON_BY_FLOW),
+    Wish("EK3_SRC_OPTIONS", lambda v, n: bool(int(v["EK3_SRC_OPTIONS"]) & 1), "1",
+         "its optical flow is used beside satellites, and goes on without them"),
+)  # fmt: skip
+PX4_FLOW_WISHES: Final = (
+    Wish("EKF2_OF_CTRL", lambda v, n: v["EKF2_OF_CTRL"] != 0, "1", _ON_BY_FLOW),
+    Wish("COM_POS_FS_EPH", lambda v, n: not 0.0 <= v["COM_POS_FS_EPH"] < FLOW_EPH_M, "-1",
+         "its position counts as lost when its own accuracy has become worse than that, though "
+         "its own map goes on to tell where it is"),
+)  # fmt: skip
+"""Only of missions that go on without satellites."""
+FLOW_EPH_M: Final = 50.0
+
 CAPACITY: Final = {True: "BAT1_CAPACITY", False: "BATT_CAPACITY"}
 """The parameter of the battery's capacity, mAh, by whether the autopilot is a PX4."""
 
 
-def names_of(kind: Autopilot) -> tuple[str, ...]:
+def wishes_of(kind: Autopilot, setting: Setting | None) -> tuple[Wish, ...]:
+    """What is wished for, for a mission; without one, for most."""
+    wishes: tuple[Wish, ...] = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
+    if setting is None or setting.mission.navigation.gnss_loss != "map":
+        return wishes
+    return wishes + (PX4_FLOW_WISHES if kind is PX4 else ARDUPILOT_FLOW_WISHES)
+
+
+def names_of(kind: Autopilot, setting: Setting | None = None) -> tuple[str, ...]:
     """The parameters that are asked for."""
-    wishes = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
+    wishes = wishes_of(kind, setting)
     extra = () if kind is PX4 else ("BATT_LOW_MAH",)
     return tuple(dict.fromkeys([*(w.name for w in wishes), *extra, CAPACITY[kind is PX4]]))
 
@@ -139,7 +164,7 @@ def parameter_findings(
     if not values:
         yield bad("parameters", "none was told", "answers", "does the link carry anything to it?")
         return
-    for wish in PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES:
+    for wish in wishes_of(kind, setting):
         yield _judged(wish, values, needs)
     yield _capacity(CAPACITY[kind is PX4], values, setting, volts)
 

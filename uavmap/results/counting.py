@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from missions.events import BatterySwapped, Connected, Event, Landed, Told, Tracked
+from missions.events import BatterySwapped, Connected, Event, Landed, Navigated, Told, Tracked
 from missions.orders import FlyPath
 from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
+from uavmap.results.navigated import NavigationLog
 
 LIFT_OFF_M = 0.3
 
@@ -28,6 +29,7 @@ class Count:
     on_tree: bool = False
     stints: int = 0
     points: list[tuple[float, GridPoint, float]] = field(default_factory=list)
+    navigation: NavigationLog = field(default_factory=NavigationLog)
 
     def track(self, event: Tracked) -> None:
         """Where it is now: farther, and perhaps off the ground."""
@@ -72,6 +74,8 @@ class Counter:
 
     def after(self, event: Event) -> None:
         """What an event itself adds."""
+        if isinstance(event, Landed | Navigated):
+            self.vehicles[event.vehicle].navigation.take(event)
         if isinstance(event, Tracked):
             count = self.vehicles[event.vehicle]
             count.track(event)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from missions.arena.certificate import promised_moves
@@ -42,6 +42,8 @@ class Figures:
     lower_bound_s: float
     bound_makespan_s: float | None
     tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
+    navigation: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    """Of vehicles whose satellites were lost or wrong: how well they knew where they were."""
 
     @property
     def ratio(self) -> float | None:
@@ -80,6 +82,11 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
         lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
         bound_makespan_s=_bound_s(setting, state),
         tracks={number: tuple(c.points) for number, c in counter.vehicles.items()},
+        navigation={
+            number: told
+            for number, c in counter.vehicles.items()
+            if (told := c.navigation.figures())
+        },
     )
 
 
@@ -273,5 +280,6 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "ratio": found.ratio,
         "bound_makespan_s": found.bound_makespan_s,
         "bound_held": found.bound_held,
+        "navigation": {str(number): dict(told) for number, told in found.navigation.items()},
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
     }

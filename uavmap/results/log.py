@@ -24,6 +24,7 @@ from missions.events import (
     Guarded,
     Landed,
     LinkLost,
+    Navigated,
     OrderFailed,
     Overridden,
     Paused,
@@ -42,6 +43,13 @@ E = TypeVar("E", bound=Event)
 
 WARNING: Final = 4
 """MAV_SEVERITY: what a vehicle says at this level, or a graver one, is a trouble."""
+
+
+_GNSS: Final = {
+    "good": "satellite navigation is back",
+    "lost": "satellite navigation is lost",
+    "wrong": "satellite navigation tells a wrong place",
+}
 
 
 class Fix(NamedTuple):
@@ -102,6 +110,7 @@ class FlightLog:
     homes: dict[int, GridPoint] = field(default_factory=dict)
     amsl_m: float | None = None
     _on_ground: dict[int, list[float]] = field(default_factory=dict)
+    _gnss: dict[int, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> FlightLog:
@@ -131,8 +140,17 @@ class FlightLog:
             self.swaps.append((event.vehicle, event.t_s))
         elif isinstance(event, Connected | Airborne):
             self._home(event)
+        elif isinstance(event, Navigated):
+            self._navigated(event)
         elif (trouble := _trouble(event)) is not None:
             self.troubles.append(trouble)
+
+    def _navigated(self, event: Navigated) -> None:
+        """A line where it changes what a vehicle goes by."""
+        before = self._gnss.get(event.vehicle, "good")
+        self._gnss[event.vehicle] = event.gnss
+        if event.gnss != before:
+            self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
 
     def _home(self, event: Connected | Airborne) -> None:
         if event.home is not None:

@@ -158,7 +158,7 @@ def test_without_a_fix_it_is_said_what_is_missing(tmp_path: Path) -> None:
         with pytest.raises(NotFlownError) as over:
             await before(field, tmp_path, dry=True).go()
         assert not over.value.could_fly
-        assert told(field, "GPS").startswith("bad   1 GPS: no GPS, 0 satellites (wanted: a 3D fix")
+        assert told(field, "GPS").startswith("bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix")
         assert told(field, "EKF").startswith("bad   1 EKF: no position yet")
 
     on_field(body, mission_of("ardupilot", faults=(fault,)))

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
+from missions.mission_file.schema import NavigationSection
 from missions.state import Setting
 from tests.e2e.rig import SHARED
 from tests.unit.uavmap.preflight.field import mission_of
@@ -31,9 +32,13 @@ GOOD_PX4 = {
 
 
 def found(
-    kind: Autopilot, values: dict[str, Any], volts: float | None = 24.9, vehicles: int = 1
+    kind: Autopilot,
+    values: dict[str, Any],
+    volts: float | None = 24.9,
+    vehicles: int = 1,
+    setting: Setting | None = None,
 ) -> list[Finding]:
-    setting = Setting.of(mission_of("ardupilot", vehicles))
+    setting = setting or Setting.of(mission_of("ardupilot", vehicles))
     told = {name: Parameter(float(value), 9) for name, value in values.items()}
     return list(parameter_findings(kind, told, setting, volts))
 
@@ -135,3 +140,17 @@ def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
     findings = list(parameter_findings(ARDUPILOT, told, setting, 12.6))
     assert not_ok(findings) == ["BATT_FS_LOW_ACT", "FS_GCS_ENABLE", "BATT_CAPACITY"]
     assert findings[-1].found.startswith("3300 mAh, with 12.6 V (taken for 3 cells) about 37 Wh")
+
+
+@pytest.mark.parametrize("kind", [ARDUPILOT, PX4])
+def test_who_goes_on_without_satellites_needs_flow(kind: Autopilot) -> None:
+    mission = mission_of("ardupilot", 1)
+    on = Setting.of(mission.model_copy(update={"navigation": NavigationSection(gnss_loss="map")}))
+    more = set(names_of(kind, on)) - set(names_of(kind))
+    assert len(more) == 2
+    good = GOOD_PX4 if kind is PX4 else GOOD_ARDUPILOT
+    flow = {"FLOW_TYPE": 6, "EK3_SRC_OPTIONS": 1, "EKF2_OF_CTRL": 1, "COM_POS_FS_EPH": -1}
+    with_flow = {**good, **{name: flow[name] for name in more}}
+    assert not_ok(found(kind, with_flow, setting=on)) == []
+    without = {**good, **dict.fromkeys(more, 0)}
+    assert set(not_ok(found(kind, without, setting=on))) == more
