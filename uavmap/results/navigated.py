@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,3 +69,26 @@ class NavigationLog:
             "off_m": None if self.off_m is None else round(self.off_m, 2),
             "sigma_m": self.sigma_m,
         }
+
+
+def in_words(figures: Mapping[str, Any]) -> str:
+    """A line of a report from the figures of one vehicle.
+
+    >>> told = {"noticed_s": 138.7, "lost_s": 90.0, "wrong_s": 0.0, "off_m": 0.8, "sigma_m": 0.9}
+    >>> in_words(told)[49:]
+    'the told place was off by up to 0.8 m, and its own map told it to ±0.9 m (1 sigma) or better'
+    >>> in_words({"noticed_s": 60.0, "lost_s": 0, "wrong_s": 20.0, "off_m": None, "sigma_m": None})
+    'satellites were wrong for 20 s, noticed at 60 s'
+    """
+    what = " and ".join(
+        f"{word} for {figures[key]:.0f} s"
+        for word, key in (("lost", "lost_s"), ("wrong", "wrong_s"))
+        if figures[key]
+    )
+    text = f"satellites were {what or 'lost'}, noticed at {figures['noticed_s']:.0f} s"
+    if figures["off_m"] is None or figures["sigma_m"] is None:
+        return text
+    return (
+        f"{text}; the told place was off by up to {figures['off_m']:.1f} m, and its own map told it "
+        f"to ±{figures['sigma_m']:.1f} m (1 sigma) or better"
+    )

@@ -13,6 +13,7 @@ from uavmap.printable import printable
 from uavmap.results.boundary_told import BoundaryTold
 from uavmap.results.flown import Flown
 from uavmap.results.log import Sortie
+from uavmap.results.navigated import in_words
 from uavmap.results.report.timeline import minutes
 
 Facts = list[tuple[str, str]]
@@ -244,6 +245,9 @@ def notes(flown: Flown) -> list[str]:
     said = values.get("notes")
     if isinstance(said, Mapping):
         found += [printable(f"vehicle {number}: {note}") for number, note in said.items()]
+    known = values.get("navigation")
+    if isinstance(known, Mapping):
+        found += [f"vehicle {number}: {in_words(figures)}" for number, figures in known.items()]
     return found
 
 
