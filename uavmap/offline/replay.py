@@ -343,6 +343,8 @@ def look_at_all(
     _judge_all(judge, shots, spool, progress, options.crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
+    # what was compared is not needed any more
+    judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     progress.end()
     # marks and pictures that were judged elsewhere are laid on the ground here
     workers = options.crew.count if isinstance(options.crew, Threads) else None
