@@ -79,6 +79,7 @@ class Evidence:
         self._sums = np.empty((0, 4), np.int64)
         self._new: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
         self._waiting = 0
+        self._usual = 0.0  # the share of region in the whole set
 
     def add(self, votes: Iterable[Vote], weights: Sequence[float]) -> None:
         """The votes of one more picture and their weights, 0 to 1, in the same order."""
@@ -119,6 +120,8 @@ class Evidence:
         if len(first):
             self._sums = np.add.reduceat(sums[order], first, axis=0)
         self._new, self._waiting = [], 0
+        weight, region = self._sums[:, :2].sum(axis=0).tolist()
+        self._usual = region / (_STEPS * weight) if weight else 0.0
 
     def weighings(self) -> Weighings:
         """What is known of every cell that was seen."""
@@ -130,16 +133,15 @@ class Evidence:
 
     def _beliefs(self, sums: NDArray[np.int64]) -> NDArray[np.float64]:
         prior = round(PRIOR_WEIGHT * _STEPS)
-        all_weight, all_region = self._sums[:, :2].sum(axis=0).tolist()
-        usual = all_region / (_STEPS * all_weight) if all_weight else 0.0
-        found: NDArray[np.float64] = (sums[:, 1] / _STEPS + prior * usual) / (sums[:, 0] + prior)
+        region = sums[:, 1] / _STEPS + prior * self._usual
+        found: NDArray[np.float64] = region / (sums[:, 0] + prior)
         return found
 
     def _sums_of(self, cell: Cell) -> NDArray[np.int64]:
         """Those of a cell, shape (1, 4); zeros, if unseen."""
         self._settle()
-        (key,) = _keys(np.array([cell], np.int32))
-        at = int(np.searchsorted(self._keys, key))
+        key = (cell.east << 32) + (cell.north + _HALF)
+        at = int(self._keys.searchsorted(key))
         if at < len(self._keys) and self._keys[at] == key:
             return self._sums[at : at + 1]
         return np.zeros((1, 4), np.int64)
