@@ -157,17 +157,17 @@ def _cycles(
     following: NDArray[np.intp], order: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The cycles of a permutation one after another, and where each begins."""
-    after = following.tolist()
-    left = bytearray(b"\x01") * len(after)
+    after = following.tolist()  # -1 from where a line has gone on
     chain: list[int] = []
     starts: list[int] = []
     for start in order.tolist():
-        if not left[start]:
+        here, further = start, after[start]
+        if further < 0:
             continue
         starts.append(len(chain))
-        here = start
-        while left[here]:
-            left[here] = 0
+        while further >= 0:
+            after[here] = -1
             chain.append(here)
-            here = after[here]
+            here = further
+            further = after[here]
     return np.array(chain, dtype=np.intp), np.array(starts, dtype=np.intp)

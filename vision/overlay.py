@@ -1,7 +1,7 @@
 """A picture laid on a raster of the ground, with how much it is to be believed at each place.
 
-Where a place lies in the picture is reckoned at every eighth pixel of the raster and interpolated
-in between: through a homography, or over a terrain.
+Where a place lies in the picture is reckoned in the middle of squares of eight by eight pixels of
+the raster and interpolated in between: through a homography, or over a terrain.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vision.raster import Raster, Window
 STEP: Final = 8
 FEATHER: Final = 0.04
 """At the rim of a picture its weight fades over this part of its width."""
-_PART: Final = 16 * STEP  # of a window, that is left out if the picture shows nothing of it
+_PART: Final = 24 * STEP  # of a window, that is left out if the picture shows nothing of it
 _PROBES: Final = 32  # along each side of the ground that a picture may show
 
 Floats = NDArray[np.float64]
@@ -68,7 +68,7 @@ class Overlay:
 
         A picture lies aslant on the ground: a good part of the window around it is not in it.
         """
-        nodes = raster.centres(window, STEP)
+        nodes = raster.middles(window, STEP)
         pixels = self.pixels(nodes)
         inside_px = self._inside_px(pixels)
         away_m = np.hypot(nodes[..., 0] - self.below.east_m, nodes[..., 1] - self.below.north_m)
@@ -78,22 +78,21 @@ class Overlay:
         level[away_m > OBLIQUE_LIMIT * self.height_m] = 0.0
         shown = (inside_px > 0.0) & (level > 0.0)
         fade = inside_px * (1.0 / (FEATHER * self.width_px))
-        layers = np.dstack([np.nan_to_num(pixels, nan=-1e4), fade, level]).astype(np.float32)
+        pixels = np.nan_to_num(pixels, nan=-1e4)
+        layers = np.stack([pixels[..., 0], pixels[..., 1], fade, level]).astype(np.float32)
         for part in window.blocks(_PART):
-            # with the nodes beyond its end, between which its last pixels lie
+            # with the squares around it, between whose middles its outer pixels lie
             near = tuple(
-                slice(side.start // STEP, -(-side.stop // STEP) + 1) for side in part.within(window)
+                slice(side.start // STEP, -(-side.stop // STEP) + 2) for side in part.within(window)
             )
             if shown[near].any():
-                yield part, self._laying(layers[near], part.shape)
+                yield part, self._laying(layers[:, near[0], near[1]], part.shape)
 
     def _laying(self, layers: NDArray[np.float32], shape: tuple[int, int]) -> Laying:
-        x, y, fade, weight = cv2.split(_between(layers, shape))
+        x, y, fade, level = (_between(layer, shape) for layer in layers)
         np.clip(fade, 0.0, 1.0, out=fade)
-        u, v, w = (
-            np.asarray(part, dtype=np.float32) for part in (x, y, cv2.multiply(weight, fade))
-        )
-        return Laying(u, v, w, (self.width_px, self.height_px))
+        np.multiply(fade, level, out=fade)
+        return Laying(x, y, fade, (self.width_px, self.height_px))
 
     def _inside_px(self, pixels: Floats) -> Floats:
         """How many pixels from the rim of the picture; negative outside of it."""
@@ -113,24 +112,31 @@ class Laying:
     weight: NDArray[np.float32]
     size_px: tuple[int, int]
 
-    def sampled(self, image: NDArray[Any]) -> NDArray[Any]:
-        """An image of what the picture shows, of whatever size, on the window."""
-        rows, columns = image.shape[:2]
-        x, y = self.x, self.y
-        if (columns, rows) != self.size_px:  # from pixels' edges to pixels' edges
-            x = (x + 0.5) * np.float32(columns / self.size_px[0]) - np.float32(0.5)
-            y = (y + 0.5) * np.float32(rows / self.size_px[1]) - np.float32(0.5)
-        return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    def sampled(self, framed_image: NDArray[Any]) -> NDArray[Any]:
+        """An image of what the picture shows, of whatever size, `framed`, on the window."""
+        rows, columns = (side - 2 for side in framed_image.shape[:2])
+        # from pixels' edges to pixels' edges, of which the frame has one more
+        across, along = (
+            np.float32(n / whole) for n, whole in zip((columns, rows), self.size_px, strict=True)
+        )
+        x = self.x * across + (across + np.float32(1.0)) / np.float32(2.0)
+        y = self.y * along + (along + np.float32(1.0)) / np.float32(2.0)
+        # what lies outside weighs nothing, so it may be black, which is quicker than anything else
+        return cv2.remap(framed_image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+
+
+def framed(image: NDArray[Any]) -> NDArray[Any]:
+    """An image with its outermost pixels once more around it, as `Laying.sampled` takes it.
+
+    >>> framed(np.array([[1, 2]], np.uint8)).tolist()
+    [[1, 1, 2, 2], [1, 1, 2, 2], [1, 1, 2, 2]]
+    """
+    return cv2.copyMakeBorder(image, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
 
 
 def _between(nodes: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
-    """Values at every pixel, from those at every `STEP`-th."""
+    """Values at every pixel, from those in the middle of squares with one more row all around."""
     rows, columns = shape
-    found = cv2.warpAffine(
-        nodes,
-        np.array([[1.0 / STEP, 0.0, 0.0], [0.0, 1.0 / STEP, 0.0]]),
-        (columns, rows),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    return np.asarray(found, dtype=np.float32)
+    size = STEP * nodes.shape[1], STEP * nodes.shape[0]
+    found = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
+    return np.asarray(found[STEP : STEP + rows, STEP : STEP + columns], dtype=np.float32)

@@ -72,8 +72,8 @@ class Raster:
         rows: How many from north to south.
 
     >>> raster = Raster(0.0, 10.0, 0.5, 4, 3)
-    >>> raster.centres(Window(0, 0, 1, 2), 1)[0].tolist()
-    [[0.25, 9.75], [0.75, 9.75]]
+    >>> raster.middles(Window(0, 0, 1, 2), 1)[1].tolist()
+    [[-0.25, 9.75], [0.25, 9.75], [0.75, 9.75], [1.25, 9.75]]
     """
 
     west_m: float
@@ -113,16 +113,15 @@ class Raster:
             for row, column in sorted(found)
         }  # fmt: skip
 
-    def centres(self, window: Window, step: int) -> NDArray[np.float64]:
-        """Metres east and north of every `step`-th pixel's centre, past the window's end at last.
+    def middles(self, window: Window, side: int) -> NDArray[np.float64]:
+        """Metres east and north of the middles of squares of so many pixels along an edge: those
+        that cover a window, from its first pixel on, and one more on each side of it.
 
-        Shape (rows / step rounded up + 1, columns / step rounded up + 1, 2) where `step` is above
-        1; that of the window where it is 1.
+        Shape (rows / side rounded up + 2, columns / side rounded up + 2, 2).
         """
-        more = 1 if step > 1 else 0
-        rows, columns = (math.ceil(side / step) + more for side in window.shape)
-        east = self.west_m + (window.left + 0.5 + step * np.arange(columns)) * self.pitch_m
-        north = self.north_m - (window.top + 0.5 + step * np.arange(rows)) * self.pitch_m
+        rows, columns = (np.arange(-1, math.ceil(edge / side) + 1) + 0.5 for edge in window.shape)
+        east = self.west_m + (window.left + side * columns) * self.pitch_m
+        north = self.north_m - (window.top + side * rows) * self.pitch_m
         return np.stack(np.meshgrid(east, north), axis=-1)
 
     def around(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> Window:

@@ -18,8 +18,10 @@ its last bit.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.events import Event, FrameSeen, Vote, Weighed
 from missions.units import Cell
@@ -29,21 +31,38 @@ PRIOR_WEIGHT: Final = 0.15
 LEAST_WEIGHT: Final = 0.05
 """A cell on which all pictures together weigh less is left undecided: no region."""
 _STEPS: Final = 1000  # shares and weights are told in thousandths
+_HALF: Final = 1 << 31
+_LOW: Final = (1 << 32) - 1
+_FEW: Final = 4096  # votes that wait at least, before they are added to the sums
+
+Cells = NDArray[np.int32]
+"""Columns and rows of cells, shape (n, 2)."""
 
 
-@dataclass(slots=True)
-class _Sums:
-    """Of a cell, in thousandths of thousandths: weight, weight times share; and pictures."""
+class Weighings(NamedTuple):
+    """All cells that were seen, sorted, in columns.
 
-    weight: int = 0
-    region: int = 0
-    positive: int = 0
-    pictures: int = 0
+    Attributes:
+        cells: Shape (n, 2).
+        belief: The part of each that is believed to be region, 0 to 1.
+        decided: Whether there is weight enough on it.
+        positive: How many pictures say region.
+        pictures: How many show it.
+    """
+
+    cells: Cells
+    belief: NDArray[np.float64]
+    decided: NDArray[np.bool_]
+    positive: NDArray[np.int64]
+    pictures: NDArray[np.int64]
+
+    def roi(self, share: float) -> NDArray[np.bool_]:
+        """Which are believed to be region in at least that share (`detector.share`)."""
+        return self.decided & (self.belief >= share)
 
 
-@dataclass(slots=True)
 class Evidence:
-    """The evidence so far.
+    """The evidence so far, some tens of bytes a cell.
 
     >>> evidence = Evidence()
     >>> above, aslant = Vote(Cell(0, 0), True, 0.9), Vote(Cell(0, 0), False, 0.2)
@@ -53,38 +72,92 @@ class Evidence:
     (0.77, frozenset({Cell(east=0, north=0)}), {Cell(east=0, north=0): (1, 2)})
     """
 
-    _cells: dict[Cell, _Sums] = field(default_factory=dict)
-    _weight: int = 0
-    _region: int = 0
+    def __init__(self) -> None:
+        self._keys = np.empty(0, np.int64)  # of the cells, sorted
+        # of each, in thousandths of thousandths: weight, weight times share; and pictures that
+        # say region, and all
+        self._sums = np.empty((0, 4), np.int64)
+        self._new: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+        self._waiting = 0
+        self._usual = 0.0  # the share of region in the whole set
 
     def add(self, votes: Iterable[Vote], weights: Sequence[float]) -> None:
         """The votes of one more picture and their weights, 0 to 1, in the same order."""
-        for vote, weight in zip(votes, weights, strict=True):
-            w = round(weight * _STEPS)
-            region = w * round(vote.share * _STEPS)
-            sums = self._cells.setdefault(vote.cell, _Sums())
-            sums.weight += w
-            sums.region += region
-            sums.positive += vote.positive
-            sums.pictures += 1
-            self._weight += w
-            self._region += region
+        said = list(votes)
+        if len(said) != len(weights):
+            raise ValueError(f"{len(said)} votes have {len(weights)} weights")
+        self.add_columns(
+            np.array([vote.cell for vote in said], np.int32).reshape(-1, 2),
+            np.array([vote.positive for vote in said], np.bool_),
+            np.array([vote.share for vote in said], np.float64),
+            np.array(weights, np.float64),
+        )
+
+    def add_columns(
+        self,
+        cells: Cells,
+        positive: NDArray[np.bool_],
+        shares: NDArray[np.float64],
+        weights: NDArray[np.float64],
+    ) -> None:
+        """The same, column by column."""
+        weight = np.rint(weights * _STEPS).astype(np.int64)
+        region = weight * np.rint(shares * _STEPS).astype(np.int64)
+        sums = np.column_stack([weight, region, positive, np.ones_like(weight)])
+        self._new.append((_keys(cells), sums))
+        self._waiting += len(sums)
+        if self._waiting > max(_FEW, len(self._keys)):
+            self._settle()
+
+    def _settle(self) -> None:
+        """Take in what waits: seldom, since all cells are sorted for it."""
+        if not self._new:
+            return
+        keys = np.concatenate([self._keys, *(keys for keys, _ in self._new)])
+        sums = np.concatenate([self._sums, *(sums for _, sums in self._new)])
+        order = np.argsort(keys, kind="stable")
+        self._keys, first = np.unique(keys[order], return_index=True)
+        if len(first):
+            self._sums = np.add.reduceat(sums[order], first, axis=0)
+        self._new, self._waiting = [], 0
+        weight, region = self._sums[:, :2].sum(axis=0).tolist()
+        self._usual = region / (_STEPS * weight) if weight else 0.0
+
+    def weighings(self) -> Weighings:
+        """What is known of every cell that was seen."""
+        self._settle()
+        weight, _, positive, pictures = self._sums.T
+        cells = np.column_stack([self._keys >> 32, (self._keys & _LOW) - _HALF]).astype(np.int32)
+        decided = weight >= LEAST_WEIGHT * _STEPS
+        return Weighings(cells, self._beliefs(self._sums), decided, positive, pictures)
+
+    def _beliefs(self, sums: NDArray[np.int64]) -> NDArray[np.float64]:
+        prior = round(PRIOR_WEIGHT * _STEPS)
+        region = sums[:, 1] / _STEPS + prior * self._usual
+        found: NDArray[np.float64] = region / (sums[:, 0] + prior)
+        return found
+
+    def _sums_of(self, cell: Cell) -> NDArray[np.int64]:
+        """Those of a cell, shape (1, 4); zeros, if unseen."""
+        self._settle()
+        key = (cell.east << 32) + (cell.north + _HALF)
+        at = int(self._keys.searchsorted(key))
+        if at < len(self._keys) and self._keys[at] == key:
+            return self._sums[at : at + 1]
+        return np.zeros((1, 4), np.int64)
 
     def belief(self, cell: Cell) -> float:
         """The part of a cell that is believed to be region, 0 to 1; what is usual, if unseen."""
-        prior = round(PRIOR_WEIGHT * _STEPS)
-        usual = self._region / (_STEPS * self._weight) if self._weight else 0.0
-        sums = self._cells.get(cell, _Sums())
-        return (sums.region / _STEPS + prior * usual) / (sums.weight + prior)
+        return float(self._beliefs(self._sums_of(cell))[0])
 
     def weight(self, cell: Cell) -> float:
         """The weight of all pictures on a cell, at least 0."""
-        sums = self._cells.get(cell)
-        return 0.0 if sums is None else sums.weight / _STEPS
+        return float(self._sums_of(cell)[0, 0]) / _STEPS
 
     def roi(self, share: float) -> frozenset[Cell]:
         """The cells that are believed to be region in at least that share (`detector.share`)."""
-        return frozenset(cell for cell in self._cells if self.is_roi(cell, share))
+        found = self.weighings()
+        return frozenset(_named(found.cells[found.roi(share)]))
 
     def is_roi(self, cell: Cell, share: float) -> bool:
         """Whether there is weight enough on a cell, and it is region in at least that share."""
@@ -92,16 +165,24 @@ class Evidence:
 
     def cells(self) -> dict[Cell, tuple[int, int]]:
         """Every cell that was seen, sorted: pictures that say region, and all that show it."""
-        return {cell: (s.positive, s.pictures) for cell, s in sorted(self._cells.items())}
+        found = self.weighings()
+        told = zip(found.positive.tolist(), found.pictures.tolist(), strict=True)
+        return dict(zip(_named(found.cells), told, strict=True))
 
     @property
     def undecided(self) -> int:
         """How many cells have too little weight to be decided."""
-        return len(self.undecided_cells())
+        return int(np.count_nonzero(~self.weighings().decided))
 
-    def undecided_cells(self) -> set[Cell]:
-        """Those cells."""
-        return {cell for cell, s in self._cells.items() if s.weight < LEAST_WEIGHT * _STEPS}
+
+def _keys(cells: Cells) -> NDArray[np.int64]:
+    """A whole number for each cell, in the order of the cells."""
+    wide = cells.astype(np.int64)
+    return (wide[:, 0] << 32) + (wide[:, 1] + _HALF)
+
+
+def _named(cells: Cells) -> list[Cell]:
+    return [Cell(east, north) for east, north in cells.tolist()]
 
 
 def evidence_of(events: Iterable[Event]) -> Evidence | None:

@@ -1,6 +1,7 @@
 """How fast a replay is beside the decoder, how much memory it takes, and what damage does to it.
 
 python -m tests.benchmarks.replay rate FOLDER              pictures a second, beside decoding alone
+python -m tests.benchmarks.replay rate FOLDER --refine on  the same, by refined poses
 python -m tests.benchmarks.replay results FOLDER           seconds after the last picture
 python -m tests.benchmarks.replay memory                   1,000, 3,000 and 10,000 small pictures
 python -m tests.benchmarks.replay memory --pictures 5000   so many, over as much more ground
@@ -35,6 +36,7 @@ from uavmap.offline.credible import Placed, credible
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.rasters import Wishes
+from uavmap.offline.refined_pictures import refined
 from uavmap.offline.replay import Options, look_at_all
 from uavmap.offline.replaying import journal_meta
 from uavmap.offline.sources.opening import open_source
@@ -98,8 +100,11 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def _rate(folder: Path) -> None:
+def _rate(folder: Path, refine: str) -> None:
     gathered = gather(open_source(folder))
+    if refine == "on":  # beforehand: what is measured is the replay that follows
+        better = refined(gathered, Silent(), None)
+        gathered = gathered if better is None else better.gathered
     pictures = [v for v in credible(gathered.pictures) if isinstance(v, Placed)]
     for workers in sorted({1, worker_count()}):
         for _ in range(3):
@@ -186,7 +191,7 @@ def main() -> int:
     if options.path is None:
         parser.error(f"{options.what} needs pictures")
     if options.what == "rate":
-        _rate(options.path)
+        _rate(options.path, options.refine)
     elif options.what == "results":
         _results(options.path, 5)
     else:

@@ -241,7 +241,7 @@ def _of_results(
     state, found = figures(setting, events)
     mission = setting.mission
     data = map_data(setting, state, found, None, recorded=recorded, evidence=evidence_of(events))
-    if not data.roi_cells:
+    if not data.table.roi.any():
         raise UavmapError(f"{folder}: no region was mapped; there is nothing to survey")
     vehicle = _chosen(options, mission) or 0
     height_m = options.height or mission.altitude_m(vehicle)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from missions.errors import UavmapError
@@ -108,10 +109,11 @@ def _footings(looked: Looked) -> list[Footing]:
 
 def _told(fine: FineMap, looked: Looked, state: State) -> boundary_file.BoundaryMap:
     belief = state.belief
-    seen = belief.cells().keys()
-    undecided = {cell for cell in seen if belief.verdict(cell) is None and cell not in belief.roi}
+    seen = sorted(belief.cells())
+    undecided = [cell for cell in seen if belief.verdict(cell) is None and cell not in belief.roi]
     sigmas_m = [shot.placed.picture.position_sigma_m for shot in looked.shots if not shot.reason]
-    return fine.told(state.t_s, sigmas_m, seen, undecided)
+    cells, without = (np.array(some, np.int32).reshape(-1, 2) for some in (seen, undecided))
+    return fine.told(state.t_s, sigmas_m, cells, without)
 
 
 def _truth(setting: Setting) -> BaseGeometry | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from missions.ground.grid import Grid
 from missions.mission_file.schema import positions
 from missions.state import Setting
-from missions.units import Cell
 from uavmap.offline.boundary import HALF, boundary_of
 from uavmap.offline.judging import Judge
 from uavmap.offline.mosaic import Tile, mosaic
@@ -23,6 +22,7 @@ from uavmap.offline.workers import GoOn
 from uavmap.results.boundary import Boundary
 from uavmap.results.boundary_file import BoundaryMap
 from uavmap.results.view import View
+from vision.overlay import framed
 from vision.raster import Raster
 
 
@@ -64,14 +64,18 @@ class FineMap:
         return cls(setting, scene, surface, boundary, spool, workers)
 
     def told(
-        self, t_s: float, positions_m: Sequence[float], seen: Collection[Cell], undecided: set[Cell]
+        self,
+        t_s: float,
+        positions_m: Sequence[float],
+        seen: NDArray[np.int32],
+        undecided: NDArray[np.int32],
     ) -> BoundaryMap:
         """What boundary.geojson tells, for the mission time of a map.
 
         Args:
             t_s: That time.
             positions_m: How well the place of each picture is known.
-            seen: The cells on which pictures were asked.
+            seen: The cells on which pictures were asked, sorted; shape (n, 2).
             undecided: Those that too few of them show.
         """
         mission = self.setting.mission
@@ -121,7 +125,7 @@ def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]
 
     def decoded() -> NDArray[np.uint8] | None:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-        return upright(np.asarray(image, np.uint8), turned=entry.footing.turned)
+        return framed(upright(np.asarray(image, np.uint8), turned=entry.footing.turned))
 
     return decoded
 

@@ -11,7 +11,7 @@ from missions.events import Event, FrameSeen, Tracked, Weighed
 from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import LatLon
-from uavmap.offline.tally import Votes
+from uavmap.offline.tally import Votes, weighed
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.results.calendar import TAKEN, Calendar
@@ -67,16 +67,13 @@ def _replayed(
                 votes.add(event.vantage, event.votes)
         elif isinstance(event, Weighed) and evidence is not None and said is not None:
             evidence.add(said.votes, event.weights)
-    decided = votes if evidence is None else evidence
+    share = mission.detector.share
+    decided = votes.counted() if evidence is None else weighed(evidence, share)
     log = FlightLog.of(events)
-    roi = frozenset(votes.roi) if evidence is None else evidence.roi(mission.detector.share)
-    belief = {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()}
-    replayed = Replayed(
-        decided.cells(), roi, decided.undecided, taken, len(log.troubles), 0, belief
-    )
+    replayed = Replayed(*decided, taken, len(log.troubles), 0)
     data = replay_map(setting, replayed)
     values = _kept_summary(folder) or replay_summary(setting, replayed)
-    values = dated(values, data, extent(data, mission.detector.share), calendar)
+    values = dated(values, data, extent(data, share), calendar)
     return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
 
 

@@ -30,7 +30,8 @@ class Tile(NamedTuple):
 
     Attributes:
         shown: Where it lies; its window, which is of another raster, is not asked.
-        image: Blue-green-red, of any size; None where it cannot be read. Called from any thread.
+        image: Blue-green-red, of any size, `framed`; None where it cannot be read. Called from any
+            thread.
     """
 
     shown: Shown

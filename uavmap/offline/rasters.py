@@ -29,6 +29,7 @@ from uavmap.offline.mosaic import Colours, Tile, mosaic
 from uavmap.offline.recent import Recent
 from uavmap.offline.surface import Shown, aligned
 from vision.fusion import MOST, UNSEEN
+from vision.overlay import framed
 from vision.raster import Raster, Window
 
 ORTHO: Final = "ortho.tif"
@@ -168,7 +169,7 @@ class Rasters:
             except ImageError:
                 unread.add(placed.picture.name)
                 return None
-            return upright(frame.image, turned=footing.turned)
+            return framed(upright(frame.image, turned=footing.turned))
 
         return lambda: recent.get(footing.number, decoded)
 

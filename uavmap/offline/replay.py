@@ -22,6 +22,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
+import numpy as np
+
 from missions.errors import ImageError
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.mapping.evidence import Evidence
@@ -40,7 +42,7 @@ from uavmap.offline.refined_pictures import refined
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Said, Spool
 from uavmap.offline.surface import Footing, Scene
-from uavmap.offline.tally import Votes
+from uavmap.offline.tally import Votes, weighed
 from uavmap.offline.workers import Crew, GoOn, Threads, beside, worker_count
 from uavmap.printable import printable
 from uavmap.record.flight_plan import FlightPlan
@@ -157,15 +159,14 @@ class Looked:
         evidence = Evidence() if mission.by_evidence else None
         log = FlightLog()
         journal.append_all(log.noting(self._events(votes, evidence)))
-        decided = votes if evidence is None else evidence
+        share = mission.detector.share
+        table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
         mapped = Replayed(
-            decided.cells(),
-            frozenset(votes.roi) if evidence is None else evidence.roi(mission.detector.share),
-            decided.undecided,
+            table,
+            undecided,
             [(s.t_s, s.placed.pose.position, s.placed.pose.height_m) for s in self._used],
             len(self._rows()) - len(self._used) - self.gathered.copies,
             self.gathered.copies,
-            {} if evidence is None else {c: evidence.belief(c) for c in evidence.cells()},
         )
         calendar = Calendar.of_replay(journal.meta.get(TAKEN))
         plan = FlightPlan.read(journal)
@@ -182,8 +183,7 @@ class Looked:
             if self.fine is None:
                 return None
             positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
-            seen = mapped.cells.keys()
-            return self.fine.told(mapped.end_s, positions_m, seen, decided.undecided_cells())
+            return self.fine.told(mapped.end_s, positions_m, table.cells, undecided)
 
         ground = None
         if scene is not None:
@@ -249,20 +249,18 @@ class Looked:
                 continue
             kept = self.spool.get(number)
             rated = kept.shares >= 0.0
-            said = tuple(
-                Vote(Cell(*cell), part >= share, round(part, 3))
-                for cell, part in zip(
-                    kept.cells[rated].tolist(), kept.shares[rated].tolist(), strict=True
-                )
-            )
+            cells, positive = kept.cells[rated].astype(np.int32), kept.shares[rated] >= share
+            shares = kept.shares[rated].round(3)
+            told = zip(cells.tolist(), positive.tolist(), shares.tolist(), strict=True)
+            said = tuple(Vote(Cell(*cell), yes, part) for cell, yes, part in told)
             shot.cells = len(said)
             yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said)
             if evidence is None:
                 votes.add(kept.vantage, said)
                 continue
-            weights = tuple(round(weight, 3) for weight in kept.weights[rated].tolist())
-            evidence.add(said, weights)
-            yield Weighed(VEHICLE, shot.t_s, weights)
+            weights = kept.weights[rated].round(3)
+            evidence.add_columns(cells, positive, shares, weights)
+            yield Weighed(VEHICLE, shot.t_s, tuple(weights.tolist()))
 
     def _rows(self) -> list[PictureRow]:
         """A row for each picture and each file that is none, by name."""
@@ -345,6 +343,8 @@ def look_at_all(
     _judge_all(judge, shots, spool, progress, options.crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
+    # what was compared is not needed any more
+    judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     progress.end()
     # marks and pictures that were judged elsewhere are laid on the ground here
     workers = options.crew.count if isinstance(options.crew, Threads) else None

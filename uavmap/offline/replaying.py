@@ -27,10 +27,11 @@ from uavmap.offline.replay import Looked, Options, look_at_all
 from uavmap.offline.short_of_memory import memory_told
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
-from uavmap.offline.workers import Crew
+from uavmap.offline.workers import Crew, beside
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.record.results_folder import make_folder, refuse_unwritable, results_folder
+from uavmap.results import documents
 from uavmap.results.atomic import write_text
 from vision.lens import Lens
 
@@ -111,7 +112,8 @@ def _replayed(
             progress.say(line)
     with Spool() as spool:
         how = Options(crew, lens, wanted.any_day, refine=better is not None)
-        looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
+        with beside(lambda _: documents.load()):
+            looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
         looked.refuse_empty()
         make_folder(folder)
         keep_detector(mission.detector, source.text, folder)

@@ -28,7 +28,7 @@ from uavmap.offline.spool import Spool
 from uavmap.offline.workers import GoOn, in_order
 from vision.camera import Camera
 from vision.fusion import UNSEEN, Fusion, Levels, as_levels
-from vision.overlay import Overlay
+from vision.overlay import Overlay, framed
 from vision.raster import Raster, Window
 
 FINEST_M: Final = 0.1
@@ -215,7 +215,7 @@ def fused(
         ) -> list[tuple[Window, NDArray[np.uint8], NDArray[np.float32]]]:
             entry, part, marks = job
             ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
-            levels = _levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m)
+            levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
             return [
                 (shown, laying.sampled(levels), laying.weight * np.float32(ratio))
                 for shown, laying in entry.overlay.laid(scene.raster, part)

@@ -11,8 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from missions.events import Vote
+from missions.mapping.evidence import Evidence
 from missions.units import Cell
+from uavmap.results.cell_table import CellTable
+
+Decided = tuple[CellTable, NDArray[np.int32]]
+"""All cells, and the undecided ones of them, shape (n, 2)."""
 
 
 @dataclass(slots=True)
@@ -30,8 +38,9 @@ class Votes:
     >>> votes = Votes(frames=2, positive=2)
     >>> for _ in range(2):
     ...     votes.add(Cell(0, 0), [Vote(Cell(1, 0), True, 0.9)])
-    >>> sorted(votes.roi), votes.cells()[Cell(1, 0)]
-    ([Cell(east=1, north=0)], (2, 2))
+    >>> table, undecided = votes.counted()
+    >>> list(table), len(undecided)
+    ([CellRow(cell=Cell(east=1, north=0), state='explored', positive=2, votes=2, belief=None)], 0)
     """
 
     frames: int
@@ -54,15 +63,21 @@ class Votes:
             if ballot.positive >= self.positive:
                 self.roi.add(vote.cell)
 
-    def cells(self) -> dict[Cell, tuple[int, int]]:
-        """Every cell that was voted on, sorted: votes that said yes, and all of them."""
-        return {cell: (c.positive, c.votes) for cell, c in sorted(self._cells.items())}
+    def counted(self) -> Decided:
+        """Every cell that was voted on, sorted; and those with too few votes to be ROI, whatever
+        all of them say."""
+        found = sorted(self._cells.items())
+        cells = np.array([cell for cell, _ in found], np.int32).reshape(-1, 2)
+        roi = np.array([cell in self.roi for cell, _ in found], np.bool_)
+        positive = np.array([count.positive for _, count in found], np.int32)
+        votes = np.array([count.votes for _, count in found], np.int32)
+        return CellTable.judged(cells, roi, positive, votes, None), cells[votes < self.positive]
 
-    @property
-    def undecided(self) -> int:
-        """Cells with too few votes to be ROI, whatever all of them say."""
-        return len(self.undecided_cells())
 
-    def undecided_cells(self) -> set[Cell]:
-        """Those cells."""
-        return {cell for cell, count in self._cells.items() if count.votes < self.positive}
+def weighed(evidence: Evidence, share: float) -> Decided:
+    """Every cell that was seen, sorted; and those of which pictures say too little. A cell is
+    region that is believed to be in at least that share (`detector.share`)."""
+    found = evidence.weighings()
+    positive, pictures = (count.astype(np.int32) for count in (found.positive, found.pictures))
+    table = CellTable.judged(found.cells, found.roi(share), positive, pictures, found.belief)
+    return table, found.cells[~found.decided]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +20,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from missions.ground.grid import Grid
-from missions.units import Cell, LatLon
+from missions.units import LatLon
 from uavmap.results.atomic import write_text
 from uavmap.results.boundary import Boundary
 
@@ -44,7 +44,7 @@ class BoundaryMap:
         box: The search box, tied to the ground.
         boundary: The boundary.
         position_m: Standard deviation of a picture's place: how far all of it may be shifted.
-        seen: Cells on which pictures were asked.
+        seen: Cells on which pictures were asked, sorted; shape (n, 2).
         undecided: Those among them that too few pictures show.
     """
 
@@ -55,8 +55,8 @@ class BoundaryMap:
     box: Sequence[LatLon]
     boundary: Boundary
     position_m: float
-    seen: Collection[Cell]
-    undecided: Collection[Cell]
+    seen: NDArray[np.int32]
+    undecided: NDArray[np.int32]
 
     def figures(self) -> dict[str, float | None]:
         """What a summary tells of the boundary."""
@@ -89,7 +89,7 @@ def features_of(data: BoundaryMap) -> list[Feature]:
         *_lines(data),
         _shape(data, "band", data.boundary.band, {"from": 0.1, "to": 0.9}),
         _shape(data, "open", data.boundary.open_lines, _length(data.boundary.open_lines)),
-        _cells(data, "undecided", runs(np.array(sorted(data.undecided)).reshape(-1, 2))),
+        _cells(data, "undecided", runs(data.undecided)),
         _cells(data, "unseen", unseen(data)),
     ]
 
@@ -160,7 +160,7 @@ def unseen(data: BoundaryMap) -> Runs:
     box = shapely.Polygon([grid.to_moving(grid.fixed(p), data.t_s) for p in data.box])
     shapely.prepare(box)
     west, south, east, north = (np.array(box.bounds) / grid.cell_m).round().astype(int).tolist()
-    seen = np.array(sorted(data.seen), dtype=np.intp).reshape(-1, 2)
+    seen = data.seen
     found: Runs = []
     columns = np.arange(west, east + 1)
     for row in range(south, north + 1, step := max(1, _ROWS // len(columns))):
@@ -179,7 +179,7 @@ def unseen(data: BoundaryMap) -> Runs:
     return found
 
 
-def runs(cells: NDArray[np.intp]) -> Runs:
+def runs(cells: NDArray[np.integer]) -> Runs:
     """Row, first and last column of each run of neighbours, of columns and rows of cells.
 
     >>> runs(np.array([[4, 1], [5, 1], [7, 1], [5, 2]]))

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from shapely.geometry import LineString
 
 from missions.units import GridPoint
+from uavmap.results.cell_table import AT_ONCE
 from uavmap.results.palette import Colour
 from uavmap.results.view import View
 
@@ -39,15 +40,13 @@ class Canvas:
     def _pixels(self, points: Sequence[GridPoint]) -> Pixels:
         return [(x * self._k, y * self._k) for x, y in map(self._view.pixel, points)]
 
-    def cells(self, squares: NDArray[np.float64], colours: Sequence[Colour]) -> None:
-        """Squares with a fine seam around each; later ones lie over earlier ones."""
-        seams = {
-            colour: tuple(round(0.9 * channel + 0.1 * 255) for channel in colour)
-            for colour in set(colours)
-        }
-        edges = (self._view.squares_px(squares) * self._k).tolist()
-        for edge, colour in zip(edges, colours, strict=True):
-            self._pen.rectangle(edge, fill=colour, outline=seams[colour], width=self._k)
+    def cells(self, squares: NDArray[np.float64], colour: Colour) -> None:
+        """Squares of a colour with a fine seam around each."""
+        seam = tuple(round(0.9 * channel + 0.1 * 255) for channel in colour)
+        for first in range(0, len(squares), AT_ONCE):
+            edges = self._view.squares_px(squares[first : first + AT_ONCE]) * self._k
+            for edge in edges.tolist():
+                self._pen.rectangle(edge, fill=colour, outline=seam, width=self._k)
 
     def lay_beneath(self, beneath: NDArray[np.uint8], region: NDArray[np.float64]) -> None:
         """Show the ground through the cells: those of the region keep more of their colour."""
@@ -56,12 +55,14 @@ class Canvas:
         for left, top, right, bottom in edges:
             part = shows[top:bottom, left:right]
             part[part > 0] = THROUGH_REGION
-        # as large as the drawing, which is made smaller again by as much: nothing is interpolated
+        # at the size at which it is shown: the drawing is made larger again for the lines, and
+        # smaller by as much at the end, so that nothing is interpolated
+        small = self.image.reduce(self._k)
         photograph, mask = (
-            Image.fromarray(np.ascontiguousarray(layer)).resize(self.image.size, NEAREST)
-            for layer in (beneath[..., :3], shows)
+            Image.fromarray(np.ascontiguousarray(layer)) for layer in (beneath[..., :3], shows)
         )
-        self.image.paste(photograph, (0, 0), mask)
+        small.paste(photograph, (0, 0), mask)
+        self.image.paste(small.resize(self.image.size, NEAREST))
 
     def line(
         self, points: Sequence[GridPoint], colour: Colour, width_px: float, alpha: int = 255

@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from PIL import Image
+
 from missions.errors import OutputError
 from missions.events import Event
 from missions.state import Setting
@@ -40,6 +42,15 @@ def write_documents(flown: Flown, say: Callable[[str], None]) -> None:
                 f"{name} is not written ({type(error).__name__}: {error}), which is a defect of "
                 "the program; all other results are complete"
             )
+
+
+def load() -> None:
+    """Load what documents and pictures are written with: a tenth of a second, the first time, which
+    is nobody's while other work is going on."""
+    from uavmap.results.report.page import load as load_page  # noqa: PLC0415 - see write_report
+
+    Image.preinit()
+    load_page()
 
 
 def with_documents(

@@ -10,14 +10,17 @@ as much as a diagonal is shorter than its two sides, a factor of 1 to the root o
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from missions.units import Cell
+from uavmap.results.cell_table import packed
 from uavmap.results.model import MapData
+
+_NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +64,9 @@ class Extent:
 
 def extent(data: MapData, share: float) -> Extent:
     """The extent of a map's region; `share` is that of a cell from which on it is region."""
-    roi = frozenset(data.roi_cells)
-    judged = {row.cell for row in data.cells if row.state == "non-roi"}
-    rim, beside, beyond, open_cells = _around(roi, judged)
+    table = data.table
+    roi = table.cells[table.roi]
+    rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
     cell_m2 = data.grid.cell_m**2
     shape = data.outline
     parts = [] if shape.is_empty else list(getattr(shape, "geoms", [shape]))
@@ -79,19 +82,17 @@ def extent(data: MapData, share: float) -> Extent:
     )
 
 
-def _around(roi: Collection[Cell], judged: Collection[Cell]) -> tuple[int, int, int, int]:
+def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int, int, int]:
     """Cells of the region at its rim; judged ones beside it; those that nobody judged; and cells
     of the region beside such.
 
-    >>> _around({Cell(0, 0)}, {Cell(1, 0), Cell(0, 1), Cell(0, -1), Cell(5, 5)})
+    >>> _around(np.array([[0, 0]], np.int32), np.array([[1, 0], [0, 1], [0, -1], [5, 5]], np.int32))
     (1, 3, 1, 1)
     """
-    rim = open_cells = 0
-    outside: set[Cell] = set()
-    for cell in roi:
-        others = [near for near in cell.neighbours() if near not in roi]
-        rim += bool(others)
-        open_cells += any(near not in judged for near in others)
-        outside.update(others)
-    beside = sum(cell in judged for cell in outside)
-    return rim, beside, len(outside) - beside, open_cells
+    inside, known = packed(roi), packed(judged)
+    near = packed((roi[:, None] + _NEIGHBOURS).reshape(-1, 2))
+    outer = ~np.isin(near, inside)
+    unjudged = outer & ~np.isin(near, known)
+    rim, open_cells = (int(side.reshape(-1, 4).any(axis=1).sum()) for side in (outer, unjudged))
+    outside, beyond = (len(np.unique(near[side])) for side in (outer, unjudged))
+    return rim, outside - beyond, beyond, open_cells

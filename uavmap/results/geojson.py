@@ -15,6 +15,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from missions.units import GridPoint, LatLon
@@ -48,35 +50,50 @@ def encode(data: MapData, utc: str | None = None) -> str:
 
 
 def _parts(data: MapData, utc: str | None) -> Iterator[str]:
-    corners, date = data.corners, {} if utc is None else {"utc": utc}
+    date = {} if utc is None else {"utc": utc}
     features = [_outline(data, date), *_tracks(data), *_unsearched(data)]
-    lons = [_longitude(lon_deg, data.start) for lon_deg in corners.lon_deg]
-    lats = [round(lat_deg, DECIMALS) for lat_deg in corners.lat_deg]
     head = json.dumps(
         {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
         | date
-        | ({"bbox": box} if (box := _bbox(features, lons, lats)) else {})
+        | ({"bbox": box} if (box := _bbox(features, _extremes(data))) else {})
     )
     yield f'{head[:-1]}, "features": [\n'
-    for cell in _cells(data, lons, lats):
+    for cell in _cells(data):
         yield f"{cell},\n"
     yield ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
     yield "\n]}\n"
 
 
-def _cells(data: MapData, lons: Sequence[float], lats: Sequence[float]) -> Iterator[str]:
+def _cells(data: MapData) -> Iterator[str]:
     """A line for each cell. There are thousands, so they are written without a tree of their
     parts: numbers, and names of states that need no quoting."""
-    corners = [f"[{lon!r}, {lat!r}]" for lon, lat in zip(lons, lats, strict=True)]
-    for row, (sw, se, ne, nw) in zip(data.cells, data.corners.each(), strict=True):
-        first, (east, north) = corners[sw], row.cell
-        belief = "" if row.belief is None else f', "belief": {round(float(row.belief), 3)!r}'
-        yield (
-            f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": "Polygon", '
-            f'"coordinates": [[{first}, {corners[se]}, {corners[ne]}, {corners[nw]}, {first}]]}}, '
-            f'"properties": {{"kind": "cell", "column": {east}, "row": {north}, '
-            f'"state": "{row.state}", "positive": {row.positive}, "votes": {row.votes}{belief}}}}}'
-        )
+
+    def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
+        lons = [_longitude(lon, data.start) for lon in lon_deg.tolist()]
+        lats = [round(lat, DECIMALS) for lat in lat_deg.tolist()]
+        return [f"[{lon!r}, {lat!r}]" for lon, lat in zip(lons, lats, strict=True)]
+
+    parts = zip(data.table.parts(), data.corners.written(places), strict=True)
+    for table, rings in parts:
+        for (sw, se, ne, nw), row in zip(rings, table.values(), strict=True):
+            (east, north), state, positive, votes, told = row
+            belief = "" if told is None else f', "belief": {round(told, 3)!r}'
+            yield (
+                f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": '
+                f'"Polygon", "coordinates": [[{sw}, {se}, {ne}, {nw}, {sw}]]}}, '
+                f'"properties": {{"kind": "cell", "column": {east}, "row": {north}, '
+                f'"state": "{state}", "positive": {positive}, "votes": {votes}{belief}}}}}'
+            )
+
+
+def _extremes(data: MapData) -> list[Coordinates]:
+    """The south-western and the north-eastern corner of the box around all cells, if any."""
+    lons, lats = data.corners.lon_deg, data.corners.lat_deg
+    if not len(lons):
+        return []
+    turned = lons + 360.0 * np.round((data.start.lon_deg - lons) / 360.0)
+    corners = np.array([[turned.min(), lats.min()], [turned.max(), lats.max()]])
+    return [[round(value, DECIMALS) for value in corner] for corner in corners.tolist()]
 
 
 def _outline(data: MapData, date: dict[str, str]) -> Feature:
@@ -165,13 +182,10 @@ def _longitude(lon_deg: float, start: LatLon) -> float:
     return round(lon_deg + 360.0 * turns, DECIMALS)
 
 
-def _bbox(
-    features: Iterable[Feature], cell_lons: Sequence[float], cell_lats: Sequence[float]
-) -> Coordinates:
-    """West, south, east, north of all features and cells; empty without any geometry."""
+def _bbox(features: Iterable[Feature], cells: Sequence[Coordinates]) -> Coordinates:
+    """West, south, east, north of all features, and of cells; empty without any geometry."""
     places = [place for f in features if f["geometry"] for place in _flat(f["geometry"])]
-    lons = [*(place[0] for place in places), *cell_lons]
-    lats = [*(place[1] for place in places), *cell_lats]
+    lons, lats = ([place[axis] for place in (*places, *cells)] for axis in (0, 1))
     if not lons:
         return []
     heights = [place[2] for place in places if len(place) > 2]

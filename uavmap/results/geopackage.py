@@ -17,7 +17,7 @@ import shapely
 
 from uavmap import __version__
 from uavmap.results.flown import Flown
-from uavmap.results.layers import Layer
+from uavmap.results.layers import Layer, Shapes, Value
 from uavmap.results.qgis_style import qml
 
 APPLICATION_ID: Final = 0x47504B47  # GPKG
@@ -102,18 +102,23 @@ def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
         f'CREATE TABLE "{layer.name}" (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, '
         f"geom {shape}, {columns})"
     )
-    bounds = shapely.total_bounds(layer.shapes).tolist()
-    _content(file, flown, layer.name, "features", layer.title, bounds, srs)
+    bounds = [shapely.total_bounds(shapes) for shapes, _ in layer.parts()]
+    west, south = np.fmin.reduce(bounds)[:2].tolist()
+    east, north = np.fmax.reduce(bounds)[2:].tolist()
+    box = [west, south, east, north]
+    _content(file, flown, layer.name, "features", layer.title, box, srs)
     file.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, ?, 0)",
         (layer.name, shape, srs, int(layer.heights)),
     )
     marks = ", ".join("?" * (len(layer.fields) + 1))
     names = ", ".join(f'"{field.name}"' for field in layer.fields)
-    rows = (
-        (blob, *row) for blob, row in zip(_blobs(layer, srs), _plain(layer), strict=True)
-    )  # fmt: skip
-    file.executemany(f'INSERT INTO "{layer.name}" (geom, {names}) VALUES ({marks})', rows)
+    for shapes, rows in layer.parts():
+        filled = (
+            (blob, *row)
+            for blob, row in zip(_blobs(layer, shapes, srs), _plain(layer, rows), strict=True)
+        )
+        file.executemany(f'INSERT INTO "{layer.name}" (geom, {names}) VALUES ({marks})', filled)
 
 
 def _content(
@@ -146,27 +151,27 @@ def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> 
     )
 
 
-def _plain(layer: Layer) -> Iterator[tuple[object, ...]]:
+def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[object, ...]]:
     """The rows as SQLite holds them."""
     flags = [field.kind == "yes or no" for field in layer.fields]
     if not any(flags):
-        yield from layer.rows
+        yield from rows
         return
-    for row in layer.rows:
+    for row in rows:
         yield tuple(
             int(value) if flag and value is not None else value
             for flag, value in zip(flags, row, strict=True)
         )
 
 
-def _blobs(layer: Layer, srs: int) -> Iterator[bytes | None]:
+def _blobs(layer: Layer, shapes: Shapes, srs: int) -> Iterator[bytes | None]:
     """The geometries: a header, the bounds of all but points, and well-known binary."""
     binary = shapely.to_wkb(
-        layer.shapes, output_dimension=3 if layer.heights else 2, byte_order=1, flavor="iso"
+        shapes, output_dimension=3 if layer.heights else 2, byte_order=1, flavor="iso"
     )
     point = layer.geometry == "Point"
     head = struct.pack("<2sBBi", b"GP", 0, 0b01 if point else 0b11, srs)
-    bounds = shapely.bounds(layer.shapes)[:, [0, 2, 1, 3]].astype("<f8")
+    bounds = shapely.bounds(shapes)[:, [0, 2, 1, 3]].astype("<f8")
     for data, box in zip(binary, bounds, strict=True):
         if data is None:
             yield None

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
 from missions.units import GridPoint, LatLon
@@ -109,33 +111,37 @@ def _outline(document: ET.Element, data: MapData) -> None:
 def _cells(data: MapData) -> Iterator[str]:
     """The lines of the folder of cells. There are thousands of these, so they are written without
     a tree of elements: numbers, and names of states that need no quoting."""
-    found = data.corners
-    corners = [
-        f"{lon:.7f},{lat:.7f}" for lon, lat in zip(found.lon_deg, found.lat_deg, strict=True)
-    ]
     yield "    <Folder>\n      <name>Cells</name>"
     for state in STATES:
-        if not any(row.state == state for row in data.cells):
+        there = data.table.are(state)
+        if not there.any():
             continue
         yield f"      <Folder>\n        <name>{state}</name>"
-        for row, ring in zip(data.cells, found.each(), strict=True):
-            if row.state != state:
-                continue
-            closed = " ".join([corners[number] for number in (*ring, ring[0])])
-            yield _CELL.format(row.cell, _style_id(state), row.positive, row.votes, closed)
+        some, corners = data.table.which(there), data.corners.which(there)
+        for table, rings in zip(some.parts(), corners.written(_places), strict=True):
+            for ring, row in zip(rings, table.values(), strict=True):
+                (east, north), _, positive, votes, _ = row
+                closed = " ".join([*ring, ring[0]])
+                yield _CELL.format(east, north, _style_id(state), positive, votes, closed)
         yield "      </Folder>"
     yield "    </Folder>"
 
 
+def _places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
+    """Corners of cells as they are written."""
+    both = zip(lon_deg.tolist(), lat_deg.tolist(), strict=True)
+    return [f"{lon:.7f},{lat:.7f}" for lon, lat in both]
+
+
 _CELL: Final = """\
         <Placemark>
-          <name>{0.east}, {0.north}</name>
-          <description>{2} of {3} frames positive</description>
-          <styleUrl>#{1}</styleUrl>
+          <name>{0}, {1}</name>
+          <description>{3} of {4} frames positive</description>
+          <styleUrl>#{2}</styleUrl>
           <Polygon>
             <outerBoundaryIs>
               <LinearRing>
-                <coordinates>{4}</coordinates>
+                <coordinates>{5}</coordinates>
               </LinearRing>
             </outerBoundaryIs>
           </Polygon>

@@ -6,7 +6,7 @@ into WGS84. Names of columns have at most ten letters, for a Shapefile holds no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from missions.ground.grid import Grid
 from missions.units import LatLon
+from uavmap.results.cell_table import AT_ONCE
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""
@@ -42,7 +43,8 @@ class Layer:
         geometry: Of all of them.
         heights: Whether points have a third coordinate: metres above home.
         fields: The columns.
-        shapes: In metres of the projection; None for a row without a place.
+        made: The geometries, in metres of the projection; None for a row without a place. Where
+            there are many, what makes those of a part.
         rows: As many values as fields.
     """
 
@@ -51,12 +53,31 @@ class Layer:
     geometry: Geometry
     heights: bool
     fields: tuple[Field, ...]
-    shapes: Shapes
+    made: Shapes | Callable[[slice], Shapes]
     rows: Sequence[tuple[Value, ...]]
+
+    @property
+    def shapes(self) -> Shapes:
+        """All geometries."""
+        return self._part(slice(0, len(self.rows)))
+
+    def parts(self) -> Iterator[tuple[Shapes, Sequence[tuple[Value, ...]]]]:
+        """Geometries and rows, at most `AT_ONCE` at a time."""
+        for first in range(0, len(self.rows), AT_ONCE):
+            part = slice(first, min(first + AT_ONCE, len(self.rows)))
+            yield self._part(part), self.rows[part]
+
+    def _part(self, part: slice) -> Shapes:
+        return self.made(part) if callable(self.made) else self.made[part]
+
+    def column(self, name: str) -> Iterator[Value]:
+        """The values of a column."""
+        at = [field.name for field in self.fields].index(name)
+        return (row[at] for row in self.rows)
 
     def columns(self) -> dict[str, list[Value]]:
         """The values by column."""
-        return {field.name: [row[i] for row in self.rows] for i, field in enumerate(self.fields)}
+        return {field.name: list(self.column(field.name)) for field in self.fields}
 
 
 def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any, Final
+from typing import Any, Final, overload
 
 import numpy as np
 import shapely
@@ -21,6 +22,7 @@ from uavmap import __version__
 from uavmap.printable import printable
 from uavmap.record.frames import KeptFrame, read_kept
 from uavmap.results.boundary_told import BoundaryTold
+from uavmap.results.cell_table import CellTable
 from uavmap.results.flown import Flown
 from uavmap.results.layers import Field, Layer, Shapes, Value
 from uavmap.results.log import Fix
@@ -109,7 +111,7 @@ def _region(flown: Flown) -> Layer:
         shapes = _of_region(flown, _whole(shape))
     row: tuple[Value, ...] = (
         "region", data.mission, flown.completed, printable(str(flown.values.get("finding", ""))),
-        len(data.roi_cells), round(found.area_m2, 1), round(found.low_m2, 1),
+        int(np.count_nonzero(data.table.roi)), round(found.area_m2, 1), round(found.low_m2, 1),
         round(found.high_m2, 1), round(found.perimeter_m, 1), found.parts, found.holes,
         found.open_cells, flown.calendar.utc(0.0), flown.simulated,
     )  # fmt: skip
@@ -149,21 +151,40 @@ def _cells(flown: Flown) -> Layer:
         Field("region", "yes or no"), Field("positive", "whole"), Field("votes", "whole"),
         Field("belief", "number"),
     )  # fmt: skip
-    rows: list[tuple[Value, ...]] = [
-        (
-            row.cell.east, row.cell.north, row.state, row.is_roi, row.positive, row.votes,
-            None if row.belief is None else round(row.belief, 3),
-        )
-        for row in data.cells
-    ]  # fmt: skip
-    shapes = np.array([], dtype=object)
-    if rows:
-        centres = data.grid.cell_m * np.array([row.cell for row in data.cells], dtype=np.float64)
-        half_m = data.grid.cell_m / 2.0
-        (east, north) = centres.T
+    half_m = data.grid.cell_m / 2.0
+
+    def squares(part: slice) -> Shapes:
+        east, north = data.grid.cell_m * data.table.cells[part].T.astype(np.float64)
         boxes = shapely.box(east - half_m, north - half_m, east + half_m, north + half_m)
-        shapes = _of_region(flown, boxes)
-    return Layer("cells", "Cells", "Polygon", False, fields, shapes, rows)
+        return _of_region(flown, boxes)
+
+    return Layer("cells", "Cells", "Polygon", False, fields, squares, _CellValues(data.table))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CellValues(Sequence[tuple[Value, ...]]):
+    """A row of values for each cell, which are made where they are asked for."""
+
+    table: CellTable
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @overload
+    def __getitem__(self, at: int) -> tuple[Value, ...]: ...
+    @overload
+    def __getitem__(self, at: slice) -> _CellValues: ...
+    def __getitem__(self, at: int | slice) -> tuple[Value, ...] | _CellValues:
+        if isinstance(at, slice):
+            return _CellValues(self.table[at])
+        return next(iter(_CellValues(self.table.which([range(len(self))[at]]))))
+
+    def __iter__(self) -> Iterator[tuple[Value, ...]]:
+        for part in self.table.parts():
+            for values, roi in zip(part.values(), part.roi.tolist(), strict=True):
+                (east, north), state, positive, votes, belief = values
+                told = None if belief is None else round(belief, 3)
+                yield (east, north, state, roi, positive, votes, told)
 
 
 # --- who was where -------------------------------------------------------------------------------

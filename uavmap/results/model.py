@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,39 +14,10 @@ from shapely.geometry.base import BaseGeometry
 from missions.ground.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.results.cell_corners import CellCorners, squares_of
+from uavmap.results.cell_table import NOT_ROI, CellRow, CellTable, State
 from uavmap.results.outline import outline
 
-State = Literal[
-    "non-roi",
-    "unexplored",
-    "under exploration",
-    "explored",
-    "provisional",
-    "provisional non-roi",
-    "skipped",
-]
-"""Of a cell. Skipped is one of the region from which the operator had nobody look. Provisional is
-what most of its frames say while too few of them make a verdict."""
-
-NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi"))
-"""What a map does not count as region."""
-
-
-@dataclass(frozen=True, slots=True)
-class CellRow:
-    """One cell of the map: its state and the frames that voted for it."""
-
-    cell: Cell
-    state: State
-    positive: int
-    votes: int
-    belief: float | None = None
-    """How much of it is believed to be region, 0 to 1, where recorded pictures are weighed."""
-
-    @property
-    def is_roi(self) -> bool:
-        """Whether the cell is part of the region, visited or not."""
-        return self.state not in NOT_ROI
+__all__ = ["NOT_ROI", "CellRow", "CellTable", "MapData", "State", "Track"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +40,7 @@ class MapData:
     mission: str
     grid: Grid
     t_s: float
-    cells: tuple[CellRow, ...]
+    cells: Sequence[CellRow]
     tracks: tuple[Track, ...]
     start: LatLon
     box: tuple[LatLon, ...]
@@ -90,14 +61,19 @@ class MapData:
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
         """The same map with a boundary; what was reckoned of its cells is not reckoned again."""
         other = replace(self, boundary=boundary)
-        kept = ("corners", "outline", "squares")
+        kept = ("corners", "outline", "squares", "table")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
     @cached_property
+    def table(self) -> CellTable:
+        """The cells in columns, in their order."""
+        return self.cells if isinstance(self.cells, CellTable) else CellTable.of(self.cells)
+
+    @cached_property
     def corners(self) -> CellCorners:
         """The corners of `cells`, in their order, at the time of the map."""
-        return CellCorners.of([row.cell for row in self.cells], self.grid, self.t_s)
+        return CellCorners.of(self.table.cells, self.grid, self.t_s)
 
     @cached_property
     def outline(self) -> Polygon | MultiPolygon:
@@ -108,9 +84,9 @@ class MapData:
     def squares(self) -> NDArray[np.float64]:
         """West, south, east and north of each cell over ground at the time of the map, metres in
         the fixed frame; shape (n, 4)."""
-        return squares_of([row.cell for row in self.cells], self.grid, self.t_s)
+        return squares_of(self.table.cells, self.grid, self.t_s)
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:
         """The cells of the region, in the order of `cells`."""
-        return tuple(row.cell for row in self.cells if row.is_roi)
+        return tuple(Cell(*cell) for cell in self.table.cells[self.table.roi].tolist())

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -64,10 +63,11 @@ def base(data: MapData, beneath: Beneath | None = None) -> Base:
     """The cells, and maybe the ground beneath them: most of the work, apart from the boundary."""
     view = view_of(data)
     canvas = Canvas(view, OVERSAMPLING)
-    canvas.cells(data.squares, [STATES[row.state] for row in data.cells])
+    for state, colour in STATES.items():
+        canvas.cells(data.squares[data.table.are(state)], colour)
     ground_image = None if beneath is None else beneath(view)
     if ground_image is not None:
-        canvas.lay_beneath(ground_image, data.squares[[row.is_roi for row in data.cells]])
+        canvas.lay_beneath(ground_image, data.squares[data.table.roi])
     return Base(view, canvas, beneath is not None)
 
 
@@ -79,7 +79,7 @@ def write(data: MapData, path: Path, beneath: Beneath | Base | None = None) -> N
     lower = beneath if isinstance(beneath, Base) else base(data, beneath)
     buffer = io.BytesIO()
     # a photograph is noise, which does not become smaller by trying harder
-    _drawn(data, lower).save(buffer, "PNG", compress_level=3 if lower.photographs else 6)
+    _drawn(data, lower).save(buffer, "PNG", compress_level=1 if lower.photographs else 6)
     write_bytes(path, buffer.getvalue())
 
 
@@ -114,28 +114,11 @@ def _drawn(data: MapData, lower: Base) -> Image.Image:
     pen.text((left * k, 46 * k), _subtitle(data), fill=FAINT, font=font(14 * k))
     corner = ((left + view.width_px + MARGIN_PX) * k, top * k)
     draw_legend(pen, corner, entries, view.px_per_m * k, k)
-    return shrunk(picture, size)
-
-
-def shrunk(picture: Image.Image, size: tuple[int, int]) -> Image.Image:
-    """A picture `OVERSAMPLING` times smaller, the upper and the lower half at the same time."""
-    width, height = size
-    small, middle = Image.new("RGB", size), height // 2
-
-    def half(top: int, bottom: int) -> None:
-        part = (0, OVERSAMPLING * top, picture.width, OVERSAMPLING * bottom)
-        rows = picture.resize((width, bottom - top), Image.Resampling.HAMMING, box=part)
-        small.paste(rows, (0, top))
-
-    with ThreadPoolExecutor(1) as pool:
-        upper = pool.submit(half, 0, middle)
-        half(middle, height)
-        upper.result()
-    return small
+    return picture.reduce(k)  # the mean of k by k pixels
 
 
 def _subtitle(data: MapData) -> str:
-    cells, minutes = len(data.roi_cells), divmod(round(data.t_s), 60)
+    cells, minutes = np.count_nonzero(data.table.roi), divmod(round(data.t_s), 60)
     after = f"after {minutes[0]}:{minutes[1]:02d} min"
     if data.pictures is not None:
         after = f"from {data.pictures} pictures"
@@ -161,7 +144,7 @@ def _lines(data: MapData, canvas: Canvas) -> None:
         for ring in _rings(data.boundary):
             canvas.line([ground(data, point) for point in ring], BOUNDARY, 1.3)
     for track in data.tracks:
-        canvas.line(track_on_map(data, track), track_colour(track.vehicle), 1.3, alpha=190)
+        canvas.line(track_on_map(data, track), track_colour(track.vehicle), 1.3, alpha=200)
     if data.truth is not None:
         for ring in _rings(data.truth):
             canvas.line([ground(data, point) for point in ring], TRUTH, 2.0)
@@ -195,9 +178,9 @@ NAMES: Mapping[State, str] = MappingProxyType(
 
 # --- the legend ------------------------------------------------------------------------------
 def _entries(data: MapData) -> Iterator[Entry]:
+    counts = data.table.counts()
     for state, colour in STATES.items():
-        count = sum(1 for row in data.cells if row.state == state)
-        if count:
+        if count := counts.get(state, 0):
             name = NAMES.get(state, state)
             if data.pictures is not None and state == "explored":
                 name = "region"  # nobody was there

@@ -65,19 +65,20 @@ def _listed(categories: Sequence[_Category]) -> str:
 
 def _categories(layer: Layer) -> tuple[str | None, Sequence[_Category]]:
     """The column by which a layer is drawn, and its values; no column: one symbol for all."""
-    columns = layer.columns()
     match layer.name:
         case "cells":
-            there = set(columns["state"])
+            there = set(layer.column("state"))
             return "state", [
                 _Category(state, NAMES.get(state, state), Symbol(_seam(colour), 0.1, colour, 200))
                 for state, colour in STATES.items()
                 if state in there
             ]
         case "tracks":
-            return "vehicle", list(_by_vehicle(columns["vehicle"], Symbol(INK, 0.4)))
+            return "vehicle", list(_by_vehicle(layer.column("vehicle"), Symbol(INK, 0.4)))
         case "track_points":
-            return "vehicle", list(_by_vehicle(columns["vehicle"], Symbol(INK, 0.0, size_mm=0.8)))
+            return "vehicle", list(
+                _by_vehicle(layer.column("vehicle"), Symbol(INK, 0.0, size_mm=0.8))
+            )
         case "fence":
             return "kind", [
                 _Category("fence", "geofence", Symbol(FENCE, 0.4, dashed=True)),

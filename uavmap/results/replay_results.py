@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from missions.mission_file.schema import positions
 from missions.state import Setting
-from missions.units import Cell, LatLon
+from missions.units import LatLon
 from uavmap.results import boundary_file, geojson, kml, picture
 from uavmap.results import summary as summary_file
 from uavmap.results.boundary_file import BoundaryMap
@@ -18,7 +21,7 @@ from uavmap.results.boundary_told import BoundaryTold, boundary_of
 from uavmap.results.calendar import Calendar
 from uavmap.results.extent import Extent, extent
 from uavmap.results.flown import dated
-from uavmap.results.model import CellRow, MapData, Track
+from uavmap.results.model import CellTable, MapData, Track
 
 KIND = "recorded pictures"
 """In place of a strategy: nobody has flown."""
@@ -29,23 +32,18 @@ class Replayed:
     """What pictures have shown.
 
     Attributes:
-        cells: Every cell that was seen, sorted: pictures that say ROI, and all.
-        roi: The cells of the region.
-        undecided: How many cells were seen in too few pictures to be ROI.
+        cells: Every cell that was seen, sorted.
+        undecided: Those that were seen in too few pictures to be ROI; shape (n, 2).
         taken: Of each picture that is used: seconds since the first, place, height in metres.
         refused: How many different pictures are not used.
         copies: How many files are copies of another one.
-        belief: Of each cell, how much of it is believed to be region, 0 to 1; empty where votes
-            are counted.
     """
 
-    cells: Mapping[Cell, tuple[int, int]]
-    roi: frozenset[Cell]
-    undecided: int
+    cells: CellTable
+    undecided: NDArray[np.int32]
     taken: Sequence[tuple[float, LatLon, float]]
     refused: int
     copies: int
-    belief: Mapping[Cell, float] = field(default_factory=dict)
 
     @property
     def pictures(self) -> int:
@@ -60,7 +58,7 @@ class Replayed:
     @property
     def complete(self) -> bool:
         """Whether that is a map of what was photographed: most pictures are in it."""
-        return bool(self.cells) and len(self.taken) > self.refused
+        return len(self.cells) > 0 and len(self.taken) > self.refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,16 +138,7 @@ def replay_map(setting: Setting, replayed: Replayed) -> MapData:
         mission=mission.name,
         grid=grid,
         t_s=replayed.end_s,
-        cells=tuple(
-            CellRow(
-                cell,
-                "explored" if cell in replayed.roi else "non-roi",
-                positive,
-                votes,
-                replayed.belief.get(cell),
-            )
-            for cell, (positive, votes) in replayed.cells.items()
-        ),
+        cells=replayed.cells,
         tracks=(Track(1, tuple(replayed.taken)),) if replayed.taken else (),
         start=mission.home,
         box=positions(mission.search.box),
@@ -162,7 +151,7 @@ def replay_map(setting: Setting, replayed: Replayed) -> MapData:
 def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
     """summary.json of a replay."""
     cell_m2 = setting.grid.cell_m**2
-    used, roi = len(replayed.taken), len(replayed.roi)
+    used, roi = len(replayed.taken), int(np.count_nonzero(replayed.cells.roi))
     return {
         "mission": setting.mission.name,
         "strategy": KIND,
@@ -177,7 +166,7 @@ def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
         "cells_seen_m2": round(len(replayed.cells) * cell_m2, 1),
         "cells_roi": roi,
         "cells_roi_m2": round(roi * cell_m2, 1),
-        "cells_undecided": replayed.undecided,
+        "cells_undecided": len(replayed.undecided),
         "pictures_per_cell": _per_cell(replayed),
         "decided_by": "evidence" if setting.mission.by_evidence else "count",
         "iou_cells": None,
@@ -185,8 +174,9 @@ def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
 
 
 def _per_cell(replayed: Replayed) -> float:
-    votes = sum(votes for _, votes in replayed.cells.values())
-    return round(votes / len(replayed.cells), 2) if replayed.cells else 0.0
+    if not len(replayed.cells):
+        return 0.0
+    return round(int(replayed.cells.votes.sum(dtype=np.int64)) / len(replayed.cells), 2)
 
 
 def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:
@@ -197,6 +187,6 @@ def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:
     text = f"{what} in {used} pictures"
     if replayed.refused:
         text += f"; {replayed.refused} more are not used, pictures.csv says why"
-    if replayed.undecided:
-        text += f"; {replayed.undecided} cells were seen in too few pictures to be region"
+    if len(replayed.undecided):
+        text += f"; {len(replayed.undecided)} cells were seen in too few pictures to be region"
     return text

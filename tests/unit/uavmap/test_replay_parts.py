@@ -41,7 +41,9 @@ def test_the_votes_are_those_of_a_belief(seed: int) -> None:
         frame = FrameId(1, float(number))
         belief = belief.with_frame(vantage, frame, {v.cell: v.positive for v in said})
     assert votes.roi == set(belief.roi)
-    assert votes.cells() == {cell: tuple(tally) for cell, tally in belief.cells().items()}
+    found, _ = votes.counted()
+    counts = {row.cell: (row.positive, row.votes) for row in found}
+    assert counts == {cell: tuple(tally) for cell, tally in belief.cells().items()}
 
 
 def test_no_damage_is_more_than_a_refusal(tmp_path: Path) -> None:

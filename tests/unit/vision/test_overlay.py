@@ -7,7 +7,7 @@ import pytest
 
 from missions.units import GridPoint
 from vision import overlay
-from vision.overlay import Overlay
+from vision.overlay import Overlay, framed
 from vision.raster import Raster, Window
 
 WIDTH_PX, HEIGHT_PX, GSD_M, TURN_RAD = 200, 120, 0.1, math.radians(40.0)
@@ -27,7 +27,7 @@ def laid(window: Window) -> tuple[np.ndarray, int]:
     """The weights on a window, and over how many pixels they were reckoned."""
     picture = Overlay(aslant, GridPoint(0.0, 0.0), 15.0, WIDTH_PX, HEIGHT_PX)
     found, asked = np.zeros(window.shape, np.float32), 0
-    image = np.arange(WIDTH_PX * HEIGHT_PX, dtype=np.float32).reshape(HEIGHT_PX, WIDTH_PX)
+    image = framed(np.arange(WIDTH_PX * HEIGHT_PX, dtype=np.float32).reshape(HEIGHT_PX, WIDTH_PX))
     for part, laying in picture.laid(RASTER, window):
         found[part.within(window)] = laying.weight * laying.sampled(image)
         asked += laying.weight.size

@@ -56,7 +56,7 @@ class Setting(NamedTuple):
 def extent_facts(flown: Flown, boundary: BoundaryTold | None) -> Facts:
     """Area and perimeter, and how far they may be wrong."""
     found, data = flown.extent, flown.data
-    cells = f"{len(data.roi_cells):,} cells of {data.grid.cell_m:g} m"
+    cells = f"{np.count_nonzero(data.table.roi):,} cells of {data.grid.cell_m:g} m"
     share = flown.setting.mission.detector.share
     facts = [
         (
@@ -102,8 +102,8 @@ def _position(flown: Flown, boundary: BoundaryTold | None) -> str:
 
 def certificate(flown: Flown, boundary: BoundaryTold | None) -> tuple[Facts, Facts]:
     """What was judged, and what was not."""
-    values, cells = flown.values, Counter(row.state for row in flown.data.cells)
-    region = sum(row.is_roi for row in flown.data.cells)
+    values, cells = flown.values, Counter(flown.data.table.counts())
+    region = np.count_nonzero(flown.data.table.roi)
     lost = sum(trouble.kind == "frame" for trouble in flown.log.troubles)
     judged = [
         ("Frames judged", f"{int(_number(values, 'frames_judged') or 0):,}"),

@@ -126,7 +126,7 @@ def _cells(flown: Flown, view: View) -> Iterator[str]:
     data, cell_m = flown.data, flown.data.grid.cell_m
     size = cell_m * view.px_per_m
     for state, colour in STATES.items():
-        cells = np.array([row.cell for row in data.cells if row.state == state], dtype=np.intp)
+        cells = data.table.cells[data.table.are(state)]
         if not len(cells):
             continue
         parts = []
@@ -283,9 +283,9 @@ def _corners(flown: Flown, view: View) -> Iterator[Corner]:
 # --- the legend ----------------------------------------------------------------------------------
 def _legend(flown: Flown, boundary: BoundaryTold | None) -> Iterator[Legend]:
     data = flown.data
+    counts = data.table.counts()
     for state, colour in STATES.items():
-        count = sum(row.state == state for row in data.cells)
-        if count:
+        if count := counts.get(state, 0):
             name = "region" if flown.recorded and state == "explored" else NAMES.get(state, state)
             yield Legend(_square(colour), f"{name} ({count})")
     yield Legend(_stroke(OUTLINE, 2.5), "outline of the cells")

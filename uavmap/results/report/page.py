@@ -24,6 +24,11 @@ def encode(flown: Flown) -> bytes:
     return _template().render(_told(flown, flown.boundary)).encode(errors="xmlcharrefreplace")
 
 
+def load() -> None:
+    """Make the template ready, which takes a while the first time."""
+    _template()
+
+
 @lru_cache(maxsize=1)
 def _template() -> Template:
     # names of templates do not end in .html where somebody renames one: escape in every case
