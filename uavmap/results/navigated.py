@@ -89,6 +89,6 @@ def in_words(figures: Mapping[str, Any]) -> str:
     if figures["off_m"] is None or figures["sigma_m"] is None:
         return text
     return (
-        f"{text}; the told place was off by up to {figures['off_m']:.1f} m, and its own map told it "
-        f"to ±{figures['sigma_m']:.1f} m (1 sigma) or better"
+        f"{text}; the told place was off by up to {figures['off_m']:.1f} m, and its own map told "
+        f"it to ±{figures['sigma_m']:.1f} m (1 sigma) or better"
     )
