@@ -47,6 +47,10 @@ Crew = Callable[[int], Awaitable[None]]
 
 FIND_WAY_S: Final = 0.5
 """Between two pictures on a leg, where a vehicle may have to find its way by them."""
+LIE_M_S: Final = 1.0
+"""So fast satellites may lie, and be followed by a map."""
+SINK_S: Final = 12.0
+"""To come down to that height takes no longer, or it lands from where it is."""
 LOW_M: Final = 4.0
 """Pictures from lower down show too little to find the way by."""
 READY_S: Final = 120.0
@@ -247,24 +251,34 @@ class Manoeuvres:
 
         def there() -> bool:
             off_m = self._reporter.position().distance_to(target())
+            # satellites that lie tell of a movement that is none
+            lie_m_s = LIE_M_S if self._goes_by_map else 0.0
             rests = not stop or (
-                self._view.ground_speed_m_s <= slow_m_s
+                self._view.ground_speed_m_s <= slow_m_s + lie_m_s
                 and at_height(self._view, height_m, always=layer_too)
             )
             return off_m <= radius_m and rests
 
         moves = drift_m_s > 0.0 or self._view.ground is not None
-        pause_s = DRIFT_RESEND_S if moves else RESEND_S
+
+        def pause_s() -> float:
+            return DRIFT_RESEND_S if moves or self._goes_by_map else RESEND_S
+
         ordered_m_s, begin_s = self._mission.flight.speed_m_s, self._reporter.now_s()
         watch = SpeedWatch(self._reporter.name, self._view, ordered_m_s, begin_s)
         while True:
             await self._insist(lambda: self._aim(target(), height_m))
-            if await self._session.until(there, pause_s):
+            if await self._session.until(there, pause_s()):
                 return
             left_m = self._reporter.position().distance_to(target())
             if reason := watch.wrong(self._reporter.now_s(), left_m):
                 self._tell(reason)
                 self._paced_in = None  # the speed is sent again behind the next target
+
+    @property
+    def _goes_by_map(self) -> bool:
+        """Whether its autopilot's place is wrong by what its pictures tell, ever anew."""
+        return self.navigation is not None and self.navigation.by_map
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
         """A target: acknowledged, and refused unless the vehicle follows us.
@@ -398,7 +412,7 @@ class Manoeuvres:
 
     # --- down ---------------------------------------------------------------------------------
     async def _land(self) -> None:
-        if self.navigation is not None and self.navigation.by_map:
+        if self._goes_by_map:
             await self._sink_by_map()
         kind = self._view.kind
         self._monitor.commanded = (kind.land,)
@@ -427,7 +441,12 @@ class Manoeuvres:
         with contextlib.suppress(CommandRefusedError):
             async with asyncio.TaskGroup() as tasks:
                 looking = tasks.create_task(self._find_way())
-                await self._reach(lambda: here, LOW_M, stop=True)
+                for _ in range(round(SINK_S / DRIFT_RESEND_S)):
+                    await self._insist(lambda: self._aim(here, LOW_M))
+                    low = self._view.height_m <= LOW_M + OTHER_LAYER_M
+                    if low or not self._goes_by_map:
+                        break
+                    await asyncio.sleep(DRIFT_RESEND_S)
                 looking.cancel()
 
     async def _await_battery(self) -> None:
