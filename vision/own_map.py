@@ -8,7 +8,7 @@ good, and hold the estimate when it comes back over them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from missions.navigation import Disagreement, Estimate, ToldErrors, Track
 from vision.ground_match import Match, Patch, match
+from vision.own_way import OwnWay
 from vision.patch_mosaic import coarser, mosaic
+from vision.patch_zoom import compare, resized
 
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
 _KEYFRAME_S: Final = 2.0
@@ -26,13 +28,15 @@ _LEAST_SEARCH_M: Final = 0.6
 _SEARCH_SIGMAS: Final = 3.5
 _WIDEST_SHARE: Final = 0.5  # of a footprint's side: the farthest a place is searched
 _LEAP_S: Final = 3.0  # for so long a leap waits for a second picture that shows it
-_FLOWN_ON_M: Final = 3.0  # how far off a place is that goes by the last velocity
+_CERTAIN_M: Final = 2.5  # what is found within such a reach is where the vehicle is
 _LOST_M: Final = 1.0
 _SEARCH_EVERY_S: Final = 1.0
 _REACH_SIGMAS: Final = 3.7  # what is farther off would not be believed
 _FARTHEST_M: Final = 60.0  # beyond, a search would take too long
 _COARSE_PX: Final = 25.0  # a search that reaches farther is made with larger pixels
 _FINE_M: Final = 1.5
+_ALIKE: Final = 0.01  # pictures whose sizes differ by less are held against each other as they are
+_LEAST_ZOOM: Final = 0.02  # what is known less well of a difference says nothing
 _OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
 
 
@@ -47,14 +51,16 @@ class _Leap:
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
-    """Place and velocity of the newest picture whose ground was recognised."""
+class _Seen:
+    """What a picture and a keyframe have in common.
 
-    t_s: float
-    east_m: float
-    north_m: float
-    v_east_m_s: float
-    v_north_m_s: float
+    `moved_m` is by the mean scale and rotation of both; `certain`: as the vehicle moved before.
+    """
+
+    moved_m: tuple[float, float]
+    sigma_m: float
+    zoom: tuple[complex, float] | None = None
+    certain: bool = False
 
 
 @dataclass(slots=True)
@@ -79,7 +85,7 @@ class OwnMap:
     _found_anew_s: float = -math.inf
     _sigma_now_m: float = 0.0
     _leap: _Leap | None = None
-    _way: _Way | None = None
+    _way: OwnWay | None = None
 
     def __post_init__(self) -> None:
         self.track = Track(self.errors)
@@ -111,14 +117,18 @@ class OwnMap:
             self._passing = None
         last = next(reversed(self._patches), None)
         number = self.track.add(t_s, told_m, trusted)
-        moved_m = math.inf
+        kept = patch is not None
         if patch is not None and last is not None:
-            moved_m = self._tie(number, patch, t_s, last)
+            kept = self._tie(number, patch, t_s, last)
         estimate = self.track.estimate()
         self._sigma_now_m = estimate.sigma_m
-        if patch is None or not self._is_keyframe(t_s, patch, moved_m):
+        if patch is None or not kept:
             self._passing = number
             return estimate
+        if self._way is not None and self._way.t_s == t_s:
+            self._way = self._way.told_from(number)
+        else:
+            self._way = OwnWay(t_s, number, 0.0, 0.0, patch)
         self._patches[number] = patch
         self._sides_m[number] = _side_m(patch)
         self._last_t_s = t_s
@@ -129,18 +139,8 @@ class OwnMap:
         """How far satellites and the pictures disagree; see `Track.disagreement`."""
         return self.track.disagreement()
 
-    def _is_keyframe(self, t_s: float, patch: Patch, moved_m: float) -> bool:
-        if t_s - self._last_t_s >= _KEYFRAME_S:
-            return True
-        if self._found_anew_s == t_s or (self._leap is not None and self._leap.t_s == t_s):
-            return True  # what the next pictures go on from
-        return moved_m >= _KEYFRAME_SHARE * _side_m(patch)
-
-    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> float:
-        """Match a new picture with keyframes, and link it to those that show the same ground.
-
-        Gives how far it is from the last one, metres.
-        """
+    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> bool:
+        """Link a new picture to keyframes that show the same ground; whether it is to be one."""
         if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
             self._leap = None
         leap = self._leap
@@ -148,29 +148,104 @@ class OwnMap:
         if leap is not None and leap.after in self._patches and leap.after not in chosen:
             chosen.append(leap.after)
         expected = self.track.expected_m(chosen)
-        place = self.track.places_m()[self.track.numbers.index(last)]
-        away_m = expected[0][:2]  # from the last one, which is the first to be asked
-        for key, (east, north, sigma_m) in zip(chosen, expected, strict=True):
+        zooms = self.track.expected_zoom(chosen)
+        kept = t_s - self._last_t_s >= _KEYFRAME_S
+        away_m, slip = expected[0][:2], (0.0, 0.0)  # the last one is the first to be asked
+        for key, (east, north, sigma_m), zoom in zip(chosen, expected, zooms, strict=True):
             search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
             search_m = min(search_m, _WIDEST_SHARE * _side_m(patch))
-            found = match(self._patches[key], patch, (east, north), search_m)
-            if found is None and leap is not None:
+            there = east + slip[0], north + slip[1]
+            seen = self._seen(key, patch, there, search_m, zoom)
+            if seen is None and leap is not None:
                 there = east + leap.east_m, north + leap.north_m
-                found = match(self._patches[key], patch, there, search_m)
-            elif found is None and key == last:
-                found = self._leapt(key, patch, t_s, (east, north))
-                if found is not None:
-                    away = found.moved_m[0] - east, found.moved_m[1] - north
-                    self._leap = leap = _Leap(t_s, key, *away)
-            if found is not None:
-                self.track.link(key, number, found.moved_m, self._sigma_m(found))
+                seen = self._seen(key, patch, there, search_m, zoom)
+            if seen is None and key == last:
+                seen = self._flown_on(key, patch, t_s, zoom)
+                if seen is None and leap is None:
+                    widest_m = _WIDEST_SHARE * _side_m(patch)
+                    seen = self._seen(key, patch, (east, north), widest_m, zoom)
+                if seen is not None:
+                    kept, slip = True, (seen.moved_m[0] - east, seen.moved_m[1] - north)
+                    if not seen.certain:
+                        self._leap = leap = _Leap(t_s, key, *slip)
+            if key == last:
+                away_m = away_m if seen is None else seen.moved_m
+                kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * _side_m(patch)
+                self._go_on(t_s, key, seen, patch)
+            if seen is not None:
+                self._link(key, number, seen, patch if kept else None, zoom)
                 self._seen_s = t_s
-                away_m = found.moved_m if key == last else away_m
         if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
             self._find_anew(number, patch, t_s)
-        self._note_way(t_s, float(place[0]) + away_m[0], float(place[1]) + away_m[1])
-        return math.hypot(*away_m)
+        return kept or self._found_anew_s == t_s
+
+    def _seen(
+        self, key: int, patch: Patch, there: tuple[float, float], search_m: float,
+        zoom: tuple[complex, float],
+    ) -> _Seen | None:  # fmt: skip
+        """A keyframe's ground in a picture, around a place."""
+        larger = zoom[0] if abs(zoom[0]) > _ALIKE else 0j
+        found = match(
+            self._patches[key], resized(patch, larger) if larger else patch, there, search_m
+        )
+        if found is None:
+            return None
+        moved = complex(*found.moved_m) * (1.0 + larger / 2.0)
+        return _Seen((moved.real, moved.imag), found.sigma_m)
+
+    def _flown_on(
+        self, key: int, patch: Patch, t_s: float, zoom: tuple[complex, float]
+    ) -> _Seen | None:
+        """The same where the vehicle can be as it moved before, whatever it is told."""
+        way = self._way
+        reach = None if way is None or way.key != key else way.reach(t_s)
+        if way is None or reach is None:
+            return None
+        within_m = min(reach.within_m, _WIDEST_SHARE * _side_m(patch))
+        seen = self._seen(key, patch, (reach.east_m, reach.north_m), within_m, zoom)
+        if seen is None and way.patch.metres_per_pixel == patch.metres_per_pixel:
+            east, north = reach.east_m - way.east_m, reach.north_m - way.north_m
+            found = match(way.patch, patch, (east, north), within_m)
+            if found is not None:
+                moved_m = way.east_m + found.moved_m[0], way.north_m + found.moved_m[1]
+                seen = _Seen(moved_m, math.hypot(found.sigma_m, self.errors.pointing_m))
+        return None if seen is None else replace(seen, certain=reach.within_m <= _CERTAIN_M)
+
+    def _go_on(self, t_s: float, key: int, seen: _Seen | None, patch: Patch) -> None:
+        """Note place and velocity, where the ground has just been recognised."""
+        if seen is None:
+            return
+        before = self._way
+        if before is None or (self._leap is not None and self._leap.t_s == t_s):
+            self._way = OwnWay(t_s, key, *seen.moved_m, patch)  # it may be of another place
+        else:
+            self._way = before.on(t_s, key, *seen.moved_m, patch)
+
+    def _link(
+        self, key: int, number: int, seen: _Seen, kept: Patch | None, zoom: tuple[complex, float]
+    ) -> None:
+        """Link two pictures; if both are kept, by how much one is larger, too."""
+        if kept is not None:
+            seen = self._compared(key, kept, seen, zoom[0])
+        self.track.link(
+            key, number, seen.moved_m, self._sigma_m(seen), seen.zoom, certain=seen.certain
+        )
+
+    def _compared(self, key: int, patch: Patch, seen: _Seen, zoom: complex) -> _Seen:
+        """With the zoom between both, where that can be told."""
+        pitch_m = patch.metres_per_pixel
+        moved = complex(*seen.moved_m) / pitch_m * (1.0 - zoom / 2.0)
+        found = compare(self._patches[key], patch, moved, zoom)
+        if found is None or found.sigma > _LEAST_ZOOM:
+            return seen
+        at = found.moved_px * pitch_m
+        return replace(
+            seen,
+            moved_m=(at.real, at.imag),
+            sigma_m=found.sigma_px * pitch_m,
+            zoom=(found.zoom, found.sigma),
+        )
 
     @property
     def _lost_m(self) -> float:
@@ -209,34 +284,7 @@ class OwnMap:
             self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
             self._seen_s = self._found_anew_s = t_s
 
-    def _leapt(
-        self, key: int, patch: Patch, t_s: float, expected_m: tuple[float, float]
-    ) -> Match | None:
-        """Where a picture is if the told position has leapt: as it flew on, or far around."""
-        if self._way is not None and t_s - self._way.t_s < _LEAP_S:
-            place = self.track.places_m()[self.track.numbers.index(key)]
-            flown_s = t_s - self._way.t_s
-            east = self._way.east_m + self._way.v_east_m_s * flown_s - place[0]
-            north = self._way.north_m + self._way.v_north_m_s * flown_s - place[1]
-            found = match(self._patches[key], patch, (float(east), float(north)), _FLOWN_ON_M)
-            if found is not None:
-                return found
-        return match(self._patches[key], patch, expected_m, _WIDEST_SHARE * _side_m(patch))
-
-    def _note_way(self, t_s: float, east: float, north: float) -> None:
-        """Place and velocity, where the ground has just been recognised."""
-        if self._seen_s != t_s:
-            return
-        if self._leap is not None and self._leap.t_s == t_s:
-            self._way = None  # it may be of another place
-            return
-        before, v_east, v_north = self._way, 0.0, 0.0
-        if before is not None and t_s - before.t_s < _LEAP_S:
-            v_east = (east - before.east_m) / (t_s - before.t_s)
-            v_north = (north - before.north_m) / (t_s - before.t_s)
-        self._way = _Way(t_s, east, north, v_east, v_north)
-
-    def _sigma_m(self, found: Match) -> float:
+    def _sigma_m(self, found: Match | _Seen) -> float:
         way_m = math.hypot(*found.moved_m)
         return math.hypot(found.sigma_m, math.sqrt(2.0) * self.errors.pointing_m, _OF_WAY * way_m)
 

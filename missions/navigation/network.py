@@ -1,11 +1,13 @@
 """Least squares over errors that hang together: what each is alone, step by step, and by links.
 
-East and north are one complex number, for all noise is alike in both; a scale and a rotation that
-all links have in common are one, too. So the normal equations are real, but for one border.
+East and north are one complex number, for all noise is alike in both; a scale and a rotation of
+what pictures show are one, too, and change slowly: they are known at a few knots in time. So the
+normal equations are real, but for a border of a column to a knot.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,18 +20,20 @@ Numbers = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """`e[of] - keep * e[of - 1]` is 0, with a variance; `keep` = 0 says what `e[of]` is alone."""
+    """`e[of] - keep * e[after]` is 0, with a variance; `keep` = 0 says what `e[of]` is alone."""
 
     of: Numbers
+    after: Numbers
     keep: Reals
     variance_m2: Reals
 
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """`excess + e[to] - e[begin] - common * moved` is 0, with a variance.
+    """`excess + e[to] - e[begin] - c * moved` is 0, with a variance.
 
-    `moved` is the movement that the ground shows, `excess` what it is more than the told one.
+    `moved` is the movement that the ground shows, `excess` what it is more than the told one; `c`
+    is the sum of `share` times the turns at `knots` (both of shape (links, 4)).
     """
 
     begin: Numbers
@@ -37,77 +41,138 @@ class Links:
     moved_m: Complexes
     excess_m: Complexes
     variance_m2: Reals
+    knots: Numbers
+    share: Reals
 
-    def chosen(self, which: NDArray[np.bool_]) -> Links:
-        """Some of them."""
-        return Links(
-            self.begin[which], self.to[which], self.moved_m[which], self.excess_m[which],
-            self.variance_m2[which],
-        )  # fmt: skip
+    def turns(self, turns: Complexes) -> Complexes:
+        """The scale and rotation of each, as the knots have them."""
+        return np.asarray((self.share * turns[self.knots]).sum(axis=1), dtype=np.complex128)
+
+
+@dataclass(frozen=True, slots=True)
+class Turns:
+    """What holds scale + i rotation at the knots: a process around 0, and pictures' zooms.
+
+    `prior` is the inverse covariance of all knots, shape (knots, knots). A zoom says that the sum
+    of `share` times the turns at `knots` (both of shape (zooms, 4)) is `zoom`, with a variance.
+    """
+
+    prior: Reals
+    knots: Numbers
+    share: Reals
+    zoom: Complexes
+    variance: Reals
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The errors, metres; `common` is scale + i rotation (radians, counter-clockwise).
+    """The errors, metres; `turns` are scale + i rotation (radians, counter-clockwise) at the knots.
 
-    `inverse` is that of the normal matrix without the common unknown, `lean` how each error changes
-    with it, `common_variance` its variance. Variances are those of one component.
+    `inverse` is that of the normal matrix without the turns, `lean` how each error changes with
+    each of them (negative), `turns_variance` their covariance. Variances are those of one component.
+    `evidence` is the logarithm of how probable the steps make all that was said, but for a constant
+    that is the same whatever the steps are.
     """
 
     errors_m: Complexes
-    common: complex
+    turns: Complexes
     inverse: Reals
     lean: Complexes
-    common_variance: float
+    turns_variance: Complexes
+    evidence: float = math.nan
 
     def variance_of(self, number: int) -> float:
         """Of one error, m^2."""
-        of = abs(self.lean[number]) ** 2 * self.common_variance
+        of = self._by_turns(self.lean[number][None])[0]
         return float(self.inverse[number, number] + of)
 
     def misfits(self, links: Links) -> tuple[Complexes, Reals]:
         """By how much links miss what is expected, and its variance, their own included."""
         i, j = links.begin, links.to
-        off = links.excess_m + self.errors_m[j] - self.errors_m[i] - self.common * links.moved_m
+        turned = links.turns(self.turns) * links.moved_m
+        off = links.excess_m + self.errors_m[j] - self.errors_m[i] - turned
         inverse = self.inverse
         own = inverse[j, j] + inverse[i, i] - 2.0 * inverse[i, j]
-        lean = links.moved_m + self.lean[j] - self.lean[i]
-        spread = links.variance_m2 + own + np.abs(lean) ** 2 * self.common_variance
-        return off, np.asarray(spread, dtype=np.float64)
+        lean = self.lean[j] - self.lean[i]
+        rows = np.arange(len(i))[:, None]
+        np.add.at(lean, (rows, links.knots), links.share * links.moved_m[:, None])
+        return off, np.asarray(links.variance_m2 + own + self._by_turns(lean), dtype=np.float64)
+
+    def zoom_misfits(self, turns: Turns) -> tuple[Complexes, Reals]:
+        """By how much zooms miss what is expected, and its variance, their own included."""
+        off = turns.zoom - (turns.share * self.turns[turns.knots]).sum(axis=1)
+        weights = np.zeros((len(off), len(self.turns)), np.complex128)
+        np.add.at(weights, (np.arange(len(off))[:, None], turns.knots), turns.share)
+        return off, np.asarray(turns.variance + self._by_turns(weights), dtype=np.float64)
+
+    def _by_turns(self, lean: Complexes) -> Reals:
+        """The variance of sums of turns."""
+        return np.asarray(((lean @ self.turns_variance) * lean.conj()).sum(axis=1).real)
 
 
-def solve(count: int, steps: Steps, links: Links, common_sigma: float) -> Solution:
+def solve(
+    count: int, steps: Steps, links: Links, turns: Turns, *, weighed: bool = False
+) -> Solution:
     """The most probable errors, and how certain they are.
 
     Args:
         count: How many errors there are; each has a step, so that none is without any hold.
         steps: What holds them one by one.
         links: What ties them together.
-        common_sigma: Prior standard deviation of scale and of rotation (radians), above 0.
+        turns: What is known of the scale and the rotation of what links show.
+        weighed: Tell the evidence, too.
     """
     matrix = np.zeros((count, count))
     weight = 1.0 / steps.variance_m2
-    matrix[steps.of, steps.of] += weight
+    np.add.at(matrix, (steps.of, steps.of), weight)
     chained = steps.keep > 0.0
-    of, keep, tie = steps.of[chained], steps.keep[chained], weight[chained]
-    matrix[of - 1, of - 1] += keep * keep * tie
-    matrix[of, of - 1] -= keep * tie
-    matrix[of - 1, of] -= keep * tie
+    of, after, keep = steps.of[chained], steps.after[chained], steps.keep[chained]
+    tie = weight[chained]
+    np.add.at(matrix, (after, after), keep * keep * tie)
+    np.add.at(matrix, (of, after), -keep * tie)
+    np.add.at(matrix, (after, of), -keep * tie)
     i, j, tie = links.begin, links.to, 1.0 / links.variance_m2
     np.add.at(matrix, (i, i), tie)
     np.add.at(matrix, (j, j), tie)
     np.add.at(matrix, (i, j), -tie)
     np.add.at(matrix, (j, i), -tie)
-    pull, border = np.zeros(count, np.complex128), np.zeros(count, np.complex128)
+    knots = len(turns.prior)
+    pull, border = np.zeros(count, np.complex128), np.zeros((count, knots), np.complex128)
     np.add.at(pull, j, -tie * links.excess_m)
     np.add.at(pull, i, tie * links.excess_m)
-    np.add.at(border, j, -tie * links.moved_m)
-    np.add.at(border, i, tie * links.moved_m)
+    turned = (tie * links.moved_m)[:, None] * links.share
+    np.add.at(border, (j[:, None], links.knots), -turned)
+    np.add.at(border, (i[:, None], links.knots), turned)
 
     inverse: Reals = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    alone, lean = inverse @ pull, inverse @ border
-    stiffness = 1.0 / common_sigma**2 + float((tie * np.abs(links.moved_m) ** 2).sum())
-    stiffness -= float(np.vdot(border, lean).real)
-    turned = complex((tie * np.conj(links.moved_m) * links.excess_m).sum())
-    common = (turned - complex(np.vdot(border, alone))) / stiffness
-    return Solution(alone - lean * common, common, inverse, lean, 1.0 / stiffness)
+    sides = np.column_stack([border, pull])
+    solved = (inverse @ sides.view(np.float64)).view(np.complex128)  # all real but the sides
+    lean, alone = solved[:, :-1], solved[:, -1]
+    stiffness, known = _of_turns(links, turns)
+    stiffness = stiffness - border.conj().T @ lean
+    turns_variance: Complexes = np.asarray(np.linalg.inv(stiffness), dtype=np.complex128)
+    found = turns_variance @ (known - border.conj().T @ alone)
+    errors = alone - lean @ found
+    if not weighed:
+        return Solution(errors, found, inverse, lean, turns_variance)
+    explained = float((np.vdot(pull, errors) + np.vdot(known, found)).real)
+    volume = float(np.linalg.slogdet(matrix)[1] + np.linalg.slogdet(stiffness)[1])
+    evidence = explained / 2.0 - volume - float(np.log(steps.variance_m2).sum())
+    return Solution(errors, found, inverse, lean, turns_variance, evidence)
+
+
+def _of_turns(links: Links, turns: Turns) -> tuple[Complexes, Complexes]:
+    """What holds the turns if no error changes: a matrix, and a right side."""
+    knots = len(turns.prior)
+    matrix = turns.prior.copy()
+    right = np.zeros(knots, np.complex128)
+    stiff = np.abs(links.moved_m) ** 2 / links.variance_m2
+    said = links.moved_m.conj() * links.excess_m / links.variance_m2
+    for at, share, weight, side in (
+        (links.knots, links.share, stiff, said),
+        (turns.knots, turns.share, 1.0 / turns.variance, turns.zoom / turns.variance),
+    ):
+        pairs = share[:, :, None] * share[:, None, :] * weight[:, None, None]
+        np.add.at(matrix, (at[:, :, None], at[:, None, :]), pairs)
+        np.add.at(right, at, share * side[:, None])
+    return matrix.astype(np.complex128), right

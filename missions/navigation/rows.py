@@ -9,11 +9,15 @@ from typing import Final, Literal
 
 import numpy as np
 
-from missions.navigation.network import Links, Steps
+from missions.navigation.network import Links, Numbers, Reals, Steps, Turns
 from missions.navigation.values import UNEASE_M, ToldErrors
 
 _ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
 _LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did
+_KNOT_S: Final = (
+    3.0  # between two times at which scale and rotation are known; longer if it must be
+)
+_MOST_KNOTS: Final = 40
 
 
 @dataclass(slots=True)
@@ -39,9 +43,68 @@ class Tie:
     moved: complex
     sigma_m: float
     state: Literal["new", "held", "suspect"] = "new"
+    zoom: complex | None = None
+    zoom_sigma: float = math.inf
+    certain: bool = False
 
 
-def links_of(ties: Sequence[Tie], keys: Mapping[int, Key]) -> Links:
+@dataclass(frozen=True, slots=True)
+class Knots:
+    """Times at which scale and rotation are unknowns; between two, those of both count in part.
+
+    For each keyframe: the knot before it (`at`), the part of the one after that (`share`), and what
+    the turn there may differ from that by (`variance`).
+    """
+
+    prior: Reals
+    at: Numbers
+    share: Reals
+    variance: Reals
+
+    def between(self, begin: Numbers, to: Numbers, of_begin: float) -> tuple[Numbers, Reals]:
+        """Knots and shares (n, 4) (n, 4): `of_begin` of the turn at `begin`, as much more of that at `to`."""
+        knots = np.stack([self.at[begin], self.at[begin] + 1, self.at[to], self.at[to] + 1], axis=1)
+        a, b, half = self.share[begin], self.share[to], abs(of_begin)
+        share = np.stack([of_begin * (1 - a), of_begin * a, half * (1 - b), half * b], axis=1)
+        return knots, share
+
+
+def knots_of(keys: Sequence[Key], errors: ToldErrors) -> Knots:
+    """Knots that are far enough apart to be few."""
+    times = np.array([key.t_s for key in keys])
+    span_s = float(times[-1] - times[0])
+    gap_s = max(_KNOT_S, span_s / (_MOST_KNOTS - 1))
+    count = math.floor(span_s / gap_s) + 2
+    along = (times - times[0]) / gap_s
+    at = np.minimum(along.astype(np.intp), count - 2)
+    share = along - at
+    keep = math.exp(-gap_s / errors.common_s)
+    step = 1.0 / (errors.common**2 * (1.0 - keep**2))
+    prior = np.zeros((count, count))
+    prior[0, 0] = 1.0 / errors.common**2
+    before, after = np.arange(count - 1), np.arange(1, count)
+    prior[before, before] += keep * keep * step
+    prior[after, after] += step
+    prior[before, after] = prior[after, before] = -keep * step
+    bridged = errors.common**2 * (1.0 - keep**2) * share * (1.0 - share)
+    return Knots(prior, at, share, bridged)
+
+
+def turns_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Turns:
+    """What is known of scale and rotation: what they are usually, and zooms between keyframes."""
+    index = {number: k for k, number in enumerate(keys)}
+    zoomed = [tie for tie in ties if tie.zoom is not None]
+    begin = np.array([index[tie.begin] for tie in zoomed], np.intp)
+    to = np.array([index[tie.to] for tie in zoomed], np.intp)
+    at, share = knots.between(begin, to, -1.0)
+    zoom = np.array([tie.zoom for tie in zoomed], np.complex128)
+    variance = np.array([tie.zoom_sigma**2 for tie in zoomed], np.float64)
+    return Turns(
+        knots.prior, at, share, zoom, variance + knots.variance[begin] + knots.variance[to]
+    )
+
+
+def links_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Links:
     """The rows of links between keyframes, which are counted in their order."""
     index = {number: k for k, number in enumerate(keys)}
     begin = np.array([index[tie.begin] for tie in ties], np.intp)
@@ -49,7 +112,10 @@ def links_of(ties: Sequence[Tie], keys: Mapping[int, Key]) -> Links:
     moved = np.array([tie.moved for tie in ties], np.complex128)
     told = np.array([key.told for key in keys.values()], np.complex128)
     variance = np.array([tie.sigma_m**2 for tie in ties], np.float64)
-    return Links(begin, to, moved, moved - (told[to] - told[begin]), variance)
+    at, share = knots.between(begin, to, 0.5)
+    turned = np.abs(moved) ** 2 * (knots.variance[begin] + knots.variance[to]) / 4.0
+    excess = moved - (told[to] - told[begin])
+    return Links(begin, to, moved, excess, variance + turned, at, share)
 
 
 def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) -> Steps:
@@ -70,7 +136,29 @@ def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) ->
             keep[k] = math.exp((before.t_s - key.t_s) / errors.satellites_s)
             variance[k] = satellites_m2 * (1.0 - keep[k] ** 2) + errors.pointing_m**2
         before = key
-    return Steps(np.arange(len(keys)), keep, variance)
+    of = np.arange(len(keys))
+    return Steps(of, np.maximum(of - 1, 0), keep, variance)
+
+
+def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> Steps:
+    """The same where satellites are asked only so often: from one time to the next they err anew.
+
+    What is between is held as if nobody vouched for it.
+    """
+    loose = steps_of(keys, errors, -math.inf)
+    some = [0]
+    for k, key in enumerate(keys):
+        if key.t_s - keys[some[-1]].t_s >= every_s:
+            some.append(k)
+    of = np.array(some, np.intp)
+    after = np.concatenate([of[:1], of[:-1]])
+    times = np.array([keys[k].t_s for k in some])
+    keep = np.exp(-np.diff(times, prepend=-math.inf) / errors.satellites_s)
+    variance = errors.satellites_m**2 * (1.0 - keep**2) + errors.pointing_m**2
+    return Steps(
+        np.concatenate([loose.of[1:], of]), np.concatenate([loose.after[1:], after]),
+        np.concatenate([loose.keep[1:], keep]), np.concatenate([loose.variance_m2[1:], variance]),
+    )  # fmt: skip
 
 
 def _wander_m2(before: Key, key: Key, errors: ToldErrors) -> float:

@@ -1,7 +1,8 @@
 """The way of one vehicle: keyframes, links between them, and the error of what was told.
 
     told = true + error        at each keyframe, east and north
-    moved (by the ground) = told movement - change of the error + common scale and rotation + noise
+    moved (by the ground) = told movement - change of the error + scale and rotation + noise
+    zoom (by the ground)  = change of scale and rotation + noise
 
 While satellites are trusted, the error is a Gauss-Markov process around 0. Else it moves freely, by
 a share of the way: then only links to keyframes from before hold it.
@@ -9,21 +10,21 @@ a share of the way: then only links to keyframes from before hold it.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.navigation.network import Links, Solution, solve
-from missions.navigation.rows import Key, Tie, links_of, steps_of
-from missions.navigation.values import UNEASE_M, Disagreement, Estimate, ToldErrors
+from missions.navigation.judging import bridges, judged
+from missions.navigation.network import Links, Solution, Turns, solve
+from missions.navigation.rows import Key, Knots, Tie, knots_of, links_of, steps_of, turns_of
+from missions.navigation.steadiness import learned_m
+from missions.navigation.values import Disagreement, Estimate, ToldErrors
 
-_GATE: Final = 13.8  # chi-square, two degrees of freedom, 99.9 %
-_SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong
+_LEARN_S: Final = 8.0  # between two times at which it is asked how good satellites are
 _LEAPS_S: Final = 60.0  # for so long a leap is held against satellites
 _BEGINNINGS_S: Final = (6.0, 15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
 
@@ -48,6 +49,8 @@ class Track:
     _lying: bool = False
     _way_m: float = 0.0
     _told: complex | None = None
+    _satellites_m: float | None = None
+    _learnt_s: float = -math.inf
     _loose: Solution | None = None
 
     # --- what is told -----------------------------------------------------------------------
@@ -72,21 +75,37 @@ class Track:
         self._loose = None
         return number
 
-    def link(self, begin: int, to: int, moved_m: tuple[float, float], sigma_m: float) -> None:
+    def link(
+        self,
+        begin: int,
+        to: int,
+        moved_m: tuple[float, float],
+        sigma_m: float,
+        zoom: tuple[complex, float] | None = None,
+        *,
+        certain: bool = False,
+    ) -> None:
         """The ground says that from one keyframe to another the camera moved so far.
 
         Args:
             begin: Number of a keyframe.
             to: Number of a later one.
-            moved_m: East and north.
+            moved_m: East and north, by the mean scale and rotation of both pictures.
             sigma_m: Standard deviation in one direction, above 0.
+            zoom: By how much larger (and, imaginary, turned counter-clockwise: radians) the later
+                picture shows the ground than the earlier one, and its standard deviation.
+            certain: It is as the vehicle has moved before; if something is wrong, then what was
+                told.
 
         Raises:
             ValueError: there is no such keyframe, or they are not in order.
         """
         if begin not in self._keys or to not in self._keys or begin >= to or not sigma_m > 0.0:
             raise ValueError(f"no link from keyframe {begin} to {to} with sigma {sigma_m:g} m")
-        self._links.append(Tie(begin, to, complex(*moved_m), sigma_m))
+        tie = Tie(begin, to, complex(*moved_m), sigma_m, certain=certain)
+        if zoom is not None:
+            tie.zoom, tie.zoom_sigma = zoom
+        self._links.append(tie)
 
     def distrust(self, since_s: float) -> None:
         """Satellites have lied since then: no position from then on is held to be near the truth.
@@ -104,31 +123,15 @@ class Track:
 
     def remove(self, number: int, *, bridged: bool = True) -> None:
         """Forget a keyframe; what it tied together stays tied, where it is to be bridged."""
+        after = next((k for k in self._keys if k > number), None)
+        if after is not None and self._keys[number].leapt:
+            self._keys[after].leapt = True
         del self._keys[number]
         mine = [link for link in self._links if number in (link.begin, link.to)]
         self._links = [link for link in self._links if number not in (link.begin, link.to)]
-        held = sorted((link for link in mine if link.state == "held"), key=lambda k: k.sigma_m)
-        if bridged and len(held) > 1:
-            self._bridge(number, held)
+        if bridged:
+            self._links += bridges(number, mine, self._links)
         self._loose = None
-
-    def _bridge(self, number: int, held: Iterable[Tie]) -> None:
-        """Links between the partners of a keyframe, by way of the one that is known best."""
-        partners = [
-            (link.to, link.moved, link.sigma_m)
-            if link.begin == number
-            else (link.begin, -link.moved, link.sigma_m)
-            for link in held
-        ]
-        hub, to_hub, hub_sigma_m = partners[0]
-        tied = {frozenset((link.begin, link.to)) for link in self._links}
-        for other, to_other, sigma_m in partners[1:]:
-            if other == hub or frozenset((other, hub)) in tied:
-                continue
-            begin, to, moved = hub, other, to_other - to_hub
-            if begin > to:
-                begin, to, moved = to, begin, -moved
-            self._links.append(Tie(begin, to, moved, math.hypot(hub_sigma_m, sigma_m), "held"))
 
     # --- what follows -----------------------------------------------------------------------
     @property
@@ -160,15 +163,32 @@ class Track:
         told, last = self._newest.told, len(self._keys) - 1
         begin = np.array([index[number] for number in numbers], np.intp)
         told_m = told - np.array([self._keys[number].told for number in numbers], np.complex128)
-        nothing = np.zeros(len(begin), np.complex128)
-        # the true movement is told - (e_to - e_begin); common unknowns turn what the ground shows
-        links = Links(
-            begin, np.full(len(begin), last), told_m, nothing, np.full(len(begin), 1e-6)
-        )  # fmt: skip
+        nothing, variance = np.zeros(len(begin), np.complex128), np.full(len(begin), 1e-6)
+        # the true movement is told - (e_to - e_begin); the ground shows it turned and scaled
+        to = np.full(len(begin), last)
+        at, share = self._knots().between(begin, to, 0.5)
+        links = Links(begin, to, told_m, nothing, variance, at, share)
         off, variance = loose.misfits(links)
         return [
             (float(place.real), float(place.imag), math.sqrt(spread))
             for place, spread in zip(told_m - off, variance, strict=True)
+        ]
+
+    def expected_zoom(self, numbers: Iterable[int]) -> list[tuple[complex, float]]:
+        """By how much larger the newest picture shows the ground than each of these, and turned.
+
+        With the standard deviation of both.
+        """
+        loose, knots = self._settled(), self._knots()
+        index = {number: k for k, number in enumerate(self._keys)}
+        begin = np.array([index[number] for number in numbers], np.intp)
+        at, share = knots.between(begin, np.full(len(begin), len(self._keys) - 1), -1.0)
+        nothing = np.zeros(len(begin))
+        asked = Turns(knots.prior, at, share, nothing.astype(np.complex128), nothing)
+        off, variance = loose.zoom_misfits(asked)
+        return [
+            (-zoom, math.sqrt(spread))
+            for zoom, spread in zip(off.tolist(), variance.tolist(), strict=True)
         ]
 
     def places_m(self) -> NDArray[np.float64]:
@@ -189,12 +209,19 @@ class Track:
         if not self._keys:
             raise ValueError("a track without keyframes has no estimate")
         self._settle()
+        self._learn()
         found = self._solve(trusted_until_s=math.inf)
         error, last = found.errors_m[-1], len(self._keys) - 1
         sigma_m = math.sqrt(found.variance_of(last) + self.errors.pointing_m**2)
-        return Estimate(
-            (float(error.real), float(error.imag)), sigma_m, found.common.real, found.common.imag
-        )
+        knots = self._knots()
+        share = knots.share[-1]
+        turn = complex((1.0 - share) * found.turns[-2] + share * found.turns[-1])
+        return Estimate((float(error.real), float(error.imag)), sigma_m, turn.real, turn.imag)
+
+    @property
+    def satellites_m(self) -> float:
+        """What satellites err by, as far as it has been learned."""
+        return self._satellites_m or self.errors.satellites_m
 
     def disagreement(self) -> Disagreement:
         """How far satellites may be off, if they may have begun to lie at any time.
@@ -205,12 +232,14 @@ class Track:
         self._settle()
         now_s, first_s = self._newest.t_s, next(iter(self._keys.values())).t_s
         last, worst = len(self._keys) - 1, None
+        if last > 0 and self._by_one_picture():
+            last -= 1
         for ago_s in _BEGINNINGS_S:
             begin_s = now_s - ago_s
             if begin_s <= first_s:
                 break
             found = self._solve(trusted_until_s=begin_s)
-            error = found.errors_m[-1]
+            error = found.errors_m[last]
             sigma_m = math.sqrt(found.variance_of(last) + self.errors.pointing_m**2)
             told = Disagreement((float(error.real), float(error.imag)), sigma_m, begin_s)
             if worst is None or told.least_m > worst[0].least_m:
@@ -227,14 +256,19 @@ class Track:
         keys, errors = list(self._keys.values()), self._settled().errors_m
         leaps = [
             (float(abs(errors[k] - errors[k - 1])), keys[k].t_s)
-            for k in range(1, len(keys))
+            for k in range(1, len(keys) - self._by_one_picture())
             if keys[k].leapt and keys[-1].t_s - keys[k].t_s < _LEAPS_S
         ]
         return max(leaps, default=(0.0, math.inf))
 
+    def _by_one_picture(self) -> bool:
+        """Only one picture, which may be wrong, shows that the newest told position leapt."""
+        mine = sum(link.to == self.newest and link.state == "held" for link in self._links)
+        return self._newest.leapt and mine < 2
+
     def _began_s(self, found: Solution, earliest_s: float) -> float:
         """The last time at which the told position was still as good as satellites are."""
-        usual_m = self.errors.satellites_m
+        usual_m = self.satellites_m
         began_s = earliest_s
         for key, error in zip(self._keys.values(), found.errors_m, strict=True):
             if key.t_s >= earliest_s and abs(error) <= usual_m:
@@ -245,7 +279,8 @@ class Track:
     def _settle(self) -> None:
         """See to it that each link is believed, or not."""
         if any(link.state == "new" for link in self._links):
-            self._judge(self._loose or self._solve(trusted_until_s=-math.inf))
+            loose = self._loose or self._solve(trusted_until_s=-math.inf)
+            self._links = judged(self._links, self._keys, loose, self._knots())
             self._loose = None
 
     def _settled(self) -> Solution:
@@ -255,38 +290,21 @@ class Track:
             self._loose = self._solve(trusted_until_s=-math.inf)
         return self._loose
 
-    def _judge(self, loose: Solution) -> None:
-        """Which links fit what is known without them; which show that the told position leapt."""
-        now_s = self._newest.t_s
-        open_links = [link for link in self._links if link.state != "held"]
-        off, variance = loose.misfits(links_of(open_links, self._keys))
-        suspects: list[tuple[Tie, complex]] = []
-        for link, miss, spread in zip(open_links, off.tolist(), variance.tolist(), strict=True):
-            if abs(miss) ** 2 <= _GATE * spread:
-                link.state = "held"
-            else:
-                link.state = "suspect"
-                suspects.append((link, miss))
-        for (a, miss_a), (b, miss_b) in itertools.combinations(suspects, 2):
-            after, until = max(a.begin, b.begin), min(a.to, b.to)
-            noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * UNEASE_M**2
-            # two that say the same of one step: it is not the links that are wrong
-            if after < until and abs(miss_a - miss_b) ** 2 <= _GATE * noise:
-                a.state = b.state = "held"
-                self._leap(after, until)
-        self._links = [
-            link
-            for link in self._links
-            if link.state == "held" or now_s - self._keys[link.to].t_s < _SUSPECT_S
-        ]
-
-    def _leap(self, after: int, until: int) -> None:
-        """Between two keyframes the told position leapt."""
-        for number, key in self._keys.items():
-            if after < number <= until:
-                key.leapt = True
-
     def _solve(self, trusted_until_s: float) -> Solution:
         held = [link for link in self._links if link.state == "held"]
-        steps = steps_of(list(self._keys.values()), self.errors, trusted_until_s)
-        return solve(len(self._keys), steps, links_of(held, self._keys), self.errors.common)
+        errors = replace(self.errors, satellites_m=self.satellites_m)
+        steps = steps_of(list(self._keys.values()), errors, trusted_until_s)
+        knots = self._knots()
+        turns = turns_of(held, self._keys, knots)
+        return solve(len(self._keys), steps, links_of(held, self._keys, knots), turns)
+
+    def _learn(self) -> None:
+        """Every few seconds: how good satellites are."""
+        if self._newest.t_s - self._learnt_s < _LEARN_S or self._lying:
+            return
+        self._learnt_s = self._newest.t_s
+        held = [link for link in self._links if link.state == "held"]
+        self._satellites_m = learned_m(self._keys, held, self.errors)
+
+    def _knots(self) -> Knots:
+        return knots_of(list(self._keys.values()), self.errors)

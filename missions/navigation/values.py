@@ -20,7 +20,9 @@ class ToldErrors:
         reckoned_share: What dead reckoning errs by, as a share of the way.
         reckoned_over_m: Over which way that share stays alike.
         reckoned_m_sqrt_s: What it wanders by in a second, at rest too; it grows with the root.
-        common: Of the scale of all links (heights) and their rotation in radians (headings).
+        common: Of the scale that pictures have (heights), as a share, and of their rotation in
+            radians (headings); above 0.
+        common_s: Over which time both stay alike, above 0.
         pointing_m: How far the place below the camera is off in each picture, by its attitude.
     """
 
@@ -30,11 +32,12 @@ class ToldErrors:
     reckoned_over_m: float = 50.0
     reckoned_m_sqrt_s: float = 0.1
     common: float = 0.04
+    common_s: float = 80.0
     pointing_m: float = 0.05
 
     def __post_init__(self) -> None:
         """Refuse what is no standard deviation with `ValueError`."""
-        for name in ("satellites_m", "satellites_s", "reckoned_m_sqrt_s", "common"):
+        for name in ("satellites_m", "satellites_s", "reckoned_m_sqrt_s", "common", "common_s"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} is {getattr(self, name):g}, expected above 0")
 
@@ -46,8 +49,8 @@ class Estimate:
     Attributes:
         error_m: Told minus true position, east and north.
         sigma_m: Its standard deviation in one direction.
-        scale: By how much all links are too long, as a share.
-        rotation_rad: By how much they are turned, counter-clockwise.
+        scale: By how much its picture shows ways too long, as a share.
+        rotation_rad: By how much it is turned, counter-clockwise.
     """
 
     error_m: tuple[float, float]
