@@ -69,7 +69,7 @@ class Solution:
     """The errors, metres; `turns` are scale + i rotation (radians, counter-clockwise) at the knots.
 
     `inverse` is that of the normal matrix without the turns, `lean` how each error changes with
-    each of them (negative), `turns_variance` their covariance. Variances are those of one component.
+    each of them (negative), `turns_variance` their covariance. Variances are of one component.
     `evidence` is the logarithm of how probable the steps make all that was said, but for a constant
     that is the same whatever the steps are.
     """

@@ -62,7 +62,7 @@ class Knots:
     variance: Reals
 
     def between(self, begin: Numbers, to: Numbers, of_begin: float) -> tuple[Numbers, Reals]:
-        """Knots and shares (n, 4) (n, 4): `of_begin` of the turn at `begin`, as much more of that at `to`."""
+        """Knots and shares, (n, 4): `of_begin` times the turn at `begin`, and |that| at `to`."""
         knots = np.stack([self.at[begin], self.at[begin] + 1, self.at[to], self.at[to] + 1], axis=1)
         a, b, half = self.share[begin], self.share[to], abs(of_begin)
         share = np.stack([of_begin * (1 - a), of_begin * a, half * (1 - b), half * b], axis=1)

@@ -61,6 +61,42 @@ def test_it_knows_how_well_it_knows() -> None:
     assert np.mean(common) < 0.75 * math.sqrt(math.pi / 2) * ERRORS.common
 
 
+def test_heights_that_wander_are_followed_by_zooms() -> None:
+    """Scale and rotation are a process; between two pictures the ground shows how they changed."""
+    squares, turned = [], []
+    errors = ToldErrors(satellites_m=0.5, pointing_m=1e-3, common_s=60.0)
+    for seed in range(30):
+        flight = Flight(seed, 100, errors)
+        keep = math.exp(-1.0 / errors.common_s)
+        turns = [flight.common]
+        for _ in range(99):
+            turns.append(keep * turns[-1] + flight._normal(errors.common * math.sqrt(1 - keep**2)))
+        for k in range(100):
+            flight.add(k)
+            for i in {k - 1, k - 2, k - 20, k - 40} & set(range(k)):
+                flight.common = (turns[i] + turns[k]) / 2.0
+                zoom = turns[k] - turns[i] + flight._normal(0.003)
+                flight.track.link(i, k, flight.moved(i, k), SIGMA_M, (zoom, 0.003))
+        said = flight.track.estimate()
+        squares.append(abs(complex(*said.error_m) - flight.off[-1]) ** 2 / said.sigma_m**2)
+        turned.append(abs(complex(said.scale, said.rotation_rad) - turns[-1]))
+    # 60 degrees of freedom: 95 % of such sums lie between these
+    assert 40.5 < sum(squares) < 83.3
+    assert np.mean(turned) < 0.5 * math.sqrt(math.pi / 2) * errors.common
+
+
+@pytest.mark.parametrize("sigma_m", [0.3, 0.9])
+def test_it_learns_how_good_satellites_are(sigma_m: float) -> None:
+    learned = []
+    for seed in range(4):
+        flight = Flight(seed, 150, ToldErrors(satellites_m=sigma_m, satellites_s=60.0))
+        flight.track = Track(ToldErrors(satellites_m=1.0, satellites_s=60.0))
+        flight.run(150)
+        flight.track.estimate()
+        learned.append(flight.track.satellites_m)
+    assert 0.7 * sigma_m < np.mean(learned) < 1.5 * sigma_m
+
+
 def test_satellites_lost_it_holds_on_to_the_map_made_before() -> None:
     flight = Flight(3)
     flight.run(40)

@@ -62,6 +62,26 @@ def test_a_position_that_leaps_is_noticed_at_once() -> None:
         assert own.disagreement().wrong(1.0) == (k == 41)
 
 
+@pytest.mark.parametrize("leap_m", [(2.0, 0.0), (-14.0, 14.0), (0.0, -200.0)])
+@pytest.mark.parametrize("slides_s", [0.1, 1.0])
+def test_a_leap_is_not_taken_for_movement(leap_m: tuple[float, float], slides_s: float) -> None:
+    """A filter smooths it, and the vehicle brakes meanwhile: it is told by nobody that it does."""
+    own = OwnMap(ERRORS)
+    north, speed = 0.0, 6.0
+    for k in range(60):
+        after_s = (k - 30) / 5
+        share = 1.0 - math.exp(-after_s / slides_s) if after_s >= 0.0 else 0.0
+        speed = max(-3.0, speed - 1.2) if after_s > 0.2 else speed
+        north += speed / 5
+        told = share * leap_m[0], north + share * leap_m[1]
+        if k == 33:  # as whoever watches what is told would say
+            own.track.distrust(k / 5 - 2.0)
+        estimate = own.take(k / 5, taken(0.0, north, 0.0), told, k < 33)
+        if k >= 33:
+            off = math.dist(estimate.error_m, (share * leap_m[0], share * leap_m[1]))
+            assert off < 1.0, (k, off)
+
+
 @pytest.mark.parametrize("off_m", [(3.0, -2.0), (-6.0, 4.0)])
 def test_it_is_found_anew_after_a_time_without_pictures(off_m: tuple[float, float]) -> None:
     own = OwnMap(ERRORS)
