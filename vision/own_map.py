@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from missions.navigation import Disagreement, Estimate, ToldErrors, Track
 from vision.ground_match import Match, Patch, match
 from vision.own_way import OwnWay
 from vision.patch_mosaic import coarser, mosaic
+from vision.patch_overlap import overlaps, side_m
 from vision.patch_zoom import compare, resized
 
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
@@ -130,7 +130,7 @@ class OwnMap:
         else:
             self._way = OwnWay(t_s, number, 0.0, 0.0, patch)
         self._patches[number] = patch
-        self._sides_m[number] = _side_m(patch)
+        self._sides_m[number] = side_m(patch)
         self._last_t_s = t_s
         self._thin_out()
         return estimate
@@ -153,7 +153,7 @@ class OwnMap:
         away_m, slip = expected[0][:2], (0.0, 0.0)  # the last one is the first to be asked
         for key, (east, north, sigma_m), zoom in zip(chosen, expected, zooms, strict=True):
             search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
-            search_m = min(search_m, _WIDEST_SHARE * _side_m(patch))
+            search_m = min(search_m, _WIDEST_SHARE * side_m(patch))
             there = east + slip[0], north + slip[1]
             seen = self._seen(key, patch, there, search_m, zoom)
             if seen is None and leap is not None:
@@ -162,7 +162,7 @@ class OwnMap:
             if seen is None and key == last:
                 seen = self._flown_on(key, patch, t_s, zoom)
                 if seen is None and leap is None:
-                    widest_m = _WIDEST_SHARE * _side_m(patch)
+                    widest_m = _WIDEST_SHARE * side_m(patch)
                     seen = self._seen(key, patch, (east, north), widest_m, zoom)
                 if seen is not None:
                     kept, slip = True, (seen.moved_m[0] - east, seen.moved_m[1] - north)
@@ -170,7 +170,7 @@ class OwnMap:
                         self._leap = leap = _Leap(t_s, key, *slip)
             if key == last:
                 away_m = away_m if seen is None else seen.moved_m
-                kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * _side_m(patch)
+                kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * side_m(patch)
                 self._go_on(t_s, key, seen, patch)
             if seen is not None:
                 self._link(key, number, seen, patch if kept else None, zoom)
@@ -202,7 +202,7 @@ class OwnMap:
         reach = None if way is None or way.key != key else way.reach(t_s)
         if way is None or reach is None:
             return None
-        within_m = min(reach.within_m, _WIDEST_SHARE * _side_m(patch))
+        within_m = min(reach.within_m, _WIDEST_SHARE * side_m(patch))
         seen = self._seen(key, patch, (reach.east_m, reach.north_m), within_m, zoom)
         if seen is None and way.patch.metres_per_pixel == patch.metres_per_pixel:
             east, north = reach.east_m - way.east_m, reach.north_m - way.north_m
@@ -256,14 +256,14 @@ class OwnMap:
         """Search a picture on the mosaic of all others, and link it to those that it is among."""
         here = self.track.places_m()[-1]
         reach_m = min(_REACH_SIGMAS * self._sigma_now_m, _FARTHEST_M)
-        side_m, pitch_m = _side_m(patch), patch.metres_per_pixel
+        wide_m, pitch_m = side_m(patch), patch.metres_per_pixel
         away = dict(zip(self.track.numbers, self.track.places_m() - here, strict=True))
         laid = [
             (other, (float(away[key][0]), float(away[key][1])))
             for key, other in self._patches.items()
-            if other.metres_per_pixel == pitch_m and np.abs(away[key]).max() < reach_m + side_m
+            if other.metres_per_pixel == pitch_m and np.abs(away[key]).max() < reach_m + wide_m
         ]
-        ground = mosaic(laid, reach_m + side_m, pitch_m)
+        ground = mosaic(laid, reach_m + wide_m, pitch_m)
         if reach_m / pitch_m > _COARSE_PX:
             rough = match(coarser(ground), coarser(patch), (0.0, 0.0), reach_m)
         else:
@@ -273,7 +273,7 @@ class OwnMap:
         found = []
         for key, other in self._patches.items():
             moved = np.array(rough.moved_m) - away[key]
-            if other.metres_per_pixel != pitch_m or np.hypot(*moved) > _KEYFRAME_SHARE * side_m:
+            if other.metres_per_pixel != pitch_m or np.hypot(*moved) > _KEYFRAME_SHARE * wide_m:
                 continue
             seen = match(other, patch, (float(moved[0]), float(moved[1])), _FINE_M)
             if seen is not None:
@@ -291,12 +291,8 @@ class OwnMap:
     def _partners(self, patch: Patch, last: int) -> list[int]:
         """The last keyframe, the oldest, and the nearest ones that show the same ground."""
         where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
-        here = where[self.track.newest]
-        sides_m = np.array(list(self._sides_m.values()))
-        away_m = np.array([where[key] for key in self._patches]) - here
-        side_m = np.minimum(sides_m, _side_m(patch))
-        alike = [p.metres_per_pixel == patch.metres_per_pixel for p in self._patches.values()]
-        overlap = _overlap(away_m, side_m) * np.array(alike)
+        away_m = np.array([where[key] for key in self._patches]) - where[self.track.newest]
+        overlap = overlaps(patch, self._patches.values(), self._sides_m.values(), away_m)
         keys = list(self._patches)
         near = [k for k in range(len(keys) - 1) if overlap[k] >= _LEAST_OVERLAP]
         oldest = near[:_OLDEST]
@@ -316,14 +312,3 @@ class OwnMap:
         gone = keys[int(away_m.min(axis=1).argmin())]
         del self._patches[gone], self._sides_m[gone]
         self.track.remove(gone)
-
-
-def _side_m(patch: Patch) -> float:
-    """Of a square as large as what a patch shows."""
-    return math.sqrt(patch.pixels) * patch.metres_per_pixel
-
-
-def _overlap(away_m: NDArray[np.float64], side_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The part of a square that another one covers, so far away."""
-    free = np.maximum(0.0, 1.0 - np.abs(away_m) / side_m[:, None])
-    return np.asarray(free[:, 0] * free[:, 1], dtype=np.float64)
