@@ -24,7 +24,7 @@ _FARTHEST_PX: Final = 2.5  # what is found farther from where it began is not be
 _LEAST_SCORE: Final = 0.3
 _CORRELATED: Final = 9.0  # neighbouring pixels err alike: so many count as one
 _FLOOR_PX: Final = 0.06
-_FLOOR: Final = 0.003  # of a zoom: attitudes are a little off, too
+_FLOOR: Final = 0.002  # of a zoom: attitudes are a little off, too
 
 Values = NDArray[np.float32]
 

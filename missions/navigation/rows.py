@@ -18,6 +18,7 @@ _KNOT_S: Final = (
     3.0  # between two times at which scale and rotation are known; longer if it must be
 )
 _MOST_KNOTS: Final = 40
+_BEND: Final = 0.1  # of what a process without inertia would do between knots: filters smooth
 
 
 @dataclass(slots=True)
@@ -86,7 +87,7 @@ def knots_of(keys: Sequence[Key], errors: ToldErrors) -> Knots:
     prior[before, before] += keep * keep * step
     prior[after, after] += step
     prior[before, after] = prior[after, before] = -keep * step
-    bridged = errors.common**2 * (1.0 - keep**2) * share * (1.0 - share)
+    bridged = _BEND * errors.common**2 * (1.0 - keep**2) * share * (1.0 - share)
     return Knots(prior, at, share, bridged)
 
 
