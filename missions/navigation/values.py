@@ -26,7 +26,7 @@ class ToldErrors:
         pointing_m: How far the place below the camera is off in each picture, by its attitude.
     """
 
-    satellites_m: float = 1.0
+    satellites_m: float = 0.7
     satellites_s: float = 60.0
     reckoned_share: float = 0.03
     reckoned_over_m: float = 50.0
