@@ -30,7 +30,7 @@ from missions.mission_file.views import path_speed_m_s, rows_across
 from missions.mission_file.whereabouts import prior_of
 from missions.motion.trajectory import LANE_CUTS_M, corner_pause_s
 from missions.orders import FlyPath, FlyTo, Hold, Order, Sweep
-from missions.swath.strategies import NONSTOP
+from missions.swath.strategies import LEAPFROG, ON_PATHS
 from missions.units import Cell, GridPoint
 
 _ORIGIN = GridPoint(0.0, 0.0)
@@ -219,7 +219,7 @@ class Setting:
         )
         box = [grid.fixed(p) for p in positions(mission.search.box)]
         ahead = along_east(box)
-        nonstop = mission.strategy in NONSTOP
+        nonstop = mission.strategy in ON_PATHS
         rows = rows_across(mission, grid, east_ahead=ahead) if nonstop else LANE_CELLS
         flown = lanes(box, mission.grid.cell_m, fence, rows)
         prior = prior_of(mission, grid) if flown else ()
@@ -245,6 +245,8 @@ class Setting:
         vehicles = len(self.mission.vehicles)
         if not self.lanes:
             return ((),) * vehicles
+        if self.leapfrogs:
+            return (self.lanes, *((),) * (vehicles - 1))
         if not self.likely:
             return share_out(self.lanes, vehicles)
         if not self._shares:
@@ -295,7 +297,12 @@ class Setting:
     @property
     def surveys(self) -> bool:
         """Whether the whole box is judged, wherever the region is."""
-        return self.mission.strategy == "survey"
+        return self.mission.strategy == "survey" or self.leapfrogs
+
+    @property
+    def leapfrogs(self) -> bool:
+        """Whether the first vehicle maps while the second one tracks it, by turns."""
+        return self.mission.strategy == LEAPFROG.name
 
     @property
     def finds_all(self) -> bool:
@@ -337,7 +344,7 @@ class Setting:
     @property
     def nonstop(self) -> bool:
         """Whether the strategy plans paths that are flown without stopping."""
-        return self.mission.strategy in NONSTOP
+        return self.mission.strategy in ON_PATHS
 
     @property
     def yaw_deg(self) -> float:
@@ -409,7 +416,8 @@ class State:
     def initial(cls, setting: Setting) -> State:
         """Before anything has happened: every vehicle offline, with its share of the lanes."""
         mission = setting.mission
-        blocks = setting.shares
+        # a leapfrog has its own order (`missions.flight.leapfrogging`)
+        blocks = ((),) * len(mission.vehicles) if setting.leapfrogs else setting.shares
         vehicles = {
             number: VehicleState(
                 number,

@@ -21,6 +21,7 @@ from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
 from missions.mission_file.sim_section import SimFault
 from missions.state import Setting
+from missions.swath.strategies import LEAPFROG
 from missions.units import GridPoint, LatLon
 from sitl.camera.pinhole import CameraSpec
 from sitl.faults.faults import Faults
@@ -91,9 +92,16 @@ def setup_of(
         quirks=Quirks(**sim.quirks.model_dump()),
         parameters={**_return_height(mission, autopilot or sim.autopilot), **sim.parameters},
         relief=relief_of(mission, grid),
-        tag_m=sim.tag_m,
-        tag_dictionary=sim.tag_dictionary,
+        tag_m=_tag_m(mission),
+        tag_dictionary=sim.tag_dictionary or mission.navigation.tag_dictionary,
     )
+
+
+def _tag_m(mission: Mission) -> float:
+    """The marker on each vehicle's top; 0 where there is none."""
+    if mission.sim.tag_m is not None:
+        return mission.sim.tag_m
+    return mission.navigation.tag_m if mission.strategy == LEAPFROG.name else 0.0
 
 
 def relief_of(mission: Mission, grid: Grid) -> Relief | None:

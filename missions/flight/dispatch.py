@@ -17,6 +17,7 @@ from missions.energy import FRESH
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
 from missions.flight.lane_passes import end_searched, search_passes
+from missions.flight.leapfrogging import both_ready, take_turns
 from missions.flight.passes import explore_passes, give_up_rest
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
@@ -47,7 +48,9 @@ def assign(setting: Setting, state: State) -> State:
         state = turn_back(setting, state, state.vehicles[number])
     if setting.nonstop and not state.falls_back:
         state = end_searched(setting, keep_clear(setting, state))
-        state = state if state.paused else explore_passes(setting, state)
+        if not state.paused:
+            plan = take_turns if setting.leapfrogs else explore_passes
+            state = plan(setting, state)
     elif not state.paused:
         state = explore_moves(setting, state)
     for number in sorted(state.vehicles):
@@ -104,7 +107,7 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
-    if state.paused:
+    if state.paused or not both_ready(setting, state):
         return state
     if state.tree is None and idle_in_search(vehicle):
         state = find_work(setting, state, vehicle)

@@ -17,12 +17,12 @@ from typing import Final
 from missions.errors import MissionFileError
 from missions.explorers import EXPLORERS
 from missions.ground.grid import Grid
-from missions.mission_file import flyable, places, terrain_checks
+from missions.mission_file import flyable, leapfrog_checks, places, terrain_checks
 from missions.mission_file.schema import Mission, parse_fields
 from missions.mission_file.whereabouts import prior_faults
-from missions.swath.strategies import NONSTOP
+from missions.swath.strategies import ON_PATHS
 
-STRATEGIES = (*NONSTOP, *EXPLORERS)
+STRATEGIES = (*ON_PATHS, *EXPLORERS)
 DETECTORS = ("threshold", "paved")
 _REMEMBERED: Final = 4
 """Texts of missions: a flight has one, of which the journal, a resume and the results ask."""
@@ -81,6 +81,7 @@ def check(
         *(() if placeless else flyable.values(mission)),
         *_speeds(mission),
         *_team(mission),
+        *leapfrog_checks.faults(mission),
     ]
     if not where:
         grid = Grid.at(mission.home, mission.grid.cell_m)

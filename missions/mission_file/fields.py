@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -16,6 +16,10 @@ Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Vertex = tuple[Latitude, Longitude]
+TagDictionary = Literal[
+    "DICT_4X4_50", "DICT_4X4_100", "DICT_4X4_250", "DICT_5X5_50", "DICT_5X5_100",
+    "DICT_6X6_50", "DICT_APRILTAG_36h11",
+]  # fmt: skip
 Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
 
 

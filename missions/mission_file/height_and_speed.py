@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from missions.ground.footprint import Footprint
 from missions.mission_file.schema import AUTO, Mission
+from missions.swath.strategies import LEAPFROG
 
 LEAST_HEIGHT_M = 3.0
 """The least height of a layer above the pad of its vehicle."""
@@ -223,7 +224,9 @@ def _layer(mission: Mission, height_m: float) -> Layer:
 
 def picture_warnings(mission: Mission) -> Iterator[str]:
     """Pictures that will be coarse, or blurred in a search, which is flown at full speed."""
-    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(len(mission.vehicles) - 1)
+    # of a leapfrog only the lower one maps
+    mapping = 1 if mission.strategy == LEAPFROG.name else len(mission.vehicles)
+    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(mapping - 1)
     camera, cell_m, speed_m_s = mission.camera, mission.grid.cell_m, mission.flight.speed_m_s
     pixels = camera.optics.pixels_per_cell(top_m, cell_m)
     if pixels < camera.pixels_per_cell:

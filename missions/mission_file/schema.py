@@ -41,6 +41,7 @@ from missions.mission_file.fields import (
     Positive,
     Ring,
     Section,
+    TagDictionary,
     Vertex,
 )
 from missions.mission_file.messages import explain
@@ -299,14 +300,19 @@ class Team(Section):
 class NavigationSection(Section):
     """What happens when satellites do not say where a vehicle is, or do not tell the truth."""
 
-    gnss_loss: Literal["map", "rtl", "land"] = "rtl"
-    """Lost in flight: go on by the map that its own pictures make; return or land by the
-    autopilot. The autopilot's own failsafe has the last word."""
+    gnss_loss: Literal["map", "leapfrog", "rtl", "land"] = "rtl"
+    """Lost in flight: go on by the map that its own pictures make, or by what two vehicles see of
+    each other (strategy "leapfrog"); return or land by the autopilot. The autopilot's own failsafe
+    has the last word."""
     watch: Annotated[bool, Field(strict=True)] | None = None
     """Whether pictures are held against each other and against positions, so that a position that
     lies is noticed. Left out: with `gnss_loss = "map"`."""
     tolerated_m: Positive = 1.0
     """So far satellites and pictures may disagree beyond what chance explains."""
+    tag_m: Annotated[Number, Field(gt=0, le=5)] = 0.4
+    """Side of the black square of the marker on the mapper's top (strategy "leapfrog")."""
+    tag_dictionary: TagDictionary = "DICT_4X4_50"
+    """Of OpenCV's ArUco module; the marker's number is that of its vehicle, 1."""
 
     @property
     def watches(self) -> bool:

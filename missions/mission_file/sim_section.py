@@ -15,6 +15,7 @@ from missions.mission_file.fields import (
     Ring,
     Section,
     Share,
+    TagDictionary,
 )
 
 
@@ -134,13 +135,12 @@ class Sim(Section):
     """Share of the distance flown over ground that the position by optical flow errs by."""
     swap_s: NotNegative = 60.0
     """How long the ground crew needs for a battery swap."""
-    tag_m: Annotated[Number, Field(ge=0, le=5)] = 0.0
-    """Side of the marker's black square on each vehicle's top, for a camera above; 0: none."""
-    tag_dictionary: Literal[
-        "DICT_4X4_50", "DICT_4X4_100", "DICT_4X4_250", "DICT_5X5_50", "DICT_5X5_100",
-        "DICT_6X6_50", "DICT_APRILTAG_36h11",
-    ] = "DICT_4X4_50"  # fmt: skip
-    """Of OpenCV's ArUco module; a marker's number is that of its vehicle."""
+    tag_m: Annotated[Number, Field(ge=0, le=5)] | None = None
+    """Side of the marker's black square on each vehicle's top, for a camera above; 0: none. Left
+    out: `navigation.tag_m` in a leapfrog, and none otherwise."""
+    tag_dictionary: TagDictionary | None = None
+    """Of OpenCV's ArUco module; a marker's number is that of its vehicle. Left out:
+    `navigation.tag_dictionary`."""
     terrain: SimTerrain | None = None
     """Without it the ground is that of `terrain.dem`, or level where there is none."""
     quirks: SimQuirks = SimQuirks()

@@ -14,6 +14,7 @@ from missions.ground.terrain import FOLLOW_M, Relief
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.mission_file.places import drawn
 from missions.mission_file.schema import Mission
+from missions.swath.strategies import ON_PATHS
 
 STEEPEST: Final = 0.6
 """Steeper ground is not followed: targets on it would lie less than two metres apart."""
@@ -110,7 +111,7 @@ def off_if_flat_m(mission: Mission, relief: Relief) -> float:
     layer_m, cell_m = mission.altitude_m(0), mission.grid.cell_m
     footprint = mission.camera.optics.footprint(layer_m)
     half_m = math.hypot(*footprint) / 2.0
-    cross = mission.detector.view == "cross" and mission.strategy not in ("swath", "survey")
+    cross = mission.detector.view == "cross" and mission.strategy not in ON_PATHS
     reach_m = min(half_m, 1.5 * cell_m * math.sqrt(2.0)) if cross else half_m
     worst_m = max(abs(relief.highest_m), abs(relief.lowest_m))
     return reach_m * worst_m / layer_m

@@ -30,7 +30,16 @@ SURVEY = WithoutStopping(
     "lanes over the box: docs/strategies.md",
     "a box is known to hold the region; to compare with",
 )
+LEAPFROG = WithoutStopping(
+    "leapfrog",
+    "the mapper never leaves the tracker's picture; every cell of the box is decided where no "
+    "frame errs; no bound",
+    "one hovers and tracks the other: docs/navigation.md",
+    "satellites are lost over a box, and two vehicles have a marker on top",
+)
 NONSTOP: Mapping[str, WithoutStopping] = MappingProxyType(
     {strategy.name: strategy for strategy in (SWATH, SURVEY)}
 )
-"""By name."""
+"""Those that simulations without flight know as well, by name."""
+ON_PATHS: Mapping[str, WithoutStopping] = MappingProxyType({**NONSTOP, LEAPFROG.name: LEAPFROG})
+"""All that fly paths, by name."""

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from missions.explorers import EXPLORERS
-from missions.swath.strategies import NONSTOP
+from missions.swath.strategies import ON_PATHS
 
 _EXAMPLES = """\
 examples:
@@ -42,7 +42,7 @@ class _Shown(Protocol):
     def when(self) -> str: ...
 
 
-_EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *NONSTOP.values())
+_EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *ON_PATHS.values())
 
 
 def add_parser(commands: Any) -> None:

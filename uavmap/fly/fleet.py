@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
+from missions.cooperation.leapfrog import Role
 from missions.errors import LinkError, MissionFileError
+from missions.flight.leapfrogging import MAPPER, TRACKER
 from missions.state import Setting
 from uavmap.cameras.local import LocalSource
 from uavmap.cameras.pose import Poses
@@ -16,6 +18,7 @@ from uavmap.fly.classifier import Blind, Classifier, detector_of
 from uavmap.fly.clock_rate import WINDOW_WALL_S, ClockRate
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.leapfrog import Leapfrog
 from uavmap.fly.links import Link
 from uavmap.fly.reporter import BATTERY_STALE_S
 from uavmap.fly.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
@@ -86,6 +89,10 @@ def vehicles_of(
             if plan.simulated
             else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
+    if setting.leapfrogs:
+        both = Leapfrog(setting.mission.navigation, say)
+        vehicles[MAPPER].leapfrog(both, Role.MAPPER)
+        vehicles[TRACKER].leapfrog(both, Role.TRACKER)
     return vehicles
 
 

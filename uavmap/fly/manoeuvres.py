@@ -301,6 +301,8 @@ class Manoeuvres:
         if self._view.armed:
             here, height_m = self._reporter.position(), self._view.height_m
             await self._reach(lambda: here, height_m, stop=True)
+            if self.navigation is not None and self.navigation.watches_at_rest:
+                await self._find_way()  # until it is told something else
 
     # --- along a path -------------------------------------------------------------------------
     def goes_on(self, order: FlyPath) -> bool:

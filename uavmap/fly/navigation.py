@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final, Literal
+from typing import Final, Literal, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -26,6 +26,7 @@ from missions.events import Navigated
 from missions.guardian import Action
 from missions.mission_file.schema import Mission
 from missions.navigation import Estimate
+from missions.swath.strategies import LEAPFROG
 from missions.units import GridPoint, LatLon
 from uavmap.fly.reporter import Reporter
 from uavmap.link.view import VehicleView
@@ -61,6 +62,28 @@ AID_M: Final = 0.3
 """The autopilot is told where it is if it is off by more."""
 
 
+class Partner(Protocol):
+    """What two vehicles measure of each other, for one of them (`uavmap.fly.leapfrog`)."""
+
+    @property
+    def off(self) -> GridPoint:
+        """By how much its told place is off."""
+        ...
+
+    @property
+    def sigma_m(self) -> float:
+        """How well that is known, one standard deviation."""
+        ...
+
+    def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
+        """It tells its place; `good`: by satellites."""
+        ...
+
+    def take(self, frame: Frame) -> None:
+        """It took a picture, with the pose as told."""
+        ...
+
+
 class Navigation:
     """What one vehicle goes by.
 
@@ -86,6 +109,9 @@ class Navigation:
         """Positions that are less sure decide on no cell."""
         self._tell = tell
         self._own = OwnMap() if mission.navigation.watches else None
+        self._pair = mission.strategy == LEAPFROG.name
+        self.partner: Partner | None = None
+        """In a leapfrog: what both see of each other."""
         self.gnss: Gnss = "good"
         self.sigma_m = 0.0
         """How well the corrected position is known, one standard deviation."""
@@ -107,17 +133,28 @@ class Navigation:
     @property
     def streams(self) -> Mapping[int, float]:
         """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
-        return {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0} if self.watches else {}
+        rates = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0} if self.watches or self._pair else {}
+        return {**rates, mav.MAVLINK_MSG_ID_ATTITUDE: 10.0} if self._pair else rates
 
     @property
     def watches(self) -> bool:
         """Whether pictures are wanted wherever it flies."""
-        return self._own is not None
+        return self._own is not None or self.partner is not None
+
+    @property
+    def watches_at_rest(self) -> bool:
+        """Whether they are wanted while it waits, too."""
+        return self.partner is not None
+
+    @property
+    def _by_partner(self) -> bool:
+        """Whether it goes by sightings where satellites are lost."""
+        return self.partner is not None and self._wanted.gnss_loss == "leapfrog"
 
     @property
     def by_map(self) -> bool:
-        """Whether positions are corrected by its own pictures."""
-        return self.gnss != "good" and self._own is not None
+        """Whether positions are corrected by pictures: its own, or its partner's."""
+        return self.gnss != "good" and (self._own is not None or self._by_partner)
 
     # --- what its filter says ------------------------------------------------------------------
     def look(self, *, airborne: bool) -> None:
@@ -136,8 +173,20 @@ class Navigation:
             self._since_s = now_s if self._since_s is None else self._since_s
             if now_s - self._since_s >= (LOST_S if lost else BACK_S):
                 self._changed("lost" if lost else "good", now_s)
+        self._hear_partner(now_s)
         if self.gnss != "good":
             self._look_how_sure(now_s)
+
+    def _hear_partner(self, now_s: float) -> None:
+        """Tell the partner of this position, and go by what both have measured."""
+        if self.partner is None or self._view.told is None:
+            return
+        told = self._reporter.grid.fixed(self._view.told)
+        good = self._view.by_satellites and not self._view.has_no_fix
+        self.partner.moved(told, now_s, good=good)
+        if self.gnss == "lost" and self._by_partner:
+            self._correct(self.partner.off)
+            self.sigma_m = self.partner.sigma_m
 
     def leapt(self, how: str) -> bool:
         """The told position has leapt; False where no pictures tell where the vehicle is now."""
@@ -178,7 +227,7 @@ class Navigation:
             what = "is lost" if gnss == "lost" else "tells a wrong place"
             self._tell(f"vehicle {number}: satellite navigation {what}{self._how_on(before)}")
         self._say(now_s)
-        if gnss == "lost" and before == "good" and self._wanted.gnss_loss != "map":
+        if gnss == "lost" and before == "good" and self._wanted.gnss_loss in ("rtl", "land"):
             self.act(self._wanted.gnss_loss, "satellite navigation is lost")
         elif gnss == "wrong" and self._wanted.gnss_loss == "land":
             self.act("land", "satellite navigation tells a wrong place")
@@ -189,6 +238,8 @@ class Navigation:
     def _how_on(self, before: Gnss) -> str:
         if self._wanted.gnss_loss == "map" and before == "good":
             return f"; it goes on by its own map, to ±{self.sigma_m:.1f} m"
+        if self._by_partner and before == "good":
+            return "; it goes on by what both see of each other"
         return ""
 
     def _say(self, now_s: float) -> None:
@@ -212,11 +263,14 @@ class Navigation:
 
         Raises `ImageError` where nobody knows it well enough to decide on a cell.
         """
-        if self._own is None:
+        if self.partner is not None:
+            self.partner.take(frame)
+        if self._own is None and not self._by_partner:
             return frame
         now_s = self._reporter.now_s()
         told = self._reporter.grid.fixed(frame.pose.position)
-        if frame.t_s > self._taken_s:  # one that comes late says nothing of now
+        # one that comes late says nothing of now
+        if self._own is not None and frame.t_s > self._taken_s:
             self._taken_s = frame.t_s
             up_rad = self._reporter.grid.convergence_rad
             low = frame.pose.height_m <= SAME_SCALE * self._altitude_m
@@ -288,7 +342,7 @@ class Navigation:
             self.sigma_m = math.hypot(known_m, DEAD_RECKONING * self._flown_m)
         if now_s - self._told_s >= TELL_S:
             self._say(now_s)
-        if self._wanted.gnss_loss != "map" or self._failed:
+        if self._wanted.gnss_loss not in ("map", "leapfrog") or self._failed:
             return
         if self.sigma_m <= self._most_m:
             self._unsure_s = None
@@ -296,7 +350,8 @@ class Navigation:
         self._unsure_s = now_s if self._unsure_s is None else self._unsure_s
         if now_s - self._unsure_s >= UNSURE_S:
             self._failed = True
-            self.fail(f"its own map tells where it is to ±{self.sigma_m:.0f} m only")
+            what = "what both see of each other" if self._by_partner else "its own map"
+            self.fail(f"{what} tells where it is to ±{self.sigma_m:.0f} m only")
 
     def _aid(self) -> None:
         """Tell the autopilot where it is, where it has lost its satellites and knows less."""

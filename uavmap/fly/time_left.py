@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from missions.energy import LANDING_OVERHEAD_S, LANDING_SPEED_M_S
+from missions.flight.leapfrogging import steps_left_s
 from missions.flight.whole_box import open_cells
 from missions.state import Phase, Setting, State, VehicleState
 
@@ -165,6 +166,8 @@ def _of_a_survey(setting: Setting, state: State, team: int) -> Left:
     left_m = _lanes_left_m(state)
     # what the lanes have not decided is flown to in the end
     about_s = left_m / setting.energy.speed_m_s if left_m else left * _cell_s(setting)
+    if setting.leapfrogs:
+        about_s = team * steps_left_s(setting, state)
     what = "1 cell of the box" if left == 1 else f"{left} cells of the box"
     return Left(what, "the box", _share(len(cells) - left, left), about_s / team or None)
 

@@ -16,6 +16,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.cooperation.leapfrog import Role
 from missions.errors import CommandRefusedError, LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
@@ -25,6 +26,7 @@ from missions.units import LatLon
 from uavmap.fly.clock_rate import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.leapfrog import Leapfrog
 from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.navigation import Navigation
@@ -128,6 +130,10 @@ class MavlinkVehicle:
     def view(self) -> VehicleView:
         """The latest of what the vehicle has said."""
         return self._view
+
+    def leapfrog(self, both: Leapfrog, role: Role) -> None:
+        """Have it and another one look after each other."""
+        self._navigation.partner = both.join(role, self._reporter, self._view, self._session.listen)
 
     def was_flying(self) -> None:
         """It was in the air by our order when an earlier process ended: it is ours.

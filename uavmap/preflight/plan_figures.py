@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
+from missions.flight.leapfrogging import steps_left_s
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
 from missions.mission_file.height_and_speed import Layer, altitude_reason, layers, search_layers
@@ -14,7 +15,7 @@ from missions.mission_file.schema import Mission
 from missions.mission_file.terrain_checks import off_if_flat_m
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import LANE_CUTS_M, rounded_path
-from missions.state import Setting
+from missions.state import Setting, State
 from missions.units import GridPoint
 
 
@@ -34,6 +35,8 @@ def estimate(setting: Setting) -> dict[str, Any]:
     layer_m = mission.top_altitude_m(len(mission.vehicles) - 1)
     overhead_s = layer_m / CLIMB_SPEED_M_S + layer_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
     search_s = _passing_s(setting) if setting.nonstop else _stopping_s(setting, max(lengths))
+    if setting.leapfrogs:
+        search_s = steps_left_s(setting, State.initial(setting))
     usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
     area = flyable.search_area(mission, setting.grid)
     corner = flyable.farthest_corner(mission, setting.grid)

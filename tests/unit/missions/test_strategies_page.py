@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from missions.explorers import EXPLORERS
-from missions.swath.strategies import NONSTOP
+from missions.swath.strategies import ON_PATHS
 
 PAGE = Path(__file__).parents[3] / "docs" / "strategies.md"
 
@@ -21,4 +21,4 @@ def test_the_examples_of_the_page_run() -> None:
 
 def test_the_table_has_a_row_for_every_strategy_in_their_order() -> None:
     rows = re.findall(r"^\| `([a-z-]+)` \|", PAGE.read_text("utf-8"), re.MULTILINE)
-    assert rows == [*EXPLORERS, *NONSTOP]
+    assert rows == [*EXPLORERS, *ON_PATHS]
