@@ -307,7 +307,7 @@ class NavigationSection(Section):
     watch: Annotated[bool, Field(strict=True)] | None = None
     """Whether pictures are held against each other and against positions, so that a position that
     lies is noticed. Left out: with `gnss_loss = "map"`."""
-    tolerated_m: Positive = 1.0
+    tolerated_m: Positive = 0.6
     """So far satellites and pictures may disagree beyond what chance explains."""
     tag_m: Annotated[Number, Field(gt=0, le=5)] = 0.4
     """Side of the black square of the marker on the mapper's top (strategy "leapfrog")."""

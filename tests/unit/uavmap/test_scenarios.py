@@ -189,10 +189,11 @@ def test_a_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
 @both
 def test_an_outage_of_satellites_is_flown_through_by_optical_flow(autopilot):
     flow = "[sim]\noptical_flow = true\nodometry_drift = 0.01\n"
+    goes_on = '\n[navigation]\ngnss_loss = "map"\nwatch = false\n'
     flight = scenario(
         autopilot,
         once(flying, lambda v: v.fail.gps(after_s=2.0, for_s=20.0)),
-        change=lambda text: text.replace("[sim]\n", flow),
+        change=lambda text: text.replace("[sim]\n", flow) + goes_on,
     )
     assert (flight.code, flight.summary["completed"]) == (0, True)
     assert flight.columns >= {"home"}
