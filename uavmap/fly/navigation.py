@@ -166,7 +166,7 @@ class Navigation:
             self._grounded(now_s)
             return
         self._flown()
-        lost = self._view.by_dead_reckoning or self._view.has_no_fix
+        lost = self._view.by_dead_reckoning or self._goes_on_without_fix
         if lost == (self.gnss == "lost") or self.gnss == "wrong":
             self._since_s = None
         else:
@@ -187,6 +187,14 @@ class Navigation:
         if self.gnss == "lost" and self._by_partner:
             self._correct(self.partner.off)
             self.sigma_m = self.partner.sigma_m
+
+    @property
+    def _goes_on_without_fix(self) -> bool:
+        """Whether the receiver has no fix, and that is reason enough to go by pictures.
+
+        It is none to return or to land: the filter may have another receiver.
+        """
+        return self._view.has_no_fix and self._wanted.gnss_loss in ("map", "leapfrog")
 
     def leapt(self, how: str) -> bool:
         """The told position has leapt; False where no pictures tell where the vehicle is now."""

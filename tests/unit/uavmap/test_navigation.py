@@ -152,3 +152,11 @@ def test_told_and_corrected_places_are_each_others_inverse() -> None:
     back = view.corrected(view.as_told(place))
     assert math.isclose(back.lat_deg, place.lat_deg, abs_tol=1e-12)
     assert math.isclose(back.lon_deg, place.lon_deg, abs_tol=1e-12)
+
+
+def test_a_receiver_without_a_fix_alone_sends_nobody_home() -> None:
+    flown = craft(gnss_loss="rtl")
+    flown.view.gps_fix = 1  # the filter may have another receiver
+    flown.pass_s(20.0)
+    assert not flown.acts
+    assert not flown.events
