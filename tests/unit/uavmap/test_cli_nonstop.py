@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from missions.swath.strategies import NONSTOP
+from missions.swath.strategies import ON_PATHS
 from uavmap.cli import main
 
 ROW = {
@@ -137,4 +137,4 @@ def test_the_film_shows_footprints(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_the_strategies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["strategies", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
-    assert [row["name"] for row in listed][-len(NONSTOP) :] == list(NONSTOP)
+    assert [row["name"] for row in listed][-len(ON_PATHS) :] == list(ON_PATHS)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from missions.explorers import EXPLORERS
-from missions.swath.strategies import NONSTOP
+from missions.swath.strategies import ON_PATHS
 from uavmap.cli import main, simulate
 from uavmap.offline.trials import Trial, trials
 
@@ -165,8 +165,8 @@ def test_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None
 
 def test_strategies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     listed = printed(capsys, "strategies", "--json")
-    assert [entry["name"] for entry in listed] == [*EXPLORERS, *NONSTOP]
+    assert [entry["name"] for entry in listed] == [*EXPLORERS, *ON_PATHS]
     assert all(set(entry) == {"name", "guarantee", "source", "when"} for entry in listed)
     assert main(["strategies"]) == 0
     shown = capsys.readouterr().out
-    assert all(name in shown for name in (*EXPLORERS, *NONSTOP))
+    assert all(name in shown for name in (*EXPLORERS, *ON_PATHS))
