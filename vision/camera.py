@@ -132,3 +132,22 @@ def project(
     depth = homogeneous[..., 2]
     in_front = np.where(depth > 0.0, depth, np.nan)
     return homogeneous[..., :2] / in_front[..., None], depth
+
+
+def euler(turn: Quaternion) -> tuple[float, float, float]:
+    """Roll, pitch and yaw (radians) that `Quaternion.from_euler` makes this rotation of.
+
+    Straight down, where yaw and roll are one, all of it is yaw.
+
+    >>> [round(v, 9) for v in euler(Quaternion.from_euler(0.1, -1.2, 2.0))]
+    [0.1, -1.2, 2.0]
+    """
+    m = rotation(turn)
+    pitch = -math.asin(max(-1.0, min(1.0, float(m[2, 0]))))
+    if math.hypot(m[0, 0], m[1, 0]) > 1e-6:
+        return (
+            math.atan2(m[2, 1], m[2, 2]),
+            pitch,
+            math.atan2(m[1, 0], m[0, 0]),
+        )
+    return 0.0, pitch, math.atan2(-m[0, 1], m[1, 1])

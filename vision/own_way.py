@@ -63,12 +63,12 @@ class OwnWay:
     def reach(self, t_s: float) -> Reach | None:
         """Where it can be then; None if nobody can say.
 
-            >>> import numpy as np
+        >>> import numpy as np
         >>> ground = Patch(np.zeros((1, 1), np.int8), 0, 0, 0.2)
         >>> way = OwnWay(1.0, 7, 4.0, 0.0, ground, (5.0, 0.0), 0.2)
-            >>> reach = way.reach(1.2)
-            >>> round(reach.east_m, 2), round(reach.within_m, 2)
-            (5.0, 1.22)
+        >>> reach = way.reach(1.2)
+        >>> round(reach.east_m, 2), round(reach.within_m, 2)
+        (5.0, 1.22)
         """
         on_s = t_s - self.t_s
         if self.velocity_m_s is None or on_s > _LONGEST_S:

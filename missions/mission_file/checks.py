@@ -82,6 +82,7 @@ def check(
         *_speeds(mission),
         *_team(mission),
         *leapfrog_checks.faults(mission),
+        *_moving_ground(mission),
     ]
     if not where:
         grid = Grid.at(mission.home, mission.grid.cell_m)
@@ -95,6 +96,17 @@ def check(
             where = list(flyable.search(mission, grid))
     if faults or where:
         raise MissionFileError("\n".join(f"{source}: {fault}" for fault in [*where, *faults]))
+
+
+def _moving_ground(mission: Mission) -> Iterator[str]:
+    """A region that drifts is ground that moves: by it satellites would seem to lie."""
+    if mission.navigation.watches and mission.drift.speed_m_s > 0.0:
+        key = "watch = true" if mission.navigation.watch else 'gnss_loss = "map"'
+        yield (
+            f"navigation.{key} does not go with drift.speed_m_s = {mission.drift.speed_m_s:g}: a "
+            "vehicle finds its way by pictures of ground that stands still; take gnss_loss = "
+            '"rtl" or "land", and leave watch out'
+        )
 
 
 # --- single values ---------------------------------------------------------------------------

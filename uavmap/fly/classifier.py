@@ -81,11 +81,16 @@ class Classifier:
         """
         return self._judged(frame, "all", None)
 
+    def doubt(self, frame: Frame) -> str | None:
+        """Why a frame is no evidence, beside the one that was judged last; None if it may be."""
+        return implausible(frame.image, self._last, noiseless=self.mission.camera.noiseless)
+
     def _judged(
         self, frame: Frame, view: Literal["cross", "all"], vantage: Cell | None
     ) -> tuple[Vote, ...]:
-        last, self._last = self._last, frame.image
-        if reason := implausible(frame.image, last, noiseless=self.mission.camera.noiseless):
+        reason = self.doubt(frame)
+        self._last = frame.image
+        if reason:
             raise ImageError(reason)
         above = self.from_above if self.is_overview(frame) else None
         verdicts = look(

@@ -140,8 +140,10 @@ class CameraDriver:
             size_px = (camera.width_px, camera.height_px)
             data = await picture.load()
             frame = Frame(decoded(data, picture.name, size_px), pose, t_s, camera)
-            if self.navigation is not None:
-                frame = self.navigation.placed(frame)
+            finder = self.navigation
+            # a camera that stalls shows a vehicle that stands while it is told to move
+            if finder is not None and finder.watches and not self._classifier.doubt(frame):
+                frame = finder.placed(frame)
             if self._keeper is not None:
                 hfov_deg = math.degrees(camera.hfov_rad)
                 self._keeper.keep(KeptFrame("", self._number, t_s, frame.pose, hfov_deg), data)

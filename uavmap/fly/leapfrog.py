@@ -26,8 +26,9 @@ from missions.units import GridPoint, Quaternion
 from uavmap.fly.reporter import Reporter
 from uavmap.link.attitudes import Attitudes
 from uavmap.link.view import VehicleView
-from vision.camera import rotation
-from vision.ground_match import Patch, match, patch
+from vision.camera import euler, rotation
+from vision.ground_match import match
+from vision.ground_patch import Patch, patch
 from vision.look import Frame
 from vision.tag_corners import find_tags
 from vision.tags import Carrier, Sighting, SightingErrors, sight
@@ -223,9 +224,7 @@ class Leapfrog:
         turned = mapper.attitudes.at(loop_s - (mapper.view.boot_offset_s or 0.0))
         if turned is None:
             return Carrier()
-        w, x, y, z = turned
-        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        pitch = math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
+        roll, pitch, _ = euler(turned)
         return Carrier(roll, pitch, TOLD_TILT_RAD)
 
     # --- the ground ----------------------------------------------------------------------------

@@ -54,9 +54,7 @@ TELL_S: Final = 5.0
 UNSURE_S: Final = 10.0
 """So long a vehicle may not know where it is before it is sent home."""
 UNSEEN_S: Final = 1.0
-"""Without a picture for so long, what is known becomes less sure..."""
-DEAD_RECKONING: Final = 0.03
-"""... by this share of the distance that it says to have flown."""
+"""Without a picture for so long, what is known becomes less sure by the way that it tells."""
 AID_EVERY_S: Final = 2.0
 AID_M: Final = 0.3
 """The autopilot is told where it is if it is off by more."""
@@ -347,7 +345,7 @@ class Navigation:
         """Without pictures a vehicle knows less and less; who knows too little comes home."""
         if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
             known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
-            self.sigma_m = math.hypot(known_m, DEAD_RECKONING * self._flown_m)
+            self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
         if now_s - self._told_s >= TELL_S:
             self._say(now_s)
         if self._wanted.gnss_loss not in ("map", "leapfrog") or self._failed:

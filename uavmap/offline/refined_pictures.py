@@ -32,13 +32,13 @@ from uavmap.offline.refinement import (
     Found,
     Refinement,
     Tags,
-    euler,
 )
 from uavmap.offline.registration_report import FILE, lines, report
 from uavmap.offline.sources.record import Measured, Picture
 from uavmap.offline.workers import Crew, Threads, in_order, worker_count
 from uavmap.printable import printable
 from uavmap.results import summary
+from vision.camera import euler
 from vision.lens import Lens
 from vision.registration import WIDTH_PX, Features, Registration, extract, thumbnail
 from vision.straighten import Straightening, straightening

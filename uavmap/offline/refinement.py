@@ -17,7 +17,7 @@ from missions.ground.geodesy import LocalPlane
 from missions.ground.grid import Grid
 from missions.ground.terrain import Terrain
 from missions.units import GridPoint, LatLon, Pose, Quaternion
-from vision.camera import rotation
+from vision.camera import euler, rotation
 from vision.registration import (
     Described,
     Many,
@@ -236,22 +236,3 @@ def attitude(axes: NDArray[np.float64]) -> Quaternion:
     w, x, y, z = np.array(rows[largest]) / (2.0 * math.sqrt(s))
     sign = 1.0 if w >= 0.0 else -1.0
     return Quaternion(*(float(sign * v) for v in (w, x, y, z)))
-
-
-def euler(turn: Quaternion) -> tuple[float, float, float]:
-    """Roll, pitch and yaw (radians) that `Quaternion.from_euler` makes this rotation of.
-
-    Straight down, where yaw and roll are one, all of it is yaw.
-
-    >>> [round(v, 9) for v in euler(Quaternion.from_euler(0.1, -1.2, 2.0))]
-    [0.1, -1.2, 2.0]
-    """
-    m = rotation(turn)
-    pitch = -math.asin(max(-1.0, min(1.0, float(m[2, 0]))))
-    if math.hypot(m[0, 0], m[1, 0]) > 1e-6:
-        return (
-            math.atan2(m[2, 1], m[2, 2]),
-            pitch,
-            math.atan2(m[1, 0], m[0, 0]),
-        )
-    return 0.0, pitch, math.atan2(-m[0, 1], m[1, 1])

@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from missions.ground.geodesy import LocalPlane
-from uavmap.offline.refinement import Found, Tags, euler
+from uavmap.offline.refinement import Found, Tags
 from uavmap.printable import printable
+from vision.camera import euler
 from vision.registration import WIDTH_PX, Agreement, Net, Registration
 from vision.registration.ground_plane import bearing
 

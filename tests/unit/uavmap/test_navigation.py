@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.errors import MissionFileError
 from missions.events import Event, Navigated
 from missions.ground.grid import Grid
 from missions.mission_file.schema import Mission, NavigationSection
@@ -160,3 +161,11 @@ def test_a_receiver_without_a_fix_alone_sends_nobody_home() -> None:
     flown.pass_s(20.0)
     assert not flown.acts
     assert not flown.events
+
+
+@pytest.mark.parametrize("asked", ['gnss_loss = "map"', "watch = true"])
+def test_ground_that_moves_leads_nobody(asked: str) -> None:
+    text = mission_text(square(10, 10, 40, 40), square(-20, -20, 90, 90), drift_m_s=0.3)
+    parse_mission(text, "film.toml")
+    with pytest.raises(MissionFileError, match=f"navigation.{asked} does not go with drift"):
+        parse_mission(f"{text}\n[navigation]\n{asked}\n", "film.toml")

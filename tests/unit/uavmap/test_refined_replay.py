@@ -17,8 +17,8 @@ from missions.units import GridPoint, LatLon, Pose, Quaternion
 from tests.unit.uavmap.photographs import dji, write_photo
 from tests.unit.vision.flights import CAMERA, GRID, Shot, meadow, passes
 from uavmap.cli import main
-from uavmap.offline.refinement import Tags, attitude, euler
-from vision.camera import rotation
+from uavmap.offline.refinement import Tags, attitude
+from vision.camera import euler, rotation
 from vision.registration.ground_plane import bearing
 
 ORIGIN = GRID.position(GridPoint(0.0, 0.0))

@@ -145,3 +145,22 @@ def test_a_leap_of_satellites_does_not_lead_it_astray(flown):
     assert flight.navigated[0].t_s < 34.0
     assert flight.pad_m < 3.0
     assert flight.summary["fence_breaches"] == 0
+
+
+def test_a_camera_that_repeats_its_picture_does_not_accuse_satellites(
+    flown, monkeypatch: pytest.MonkeyPatch
+):
+    image = SimVehicle.image
+    kept: list[bytes] = []
+
+    def repeated(self: SimVehicle, url: str) -> bytes | None:
+        picture = image(self, url)
+        if picture is not None and len(kept) < 30:
+            kept.append(picture)
+        return kept[-1]
+
+    monkeypatch.setattr(SimVehicle, "image", repeated)
+    flight = flown('gnss_loss = "map"', "")
+    assert not flight.navigated
+    assert not flight.summary["completed"]
+    assert flight.pad_m < 3.0
