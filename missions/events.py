@@ -253,6 +253,54 @@ class OrderFailed:
 
 
 @dataclass(frozen=True, slots=True)
+class Heard:
+    """What another member of a fleet said of its vehicle: where it is, and what it will do."""
+
+    vehicle: int
+    t_s: float
+    position: GridPoint
+    height_m: float
+    remaining_wh: float
+    does: Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
+    home: GridPoint
+    lanes: tuple[int, ...] = ()
+    """Which lanes of the mission it holds, in the order of flight, by number from 0."""
+    path: tuple[GridPoint, ...] = ()
+    """Where its path leads from here."""
+    layer_m: float | None = None
+    """The altitude that it works in, where that is not the one from which it maps."""
+    kind: Literal["heard"] = "heard"
+
+
+class SharedFrame(NamedTuple):
+    """What one frame of another vehicle says, as far as its votes count."""
+
+    t_s: float
+    votes: tuple[tuple[Cell, bool], ...]
+    overview: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """Frames that another member of a fleet has judged, numbered from `first` on."""
+
+    vehicle: int
+    t_s: float
+    first: int
+    frames: tuple[SharedFrame, ...]
+    kind: Literal["shared"] = "shared"
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """Another member of a fleet has not been heard for some time: it goes on alone, as we do."""
+
+    vehicle: int
+    t_s: float
+    kind: Literal["apart"] = "apart"
+
+
+@dataclass(frozen=True, slots=True)
 class Recalled:
     """The operator calls everybody home."""
 
@@ -342,6 +390,9 @@ VehicleEvent = (
     | VehicleRecalled
     | CellSkipped
     | Told
+    | Heard
+    | Shared
+    | Apart
 )
 Event = VehicleEvent | Recalled | Paused | Continued | Resumed
 

@@ -15,6 +15,7 @@ from shapely.geometry import Point, Polygon
 from missions.energy import CLIMB_OVERHEAD_S, CLIMB_SPEED_M_S, EnergyModel
 from missions.explorers import EXPLORERS, Explorer, Memory
 from missions.explorers.metric import Metric
+from missions.ground.columns import columns_over, fence_without
 from missions.ground.fence import Fence
 from missions.ground.grid import Grid
 from missions.ground.lanes import LANE_CELLS, Lane, along_east, lanes, share_out
@@ -62,6 +63,9 @@ class Phase(StrEnum):
     """It lies or stands away from its pad: somebody has to fetch it."""
     LOST = "lost"
     """It was silent for longer than its battery can have lasted, or than anybody waits."""
+    APART = "apart"
+    """The vehicle of another member of the fleet that is out of contact: it keeps to the air that
+    is its own, as everybody does."""
 
 
 class ReturnReason(StrEnum):
@@ -202,26 +206,36 @@ class Setting:
     """The lanes with what the prior says of them; empty without a prior."""
     ground: Terrain | None = None
     """What layers are above; None: flat ground at the height of the start."""
+    member: int | None = None
+    """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     _shares: list[tuple[tuple[Lane, ...], ...]] = field(default_factory=list)
     _box_cells: list[Cell] = field(default_factory=list)
     _in_box: list[frozenset[Cell]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, mission: Mission) -> Setting:
-        """The setting of a checked mission file."""
+    def of(cls, mission: Mission, member: int | None = None) -> Setting:
+        """The setting of a checked mission file.
+
+        `member`: the one vehicle that is flown, where each has a service of its own
+        (`missions.fleet`), 0 for who flies none and only knows; None: all of them are flown.
+        """
         grid = Grid.at(
             mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
         )
-        fence = Fence.of(
-            [grid.fixed(p) for p in positions(mission.fence.polygon)],
-            [[grid.fixed(p) for p in positions(hole)] for hole in mission.fence.holes],
-            mission.fence.margin_m,
-        )
+        ring = [grid.fixed(p) for p in positions(mission.fence.polygon)]
+        holes = [[grid.fixed(p) for p in positions(hole)] for hole in mission.fence.holes]
+        fence = common = Fence.of(ring, holes, mission.fence.margin_m)
+        if member:  # 0 flies nothing, and needs no air
+            pads = [grid.fixed(place) for place in homes(mission)]
+            columns = columns_over(pads, mission.team.separation_m)
+            others = [column for k, column in enumerate(columns, start=1) if k != member]
+            fence = fence_without(ring, holes, others, mission.fence.margin_m)
+            common = fence_without(ring, holes, columns, mission.fence.margin_m)
         box = [grid.fixed(p) for p in positions(mission.search.box)]
         ahead = along_east(box)
         nonstop = mission.strategy in ON_PATHS
         rows = rows_across(mission, grid, east_ahead=ahead) if nonstop else LANE_CELLS
-        flown = lanes(box, mission.grid.cell_m, fence, rows)
+        flown = lanes(box, mission.grid.cell_m, common, rows)
         prior = prior_of(mission, grid) if flown else ()
         return cls(
             mission,
@@ -234,6 +248,7 @@ class Setting:
             rows,
             likely_lanes(flown, box, prior, mission.grid.cell_m, rows) if prior else (),
             mission.ground,
+            member,
         )
 
     @property
@@ -270,6 +285,10 @@ class Setting:
         climb_s = self.mission.top_altitude_m(0) / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S
         soon_s, late_s = (expected_s(b, self._pads, self._pace) for b in (blocks, plain))
         return climb_s + soon_s, climb_s + late_s
+
+    def pad_of(self, number: int) -> GridPoint:
+        """Where a vehicle stands by the mission file."""
+        return self._pads[number - 1]
 
     @property
     def _pads(self) -> list[GridPoint]:
@@ -411,6 +430,8 @@ class State:
     """When the ROI was first confirmed."""
     overview: Belief = _NOTHING
     """The votes of frames from the height of a search (`missions.flight.two_heights`)."""
+    member: int | None = None
+    """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
 
     @classmethod
     def initial(cls, setting: Setting) -> State:
@@ -427,16 +448,32 @@ class State:
             for number in range(1, len(mission.vehicles) + 1)
         }
         none_seen = Belief(mission.votes.frames, mission.votes.positive)
-        return cls(none_seen, vehicles, overview=none_seen)
+        return cls(none_seen, vehicles, overview=none_seen, member=setting.member)
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """This state with one vehicle changed."""
         return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
 
     @property
+    def our_numbers(self) -> tuple[int, ...]:
+        """The numbers of the vehicles that are told what to do, in order."""
+        if self.member is None:
+            return tuple(sorted(self.vehicles))
+        return (self.member,) if self.member in self.vehicles else ()
+
+    @property
+    def ours(self) -> tuple[VehicleState, ...]:
+        """These vehicles, in the order of their numbers."""
+        return tuple(self.vehicles[number] for number in self.our_numbers)
+
+    def is_ours(self, number: int) -> bool:
+        """Whether we tell a vehicle what to do."""
+        return self.member is None or number == self.member
+
+    @property
     def over(self) -> bool:
         """Whether nobody will do anything more of their own accord, and nobody is in the air."""
-        return all(v.ended for v in self.vehicles.values())
+        return all(v.ended for v in self.ours)
 
     @property
     def unsearched(self) -> tuple[Lane, ...]:
@@ -462,9 +499,7 @@ class State:
             and not self.undecided
             and not self.skipped
             and not self.unsearched
-            and all(
-                v.landed and v.phase not in (Phase.DOWN, Phase.LOST) for v in self.vehicles.values()
-            )
+            and all(v.landed and v.phase not in (Phase.DOWN, Phase.LOST) for v in self.ours)
         )
 
     def robots(self) -> dict[int, Cell]:

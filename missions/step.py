@@ -34,7 +34,9 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
     orders = tuple(
         (number, vehicle.order)
         for number, vehicle in after.vehicles.items()
-        if vehicle.order is not None and vehicle.order is not state.vehicles[number].order
+        if vehicle.order is not None
+        and vehicle.order is not state.vehicles[number].order
+        and after.is_ours(number)
     )
     return after, orders
 

@@ -26,7 +26,9 @@ def resume(setting: Setting, state: State) -> State:
     """Everybody takes part again; what they carried out died with the process."""
     root = state.tree.root if state.tree is not None else None
     vehicles = {
-        number: replace(
+        number: replace(v, phase=Phase.APART, order=None, on_lane=False)
+        if not state.is_ours(number)
+        else replace(
             lane_left(v, setting.grid.cell_m),
             phase=Phase.OFFLINE,
             order=None,

@@ -69,7 +69,7 @@ def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order
 
 def revise(setting: Setting, state: State) -> State:
     """Stop vehicles that fly towards air claimed by one that cannot be told to make way."""
-    for vehicle in state.vehicles.values():
+    for vehicle in state.ours:
         flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
         if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look | FlyPath):
             continue
@@ -282,6 +282,8 @@ def _claims(
     if other.phase is Phase.LOST or (other.landed and not climbing):
         return []
     here, apart = _here(asking), _apart(setting)
+    if other.phase not in UNTOLD and not state.is_ours(other.vehicle):
+        return []  # each keeps to air that nobody else may enter (`missions.ground.columns`)
     if other.phase in UNTOLD:
         claims = _untold_claims(setting, state, other)
         if asking.landed or isinstance(order, Land):

@@ -25,6 +25,7 @@ from missions.flight.searching import find_work, idle_in_search, search
 from missions.flight.two_heights import change_layer, layer_of
 from missions.flight.visiting import mark_unreachable
 from missions.flight.whole_box import open_cells
+from missions.ground.columns import PAD_M
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
@@ -44,7 +45,7 @@ def assign(setting: Setting, state: State) -> State:
         if not setting.sees_box:  # else it is done when its cells are decided
             state = replace(state, exhausted=done)
     state = revise(setting, state)
-    for number in sorted(state.vehicles):
+    for number in state.our_numbers:
         state = turn_back(setting, state, state.vehicles[number])
     if setting.nonstop and not state.falls_back:
         state = end_searched(setting, keep_clear(setting, state))
@@ -53,7 +54,7 @@ def assign(setting: Setting, state: State) -> State:
             state = plan(setting, state)
     elif not state.paused:
         state = explore_moves(setting, state)
-    for number in sorted(state.vehicles):
+    for number in state.our_numbers:
         vehicle = state.vehicles[number]
         if vehicle.idle and vehicle.phase is Phase.AIRBORNE:
             state = _airborne(setting, state, vehicle)
@@ -145,6 +146,12 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     """Why a vehicle may not take off from where it stands; empty if it may."""
     if not setting.fence.contains(vehicle.position):
         return "it stands outside of the geofence; move it, or the fence"
+    off_m = setting.pad_of(vehicle.vehicle).distance_to(vehicle.position)
+    if setting.member is not None and off_m > PAD_M:
+        return (
+            f"it stands {off_m:.1f} m from the place that its fleet keeps clear for it; move it, "
+            "or its home in the mission of everybody"
+        )
     room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
     if room_m < min(CLIMB_ROOM_M, setting.mission.fence.margin_m):
         return (

@@ -111,7 +111,7 @@ def end_searched(setting: Setting, state: State) -> State:
     """Let those brake whose lanes others have seen meanwhile, from higher up or in their stead."""
     if state.tree is not None or setting.grid.drift_speed_m_s > 0.0:
         return state
-    for number in sorted(state.vehicles):
+    for number in state.our_numbers:
         vehicle = state.vehicles[number]
         order = vehicle.order
         if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):

@@ -91,13 +91,14 @@ def explore_passes(setting: Setting, state: State) -> State:
         return state
     memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
     team = {n: v for n, v in sorted(state.vehicles.items()) if _takes_part(setting, v, memory)}
-    waiting = frozenset(n for n, v in team.items() if v.idle)
+    ours = frozenset(n for n in team if state.is_ours(n))
+    waiting = frozenset(n for n in ours if team[n].idle)
     frames = state.belief.frames_taken(None)
     fresh = frames != memory.frames
     news = fresh or bool(waiting - memory.waiting)
     retry = bool(waiting) and state.t_s >= memory.planned_s + RETRY_S
     due = state.t_s >= memory.planned_s + REPLAN_S - 1e-6
-    if not team or not due or not (news or retry):
+    if not ours or not due or not (news or retry):
         return state
     begin_s = round(state.t_s + NOTICE_S, 3)
     able = {n: v for n, v in state.vehicles.items() if _able(v)}
@@ -108,7 +109,7 @@ def explore_passes(setting: Setting, state: State) -> State:
         return fall_back(state)
     if _in_vain(memory) and not lanes_left:
         return give_up_rest(setting, replace(state, memory=memory))
-    if memory.tried and waiting == frozenset(team):
+    if memory.tried and waiting == ours:
         return _fetch(setting, state, memory, known, waiting)
     paths, routes = memory.paths, memory.routes
     flyers = {
@@ -120,8 +121,11 @@ def explore_passes(setting: Setting, state: State) -> State:
         state = replace(state, memory=replace(memory, waiting=waiting))
         return state if lanes_left else give_up_rest(setting, state)
     state, memory, blocked = _fly(setting, state, team, plan, memory)
-    idle = frozenset(n for n in team if state.vehicles[n].idle)
-    if idle != frozenset(team) or blocked:
+    idle = frozenset(n for n in ours if state.vehicles[n].idle)
+    others_can = any(
+        n not in ours and not _nowhere(path) for n, path in zip(team, plan.paths, strict=True)
+    )
+    if idle != ours or blocked or others_can:
         return replace(state, memory=replace(memory, waiting=idle))
     if all(map(_nowhere, plan.paths)) and memory.pressing < MOST_PRESSING:
         # once more, with more weight
@@ -221,8 +225,8 @@ def _fly(
     longest_s, blocked = memory.longest_s, False
     for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
         vehicle = state.vehicles[number]
-        if path is None or (vehicle.idle and _nowhere(path)):
-            continue
+        if path is None or (vehicle.idle and _nowhere(path)) or not state.is_ours(number):
+            continue  # what others of a fleet fly they have told; theirs is planned for ours' sake
         flown = replace(path, drift_m_s=drift)
         before = vehicle.order
         state = give_path(setting, state, vehicle, flown)

@@ -148,7 +148,7 @@ def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State 
 
 def keep_clear(setting: Setting, state: State) -> State:
     """Let those brake along their paths whose next seconds lead into air that is claimed."""
-    for number in sorted(state.vehicles):
+    for number in state.our_numbers:
         vehicle = state.vehicles[number]
         order = vehicle.order
         if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):

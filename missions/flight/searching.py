@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.flight.deconfliction import give_if_clear, hold
+from missions.flight.lane_numbers import lanes_held
+from missions.flight.lane_passes import still_open
 from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.visiting import visit
+from missions.ground.lanes import Lane
 from missions.orders import FlyPath, FlyTo, Order, Sweep
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 
@@ -65,6 +68,10 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
             heir = replace(vehicle, candidate=other.candidate, at_target=False)
             return state.with_vehicle(heir)
 
+    orphan = _held_by_nobody(setting, state) if setting.member is not None else None
+    if orphan is not None:
+        return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
+
     def spare(other: VehicleState) -> int:
         if setting.sees_box and other.on_lane and isinstance(other.order, FlyPath):
             return 0
@@ -77,3 +84,12 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
     busiest = max(others, key=lambda v: (spare(v), -v.vehicle))
     state = state.with_vehicle(replace(busiest, lanes=busiest.lanes[:-1]))
     return state.with_vehicle(replace(vehicle, lanes=(busiest.lanes[-1],), on_lane=False))
+
+
+def _held_by_nobody(setting: Setting, state: State) -> Lane | None:
+    """The first lane that has something left to judge, and that nobody of a fleet holds."""
+    held = {n for vehicle in state.vehicles.values() for n in lanes_held(setting, vehicle)}
+    free = (lane for number, lane in enumerate(setting.lanes) if number not in held)
+    if setting.grid.drift_speed_m_s > 0.0:
+        return None
+    return next((part for lane in free for part in still_open(setting, state, (lane,))), None)

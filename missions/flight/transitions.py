@@ -7,6 +7,7 @@ from functools import singledispatch
 
 from missions.events import (
     Airborne,
+    Apart,
     Arrived,
     BatterySwapped,
     CellSkipped,
@@ -16,6 +17,7 @@ from missions.events import (
     FrameLost,
     FrameSeen,
     Guarded,
+    Heard,
     LiftedOff,
     LookEnded,
     Navigated,
@@ -23,6 +25,7 @@ from missions.events import (
     Paused,
     Recalled,
     Resumed,
+    Shared,
     Tracked,
 )
 from missions.flight.connections import (
@@ -39,6 +42,7 @@ from missions.flight.connections import (
 from missions.flight.deconfliction import OFF_LAYER_M
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.members import apart, heard, shared
 from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.guardian import corners_home
@@ -80,6 +84,12 @@ def apply(setting: Setting, state: State, event: Event) -> State:
         return resume(setting, state)
     if isinstance(event, FrameSeen):
         return skipped_for_good(frame_seen(setting, state, event))
+    if isinstance(event, Heard):
+        return heard(setting, state, event)
+    if isinstance(event, Shared):
+        return shared(setting, state, event)
+    if isinstance(event, Apart):
+        return apart(state, event)
     vehicle = state.vehicles[event.vehicle]
     if isinstance(event, LookEnded):
         return skipped_for_good(look_ended(state, vehicle))

@@ -23,6 +23,9 @@ from missions.orders import FlyTo, Order
 from missions.state import Setting, State, VehicleState
 from missions.units import Cell
 
+OVER_PAD_M = 1.0
+"""A vehicle that is nearer to its pad is in the column over it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Either:
@@ -70,6 +73,11 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
     """
     if in_layer(setting, vehicle):
         return None
+    if setting.member is not None and vehicle.position.distance_to(vehicle.pad) > OVER_PAD_M:
+        # out of contact only the air over the pad is nobody else's
+        way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+        over = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
+        return state.with_vehicle(replace(vehicle, order=over, at_target=False))
     moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     for spot in (vehicle.position, *spots_around(setting, vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)

@@ -21,7 +21,6 @@ import numpy as np
 
 from missions.errors import UavmapError
 from missions.events import Event
-from missions.state import Setting
 from uavmap.animation.of_flight import film_of_flight, title_of
 from uavmap.animation.rerun_recording import Recording
 
@@ -38,7 +37,7 @@ def main() -> None:
     with contextlib.suppress(OSError):
         os.nice(_NICER)
     plan, path = pickle.load(sys.stdin.buffer)
-    setting = Setting.of(plan.mission())
+    setting = plan.known_setting()
     title = title_of(setting.mission)
     try:
         recording = Recording(Path(path), title, setting.grid)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import OutputError
-from missions.state import Setting
 from uavmap.animation import check_path, film_of_flight, title_of
 from uavmap.animation.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
@@ -85,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     with Journal.open(folder / JOURNAL) as journal:
         check_pictures(options)
         plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
-        setting = Setting.of(plan.mission())
+        setting = plan.known_setting()
         events = list(journal.events())
     mission, truth = setting.mission, None
     if plan.simulated and not recorded and mission.sim.roi:

@@ -62,7 +62,8 @@ def vehicles_of(
         stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
         slack_s = SLACK_WALL_S * (speedup - 1.0)
     vehicles = {}
-    for number, link in enumerate(links, start=1):
+    numbers = range(1, len(links) + 1) if setting.member is None else (setting.member,)
+    for number, link in zip(numbers, links, strict=True):
         view = link.session.view
         view.expect_near(setting.mission.home)
         view.gate.say = partial(_say_of, say, number)

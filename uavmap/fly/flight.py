@@ -20,6 +20,9 @@ from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.comms.member import Member, talking
+from uavmap.comms.radio import Radio
+from uavmap.comms.sealing import Seal
 from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
 from uavmap.fly.caller import Caller
 from uavmap.fly.cameras_of import cameras_of
@@ -47,7 +50,7 @@ from uavmap.results.score import true_roi
 from uavmap.results.write_results import write_results
 
 if TYPE_CHECKING:
-    from uavmap.simulation import Truth
+    from uavmap.simulation import Simulation, Truth
 
 
 KEEP_FRAMES: Final = "keep_frames"
@@ -93,7 +96,7 @@ def fly(
         except OutputError:
             journal.discard()
             raise
-        flight = _Flight(plan, setting, folder, journal, State.initial(setting), progress)
+        flight = Flight(plan, setting, folder, journal, State.initial(setting), progress)
         flight.preflight, flight.onlooker = preflight, onlooker
         flight.caller = caller
         if preflight is not None and preflight.keep_fence:
@@ -179,7 +182,7 @@ def resume(
         if again:
             journal.start_verification()
             state = State.initial(setting)
-        flight = _Flight(plan, setting, folder, journal, state, progress, again=again)
+        flight = Flight(plan, setting, folder, journal, state, progress, again=again)
         flight.ask = ask
         flight.recall = recall
         flight.onlooker = onlooker
@@ -198,7 +201,7 @@ def plan_of(journal: Journal) -> FlightPlan:
     return FlightPlan.read(journal)
 
 
-class _Flight:
+class Flight:
     """A flight under way: opens links, runs the service, writes results."""
 
     def __init__(
@@ -236,6 +239,27 @@ class _Flight:
         self.recall = False
         """Whether whoever is in the air is only brought home."""
         self._truth: Truth | None = None
+        self._service: Service | None = None
+        self.radio: Radio | None = None
+        """How this member of a fleet speaks with the others."""
+        self.seal: Seal | None = None
+        self.member: Member | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Where its journal and its results are."""
+        return self._folder
+
+    @property
+    def state(self) -> State:
+        """The mission as it is known now."""
+        return self._state if self._service is None else self._service.state
+
+    def finish(self) -> dict[str, Any]:
+        """Write the results of a flight that is over, and close its journal."""
+        values = self._write_results(self._truth)
+        self._journal.close()
+        return values
 
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
@@ -323,6 +347,15 @@ class _Flight:
                 await self._serve(links)
                 world.cancel()
 
+    async def fly_member(self, world: Simulation) -> None:
+        """Fly the one vehicle of this member in a world that others fly in, too."""
+        index = (self._setting.member or 1) - 1
+        with self._log() as log:
+            session = world.open_session(index, log.record)
+            await self._serve(
+                [Link(world.names()[index], session, MavlinkSource(session, world.fetch))]
+            )
+
     # --- connected -------------------------------------------------------------------------
     async def _fly_connected(self) -> None:
         plan, setting, say = self._plan, self._setting, self._progress.say
@@ -355,11 +388,17 @@ class _Flight:
             if self._marks is not None:
                 self._marks.note(self._now_s())
             self._progress.update(event, state, again=self._journal.expected)
+            if self.member is not None:
+                self.member.observe(event, state)
             if crew.absent and _all_wait(state, crew.waiting):
                 say(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
         service = Service(self._setting, self._journal, vehicles, self._state, observe, say)
+        self._service = service
+        if self.radio is not None and self.seal is not None:
+            self.member = Member(self._setting, self.seal, self.radio, self._now_s, service.post)
+            self.member.remember(self._journal.events())
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
         try:
@@ -373,13 +412,16 @@ class _Flight:
                         hand.enter_context(keyboard(Keys(service, say), crew, say))
                     if self.onlooker is not None:
                         hand.enter_context(self.onlooker.hand(service, say))
-                self._state = await watched_over(
-                    guardians,
-                    self._fly(vehicles, links, service, before),
-                    leave=not may_stop,
-                )
+                async with talking(self.member):
+                    self._state = await watched_over(
+                        guardians,
+                        self._fly(vehicles, links, service, before),
+                        leave=not may_stop,
+                    )
         finally:
-            if not may_stop:  # a simulated flight is flown again instead, event by event
+            if (
+                not may_stop or self.member is not None
+            ):  # a simulated flight is flown again instead, event by event
                 service.keep_last_words()
             for vehicle in vehicles.values():
                 with contextlib.suppress(LinkError):
@@ -418,7 +460,8 @@ class _Flight:
             await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
         if before_flight is not None:
             await before_flight.go()
-        self._vehicle_clock = lambda: vehicles[1].view.since_boot_s
+        first = vehicles[min(vehicles)]
+        self._vehicle_clock = lambda: first.view.since_boot_s
         if self._resumed:
             if not self._plan.simulated:
                 await self._settle_time()

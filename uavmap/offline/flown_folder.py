@@ -33,7 +33,7 @@ def flown_of(folder: Path) -> Flown:
         meta = journal.meta
         plan = FlightPlan.read(journal)
         events = list(journal.events())
-    setting = Setting.of(plan.mission())
+    setting = plan.known_setting()
     if "replay" in meta:
         return _replayed(folder, plan, setting, events, Calendar.of_replay(meta.get(TAKEN)))
     state, found = figures(setting, events)

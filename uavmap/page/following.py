@@ -53,7 +53,7 @@ class Follower:
         self._folder = reader.path.parent
         self.recorded = "replay" in reader.meta
         plan = FlightPlan.read(reader)
-        self.setting = Setting.of(plan.mission())
+        self.setting = plan.known_setting()
         self._background = (
             of_mosaic(self._folder / ORTHO, self.setting)
             if tiles is None

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from missions.errors import JournalError, LinkError, MissionFileError
 from missions.mission_file.checks import check
+from missions.mission_file.fleet_checks import check_fleet
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
 from uavmap import __version__
@@ -73,6 +74,11 @@ class FlightPlan:
     """Whether the service flies with a vehicle, and is no ground station to it."""
     forward: tuple[str, ...] = ()
     """URLs of ground stations to which the vehicles' frames are passed on, and theirs back."""
+    member: int | None = None
+    """Of a fleet whose vehicles each have a service of their own: which vehicle this one flies; 0
+    is the journal that was merged from those of all."""
+    comms: str | None = None
+    """How the members of a simulated fleet hear each other (`uavmap.comms.air`)."""
 
     @property
     def simulated(self) -> bool:
@@ -100,7 +106,8 @@ class FlightPlan:
         changes: dict[str, Any] = {}
         if self.strategy is not None:
             changes["strategy"] = self.strategy
-        wanted = self.vehicles or len(self.urls) or len(mission.vehicles)
+        urls = self.urls if self.member is None else ()
+        wanted = self.vehicles or len(urls) or len(mission.vehicles)
         if wanted != len(mission.vehicles):
             spare = tuple(VehicleSection() for _ in range(wanted))
             changes["vehicles"] = (mission.vehicles + spare)[:wanted]
@@ -108,6 +115,10 @@ class FlightPlan:
             mission = mission.model_copy(update=changes)
             # its detector was looked at when the file was read
             check(mission, self.mission_source, detectors=(mission.detector.name,))
+        if self.member is not None:
+            if self.member:
+                check_fleet(mission, self.mission_source)
+            return mission
         if not self.simulated and len(self.urls) != len(mission.vehicles):
             raise MissionFileError(
                 f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
@@ -120,12 +131,16 @@ class FlightPlan:
             )
         return mission
 
+    def known_setting(self) -> Setting:
+        """The mission as it is flown, or was. Raises `MissionFileError`."""
+        return Setting.of(self.mission(), self.member)
+
     def setting(self, say: Callable[[str], None]) -> Setting:
         """The mission, ready to be flown, its planner compiled; says so where it will be slow.
 
         Raises `MissionFileError`.
         """
-        setting = Setting.of(self.mission())
+        setting = self.known_setting()
         tell_if_uncompiled([setting.mission.strategy], say)
         ready_planner(setting.mission.strategy, say)
         return setting

@@ -1,0 +1,165 @@
+"""Numbers and small maps of cells as few bytes."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+MOST_CELLS = 1 << 20
+"""A picture of more cells is no picture."""
+
+
+class BytesError(ValueError):
+    """Bytes that nobody has written so."""
+
+
+class Writer:
+    """Bytes that grow.
+
+    >>> out = Writer()
+    >>> out.count(300); out.signed(-2)
+    >>> inp = Reader(out.data)
+    >>> inp.count(), inp.signed(), inp.at_end
+    (300, -2, True)
+    """
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+
+    @property
+    def data(self) -> bytes:
+        """What was written."""
+        return bytes(self._data)
+
+    def count(self, value: int) -> None:
+        """A number from 0 on: seven bits a byte, the low ones first."""
+        if value < 0:
+            raise ValueError(f"{value} is negative")
+        while value > 127:
+            self._data.append(value & 127 | 128)
+            value >>= 7
+        self._data.append(value)
+
+    def signed(self, value: int) -> None:
+        """A number of either sign: near 0 it is short."""
+        self.count(2 * value if value >= 0 else -2 * value - 1)
+
+    def raw(self, data: bytes) -> None:
+        """Bytes, with their number before them."""
+        self.count(len(data))
+        self._data += data
+
+    def flags(self, bits: Sequence[bool]) -> None:
+        """A row of bits whose number the reader knows: as runs or one by one, what is shorter."""
+        runs = _runs(bits)
+        one_by_one = _packed(bits)
+        as_runs = Writer()
+        as_runs.count(2 * len(runs))
+        for run in runs:
+            as_runs.count(run)
+        if len(as_runs._data) <= len(one_by_one) + 1:
+            self._data += as_runs._data
+        else:
+            self.count(1)
+            self._data += one_by_one
+
+
+@dataclass(slots=True)
+class Reader:
+    """The inverse of `Writer`. Raises `BytesError` for what no writer writes."""
+
+    data: bytes
+    place: int = 0
+
+    @property
+    def at_end(self) -> bool:
+        """Whether everything is read."""
+        return self.place >= len(self.data)
+
+    def count(self) -> int:
+        """A number from 0 on, below 2**63."""
+        value, shift = 0, 0
+        while True:
+            if self.at_end or shift > 56:
+                raise BytesError("a number does not end")
+            byte = self.data[self.place]
+            self.place += 1
+            value |= (byte & 127) << shift
+            if byte < 128:
+                return value
+            shift += 7
+
+    def signed(self) -> int:
+        """A number of either sign."""
+        value = self.count()
+        return value // 2 if value % 2 == 0 else -(value + 1) // 2
+
+    def raw(self) -> bytes:
+        """Bytes with their number before them."""
+        length = self.count()
+        if length > len(self.data) - self.place:
+            raise BytesError("bytes are missing")
+        self.place += length
+        return self.data[self.place - length : self.place]
+
+    def flags(self, number: int) -> list[bool]:
+        """A row of so many bits."""
+        head = self.count()
+        if head % 2:
+            length = (number + 7) // 8
+            if length > len(self.data) - self.place:
+                raise BytesError("bits are missing")
+            part = self.data[self.place : self.place + length]
+            self.place += length
+            return [bool(part[k // 8] >> (k % 8) & 1) for k in range(number)]
+        bits: list[bool] = []
+        for turn in range(head // 2):
+            run = self.count()
+            if run > number - len(bits):
+                raise BytesError("a run is too long")
+            bits.extend([bool(turn % 2)] * run)
+        if len(bits) != number:
+            raise BytesError("runs do not add up")
+        return bits
+
+
+def deflated(data: bytes) -> bytes:
+    """Bytes, smaller where they can be; the first tells which."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    small = packer.compress(data) + packer.flush()
+    return b"\x01" + small if len(small) < len(data) else b"\x00" + data
+
+
+def inflated(data: bytes, most: int) -> bytes:
+    """The inverse of `deflated`. Raises `BytesError`, also for more than `most` bytes."""
+    if data[:1] == b"\x00":
+        return data[1:]
+    if data[:1] != b"\x01":
+        raise BytesError("neither packed nor plain")
+    unpacker = zlib.decompressobj(-15)
+    try:
+        found = unpacker.decompress(data[1:], most)
+    except zlib.error:
+        raise BytesError("packed bytes are damaged") from None
+    if not unpacker.eof or unpacker.unused_data:
+        raise BytesError("packed bytes are too many or too few")
+    return found
+
+
+def _runs(bits: Iterable[bool]) -> list[int]:
+    """How many are off, then on, then off, ..."""
+    runs, last = [0], False
+    for bit in bits:
+        if bit != last:
+            runs.append(0)
+            last = bit
+        runs[-1] += 1
+    return runs
+
+
+def _packed(bits: Sequence[bool]) -> bytes:
+    packed = bytearray((len(bits) + 7) // 8)
+    for k, bit in enumerate(bits):
+        packed[k // 8] |= bit << (k % 8)
+    return bytes(packed)

@@ -1,0 +1,202 @@
+"""What members of a fleet say to each other, as bytes: who is where, who knows what, and facts.
+
+A message is one datagram. Its frames are told as the rectangle of cells that each counts for, which
+of them, and what is said of each; a batch of them is deflated. Times are whole milliseconds of
+mission time, places half metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, get_args
+
+from missions.events import SharedFrame
+from missions.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
+from missions.units import Cell, GridPoint
+
+Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
+DOES: Final[tuple[Does, ...]] = get_args(Does)
+STEP_M: Final = 0.5
+MOST_BYTES: Final = 1 << 20
+_MOST: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """Where a member's vehicle is, and what it is about to do."""
+
+    does: Does
+    position: GridPoint
+    height_m: float
+    charge: float
+    """Of its battery, 0 to 1."""
+    layer_m: float
+    lanes: tuple[int, ...] = ()
+    path: tuple[GridPoint, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Facts of one member, numbered from `first` on."""
+
+    origin: int
+    first: int
+    frames: tuple[SharedFrame, ...]
+
+
+Word = Literal["recall", "pause", "continue"]
+WORDS: Final[tuple[Word, ...]] = get_args(Word)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One datagram: what a member says at a time."""
+
+    t_s: float
+    """Mission time of the sender."""
+    presence: Presence | None = None
+    """None of a member without a vehicle."""
+    have: dict[int, int] = field(default_factory=dict)
+    """How many facts of each member the sender knows."""
+    batches: tuple[Batch, ...] = ()
+    words: tuple[tuple[int, int], ...] = ()
+    """What operators have ordered for all: number of the order, and which of `WORDS`."""
+
+
+def encode(message: Message) -> bytes:
+    """The bytes of a message. Raises ValueError for what cannot be said: negative times.
+
+    >>> said = Message(12.5, Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0), {1: 7})
+    >>> len(encode(said)), decode(encode(said)) == said
+    (14, True)
+    """
+    out = Writer()
+    out.count(_ms(message.t_s))
+    out.count(0 if message.presence is None else 1 + DOES.index(message.presence.does))
+    if message.presence is not None:
+        _put_presence(out, message.presence)
+    out.count(len(message.have))
+    for origin, number in sorted(message.have.items()):
+        out.count(origin)
+        out.count(number)
+    out.count(len(message.words))
+    for number, word in message.words:
+        out.count(number)
+        out.count(word)
+    for batch in message.batches:
+        out.count(batch.origin)
+        out.count(batch.first)
+        out.raw(deflated(frames_to_bytes(batch.frames)))
+    return out.data
+
+
+def decode(data: bytes) -> Message:
+    """The inverse of `encode`. Raises `BytesError` for anything else."""
+    inp = Reader(data)
+    t_s = inp.count() / 1000
+    does = inp.count()
+    if does > len(DOES):
+        raise BytesError("nobody does that")
+    presence = _presence(inp, DOES[does - 1]) if does else None
+    have = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
+    words = tuple((inp.count(), inp.count()) for _ in range(_few(inp.count())))
+    batches = []
+    while not inp.at_end:
+        origin, first = inp.count(), inp.count()
+        batches.append(Batch(origin, first, bytes_to_frames(inflated(inp.raw(), MOST_BYTES))))
+    return Message(t_s, presence, have, tuple(batches), words)
+
+
+def frames_to_bytes(frames: Sequence[SharedFrame]) -> bytes:
+    """Frames as bytes, each told by what it differs in from the one before."""
+    out = Writer()
+    t_ms, anchor = 0, Cell(0, 0)
+    for frame in frames:
+        now_ms = _ms(frame.t_s)
+        out.signed(now_ms - t_ms)
+        cells = [cell for cell, _ in frame.votes]
+        west, south = min(c.east for c in cells), min(c.north for c in cells)
+        columns = max(c.east for c in cells) - west + 1
+        rows = max(c.north for c in cells) - south + 1
+        out.count(2 * columns + frame.overview)
+        out.count(rows)
+        out.signed(west - anchor.east)
+        out.signed(south - anchor.north)
+        says = dict(frame.votes)
+        inside = [Cell(west + i, south + j) for j in range(rows) for i in range(columns)]
+        out.flags([cell in says for cell in inside])
+        out.flags([says[cell] for cell in inside if cell in says])
+        t_ms, anchor = now_ms, Cell(west, south)
+    return out.data
+
+
+def bytes_to_frames(data: bytes) -> tuple[SharedFrame, ...]:
+    """The inverse of `frames_to_bytes`. Raises `BytesError`."""
+    inp = Reader(data)
+    t_ms, west, south = 0, 0, 0
+    frames = []
+    while not inp.at_end:
+        t_ms += inp.signed()
+        columns, overview = divmod(inp.count(), 2)
+        rows = inp.count()
+        if not 0 < columns * rows <= MOST_CELLS:
+            raise BytesError("no picture shows so many cells")
+        west += inp.signed()
+        south += inp.signed()
+        shown = inp.flags(columns * rows)
+        cells = [
+            Cell(west + k % columns, south + k // columns) for k, told in enumerate(shown) if told
+        ]
+        if t_ms < 0 or not cells:
+            raise BytesError("a frame of nothing")
+        says = inp.flags(len(cells))
+        votes = tuple(sorted(zip(cells, says, strict=True)))
+        frames.append(SharedFrame(t_ms / 1000, votes, bool(overview)))
+    return tuple(frames)
+
+
+def _put_presence(out: Writer, presence: Presence) -> None:
+    east, north = _steps(presence.position)
+    out.signed(east)
+    out.signed(north)
+    out.signed(round(presence.height_m / STEP_M))
+    out.count(round(100 * min(max(presence.charge, 0.0), 1.0)))
+    out.count(max(round(presence.layer_m / STEP_M), 0))
+    out.count(len(presence.lanes))
+    for lane in presence.lanes:
+        out.count(lane)
+    out.count(len(presence.path))
+    for place in presence.path:
+        there_east, there_north = _steps(place)
+        out.signed(there_east - east)
+        out.signed(there_north - north)
+        east, north = there_east, there_north
+
+
+def _presence(inp: Reader, does: Does) -> Presence:
+    east, north = inp.signed(), inp.signed()
+    position = GridPoint(east * STEP_M, north * STEP_M)
+    height_m, charge, layer_m = inp.signed() * STEP_M, inp.count() / 100, inp.count() * STEP_M
+    if charge > 1.0:
+        raise BytesError("no battery is fuller than full")
+    lanes = tuple(inp.count() for _ in range(_few(inp.count())))
+    path = []
+    for _ in range(_few(inp.count())):
+        east, north = east + inp.signed(), north + inp.signed()
+        path.append(GridPoint(east * STEP_M, north * STEP_M))
+    return Presence(does, position, height_m, charge, layer_m, lanes, tuple(path))
+
+
+def _few(number: int) -> int:
+    if number > _MOST:
+        raise BytesError("nobody says so much")
+    return number
+
+
+def _ms(t_s: float) -> int:
+    return round(t_s * 1000)
+
+
+def _steps(place: GridPoint) -> tuple[int, int]:
+    return round(place.east_m / STEP_M), round(place.north_m / STEP_M)

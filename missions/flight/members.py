@@ -1,0 +1,119 @@
+"""What members of a fleet tell each other: a reducer for each, that commands one vehicle.
+
+Each member runs the same rules on what it knows: its own events, and what it has heard. Another's
+vehicle stands in the state as its member tells it (`Heard`): the planner plans for all who are
+heard, and the path of our own is flown. Nobody is obeyed and nobody is waited for, so a member
+that is out of contact (`Apart`) goes on with its own share and then with what others have left.
+Frames (`Shared`) are votes like our own, which makes the map the same once all are heard.
+
+That nobody meets anybody does not hang on any of this: `missions.ground.columns`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from missions.events import Apart, FrameSeen, Heard, Shared, Vote
+from missions.flight.lane_numbers import lane_number
+from missions.flight.sightings import frame_seen
+from missions.motion.trajectory import rounded_path
+from missions.orders import FlyPath
+from missions.state import Phase, ReturnReason, Setting, State
+
+LEAST_STEP_M: Final = 1.0
+"""Places of a path that lie nearer to each other are one."""
+_PHASES: Final = {
+    "stands": Phase.GROUNDED,
+    "flies": Phase.AIRBORNE,
+    "returns": Phase.AIRBORNE,
+    "pilot": Phase.YIELDED,
+    "guarded": Phase.GUARDED,
+    "ended": Phase.FINISHED,
+    "down": Phase.DOWN,
+}
+ON_GROUND: Final = ("stands", "ended", "down")
+
+
+def heard(setting: Setting, state: State, event: Heard) -> State:
+    """The state after another member has told what its vehicle does."""
+    before = state.vehicles[event.vehicle]
+    flies = event.does not in ON_GROUND
+    order = _path(setting, event) if event.does == "flies" else None
+    layer_m = event.layer_m or setting.mission.altitude_m(event.vehicle - 1)
+    vehicle = replace(
+        before,
+        phase=_PHASES[event.does],
+        cruise_altitude_m=layer_m,
+        tracked_s=event.t_s,
+        home=event.home,
+        position=event.position,
+        height_m=event.height_m,
+        remaining_wh=event.remaining_wh,
+        order=order,
+        landed=not flies,
+        return_reason=ReturnReason.DONE if event.does == "returns" else None,
+        returns_by_itself=event.does == "guarded",
+        on_lane=order is not None and bool(event.lanes),
+        candidate=None,
+    )
+    return _share_lanes(setting, state.with_vehicle(vehicle), event)
+
+
+def apart(state: State, event: Apart) -> State:
+    """The state without word of another member: what it holds may be taken when ours is done."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
+        return state
+    return state.with_vehicle(replace(vehicle, phase=Phase.APART, order=None, on_lane=False))
+
+
+def shared(setting: Setting, state: State, event: Shared) -> State:
+    """The state after frames that another member has judged."""
+    for frame in event.frames:
+        votes = tuple(Vote(cell, positive, float(positive)) for cell, positive in frame.votes)
+        seen = FrameSeen(event.vehicle, frame.t_s, None, votes)
+        if frame.overview:
+            seen = replace(seen, overview=True)
+        state = frame_seen(setting, state, seen)
+    return state
+
+
+def _path(setting: Setting, event: Heard) -> FlyPath | None:
+    """The path that another flies, as nearly as its places tell it; None where it has none."""
+    places = [event.position]
+    for place in event.path:
+        if place.distance_to(places[-1]) >= LEAST_STEP_M:
+            places.append(place)
+    if len(places) < 2:
+        return None
+    mission = setting.mission
+    path = rounded_path(places, event.t_s, speed_m_s=mission.flight.speed_m_s)
+    return FlyPath(path, event.height_m, None, mission.camera.interval_s)
+
+
+def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
+    """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
+
+    Of two who hold the same lane the one keeps it in whose order it stands earlier, and at a tie
+    the one with the lower number. They may see it differently for a moment: then both fly it, or
+    neither has it, and whoever is done first takes it up.
+    """
+    theirs = {number: place for place, number in enumerate(event.lanes)}
+    known = {lane_number(setting, lane): lane for lane in state.vehicles[event.vehicle].lanes}
+    held = tuple(
+        known.get(number, setting.lanes[number])
+        for number in event.lanes
+        if number < len(setting.lanes)
+    )
+    state = state.with_vehicle(replace(state.vehicles[event.vehicle], lanes=held))
+    for ours in state.ours:
+        kept = []
+        for place, lane in enumerate(ours.lanes):
+            their_place = theirs.get(-1 if (n := lane_number(setting, lane)) is None else n)
+            mine = (place, ours.vehicle)
+            if their_place is None or mine < (their_place, event.vehicle):
+                kept.append(lane)
+        if len(kept) < len(ours.lanes):
+            state = state.with_vehicle(replace(ours, lanes=tuple(kept)))
+    return state

@@ -1,0 +1,32 @@
+"""What a mission needs so that each of its vehicles can have a service of its own."""
+
+from __future__ import annotations
+
+import itertools
+
+from missions.errors import MissionFileError
+from missions.ground.columns import PAD_M, column_radius_m
+from missions.ground.grid import Grid
+from missions.mission_file.launch_pads import homes
+from missions.mission_file.schema import Mission
+
+STRATEGIES = ("swath", "survey")
+
+
+def check_fleet(mission: Mission, source: str) -> None:
+    """Raise `MissionFileError` for a mission that members cannot fly each by its own service."""
+    if mission.strategy not in STRATEGIES:
+        raise MissionFileError(
+            f"{source}: strategy = {mission.strategy!r} needs one service for all vehicles; with "
+            f"a service on each aircraft set it to {' or '.join(map(repr, STRATEGIES))}"
+        )
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    pads = [grid.fixed(place) for place in homes(mission)]
+    least_m = column_radius_m(mission.team.separation_m) + mission.fence.margin_m + PAD_M
+    for (i, one), (j, other) in itertools.combinations(enumerate(pads, start=1), 2):
+        if one.distance_to(other) < least_m:
+            raise MissionFileError(
+                f"{source}: the pads of vehicles {i} and {j} are {one.distance_to(other):.1f} m "
+                f"apart; with a service on each aircraft they need {least_m:.0f} m, for each "
+                "keeps the air over its pad to itself: set vehicles[].home"
+            )

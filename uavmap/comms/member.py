@@ -1,0 +1,286 @@
+"""A member of a fleet: tells the others what it knows and does, and takes in what they tell.
+
+Every `BEAT_S` it says who it is and where, what it holds, and how many facts of each member it
+knows; then facts that were not told yet, then those that somebody lacks, as many as the budget of
+bytes allows. What it hears becomes events for its service: `Shared`, `Heard`, `Apart`. So a member
+is as a vehicle to the service, and the journal holds what others have seen, with its origin.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from missions.events import Apart, Event, FrameSeen, Heard, Shared
+from missions.fleet.bits import BytesError
+from missions.fleet.codec import Batch, Does, Message, Presence, decode, encode
+from missions.fleet.knowledge import Knowledge
+from missions.fleet.own_votes import OwnVotes
+from missions.flight.lane_numbers import lanes_held
+from missions.orders import FlyPath
+from missions.state import Phase, Setting, State, VehicleState
+from missions.units import GridPoint
+from uavmap.comms.air import OVERHEAD_BYTES
+from uavmap.comms.radio import Radio
+from uavmap.comms.sealing import CODE_BYTES, Seal
+
+BEAT_S: Final = 3.0
+APART_S: Final = 12.0
+"""Who was not heard for so long is out of contact."""
+BYTES_A_MINUTE: Final = 4_500
+"""What a member may send, headers included: 5 kB is what a narrow radio has for each."""
+BURST_BYTES: Final = 900
+"""So much may be saved up; a datagram stays below what any network carries whole."""
+HEADER_BYTES: Final = OVERHEAD_BYTES + CODE_BYTES + 12
+PATH_S: Final = 4.0
+"""The places of a path that are told lie so far apart..."""
+PATH_PLACES: Final = 8
+"""... and are so many."""
+LINGER_S: Final = 600.0
+"""So long after its landing a member waits for others that still fly."""
+RELAY_S: Final = 8.0
+"""What somebody lacks of a third one's facts for so long is told by whoever has it."""
+
+
+@dataclass(slots=True)
+class _Peer:
+    """What is known of another member."""
+
+    heard_s: float
+    have: dict[int, int] = field(default_factory=dict)
+    lacks_since_s: dict[int, float] = field(default_factory=dict)
+    apart: bool = False
+    done: bool = False
+
+
+class Member:
+    """One member's part in the talk of its fleet."""
+
+    def __init__(
+        self,
+        setting: Setting,
+        seal: Seal,
+        radio: Radio,
+        now_s: Callable[[], float],
+        post: Callable[[Event], None],
+    ) -> None:
+        votes = setting.mission.votes
+        self._setting = setting
+        self._seal = seal
+        self._radio = radio
+        self._now_s = now_s
+        self._post = post
+        self._number = seal.member
+        self._own = OwnVotes.none(votes.frames, votes.positive)
+        self.knowledge = Knowledge()
+        self.peers: dict[int, _Peer] = {}
+        self._told = 0
+        """How many of our own facts were told once."""
+        self._budget = float(BURST_BYTES)
+        self._budget_s = now_s()
+        self._state: State | None = None
+        self.damaged = 0
+
+    def remember(self, events: Iterable[Event]) -> None:
+        """Take in what the journal of an earlier start holds."""
+        for event in events:
+            self._note(event)
+            if isinstance(event, Shared):
+                self.knowledge.take(event.vehicle, event.first, event.frames)
+
+    def observe(self, event: Event, state: State) -> None:
+        """Our service has acted on an event."""
+        self._state = state
+        self._note(event)
+
+    def _note(self, event: Event) -> None:
+        if isinstance(event, FrameSeen) and event.vehicle == self._number:
+            self._own, fact = self._own.with_frame(event)
+            if fact is not None:
+                known = self.knowledge.have.get(self._number, 0)
+                self.knowledge.take(self._number, known, [fact])
+
+    # --- speaking ------------------------------------------------------------------------------
+    async def run(self) -> None:
+        """Talk until cancelled."""
+        self._radio.listen(self.heard)
+        while True:
+            self.beat()
+            await asyncio.sleep(BEAT_S)
+
+    def beat(self) -> None:
+        """Say what there is to say, and note who is out of contact."""
+        now_s = self._now_s()
+        for number, peer in sorted(self.peers.items()):
+            if not peer.apart and now_s - peer.heard_s > APART_S:
+                peer.apart = True
+                self._post(Apart(number, round(now_s, 3)))
+        self._budget += (now_s - self._budget_s) * BYTES_A_MINUTE / 60.0
+        self._budget = min(self._budget, BURST_BYTES)
+        self._budget_s = now_s
+        for errand in self._seal.errands():
+            self._send(errand)
+        message = Message(now_s, self._presence(), self.knowledge.have)
+        room = int(self._budget) - HEADER_BYTES - len(encode(message))
+        message = Message(now_s, message.presence, message.have, self._batches(now_s, room))
+        self._send(self._seal.sealed(encode(message)))
+
+    def _send(self, datagram: bytes) -> None:
+        self._budget -= len(datagram) + OVERHEAD_BYTES
+        self._radio.send(datagram)
+
+    def _batches(self, now_s: float, room: int) -> tuple[Batch, ...]:
+        """Facts to tell, in at most so many bytes: new ones of ours, then what somebody lacks."""
+        wanted: list[tuple[int, int]] = []
+        mine = self.knowledge.facts.get(self._number, [])
+        if self._told < len(mine):
+            wanted.append((self._number, self._told))
+        for peer in (p for p in self.peers.values() if not p.apart):
+            for origin, first in self.knowledge.missing(peer.have).items():
+                ours = origin == self._number and first < self._told
+                waited = now_s - peer.lacks_since_s.get(origin, now_s) >= RELAY_S
+                if ours or (origin != self._number and waited):
+                    wanted.append((origin, first))
+        batches: list[Batch] = []
+        for origin, first in dict.fromkeys(wanted):
+            batch, size = self._fitting(origin, first, room)
+            if batch is None:
+                continue
+            batches.append(batch)
+            room -= size
+            if origin == self._number:
+                self._told = max(self._told, first + len(batch.frames))
+        return tuple(batches)
+
+    def _fitting(self, origin: int, first: int, room: int) -> tuple[Batch | None, int]:
+        """As many facts from `first` on as there is room for."""
+        facts = self.knowledge.facts[origin][first:]
+        count = len(facts)
+        while count > 0:
+            batch = Batch(origin, first, tuple(facts[:count]))
+            size = len(encode(Message(0.0, batches=(batch,)))) - 4
+            if size <= room:
+                return batch, size
+            count = min(count - 1, count * max(room, 0) // size)
+        return None, 0
+
+    def _presence(self) -> Presence | None:
+        state = self._state
+        if state is None or self._number not in state.vehicles:
+            return None
+        return presence_of(self._setting, state, state.vehicles[self._number])
+
+    # --- hearing -------------------------------------------------------------------------------
+    def heard(self, datagram: bytes) -> None:
+        """A datagram has come in."""
+        opened = self._seal.opened(datagram)
+        if opened is None:
+            return
+        sender, body = opened
+        try:
+            message = decode(body)
+        except BytesError:
+            self.damaged += 1
+            return
+        now_s = self._now_s()
+        peer = self.peers.setdefault(sender, _Peer(now_s))
+        peer.heard_s, peer.apart, peer.have = now_s, False, message.have
+        peer.done = message.presence is None or message.presence.does in ("ended", "down")
+        missing = self.knowledge.missing(message.have)
+        peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
+        for batch in message.batches:
+            if batch.origin == self._number:
+                continue
+            new = self.knowledge.take(batch.origin, batch.first, batch.frames)
+            if new:
+                first = self.knowledge.have[batch.origin] - len(new)
+                self._post(Shared(batch.origin, round(now_s, 3), first, tuple(new)))
+        if message.presence is not None and sender in range(1, len(self._vehicles) + 1):
+            self._post(self._heard_of(sender, now_s, message.presence))
+
+    @property
+    def _vehicles(self) -> tuple[object, ...]:
+        return tuple(self._setting.mission.vehicles)
+
+    def _heard_of(self, sender: int, now_s: float, said: Presence) -> Heard:
+        capacity_wh = self._setting.mission.battery.capacity_wh
+        return Heard(
+            sender, round(now_s, 3), said.position, said.height_m,
+            round(said.charge * capacity_wh, 2), said.does, self._setting.pad_of(sender),
+            said.lanes, said.path, said.layer_m,
+        )  # fmt: skip
+
+    async def settle(self) -> None:
+        """Wait until everybody in contact is done and knows what is known here, or long enough."""
+        waited_s = 0.0
+        while waited_s < LINGER_S and not (self.level and waited_s >= 2.0 * BEAT_S):
+            await asyncio.sleep(BEAT_S)
+            waited_s += BEAT_S
+
+    @property
+    def level(self) -> bool:
+        """Whether everybody in contact knows what is known here, and nobody knows more."""
+        return all(
+            peer.done
+            and not self.knowledge.missing(peer.have)
+            and not self.knowledge.lacking(peer.have)
+            for peer in self.peers.values()
+            if not peer.apart
+        )
+
+
+@contextlib.asynccontextmanager
+async def talking(member: Member | None) -> AsyncIterator[None]:
+    """Have a member talk while the context lasts, and after it until the others know all of it."""
+    if member is None:
+        yield
+        return
+    task = asyncio.create_task(member.run())
+    try:
+        yield
+        await member.settle()
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+def presence_of(setting: Setting, state: State, vehicle: VehicleState) -> Presence:
+    """What a member tells of its vehicle."""
+    capacity_wh = setting.mission.battery.capacity_wh
+    return Presence(
+        _does(vehicle),
+        vehicle.position,
+        vehicle.height_m,
+        vehicle.remaining_wh / capacity_wh,
+        vehicle.cruise_altitude_m,
+        lanes_held(setting, vehicle),
+        _places_ahead(vehicle, state.t_s),
+    )
+
+
+def _does(vehicle: VehicleState) -> Does:
+    if vehicle.phase in (Phase.DOWN, Phase.LOST):
+        return "down"
+    if vehicle.phase in (Phase.FINISHED, Phase.FAILED):
+        return "ended"
+    if vehicle.landed:
+        return "stands"
+    if vehicle.phase in (Phase.YIELDED, Phase.OFFLINE):
+        return "pilot"
+    if vehicle.phase is Phase.GUARDED:
+        return "guarded"
+    return "flies" if vehicle.return_reason is None else "returns"
+
+
+def _places_ahead(vehicle: VehicleState, t_s: float) -> tuple[GridPoint, ...]:
+    order = vehicle.order
+    if not isinstance(order, FlyPath):
+        return ()
+    path = order.trajectory
+    times = [t_s + PATH_S * k for k in range(1, PATH_PLACES + 1)]
+    return tuple(
+        path.place_at(min(at_s, path.end_s)) for at_s in times if at_s - PATH_S < path.end_s
+    )
