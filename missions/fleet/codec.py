@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal, get_args
+from typing import Final, Literal, NamedTuple, get_args
 
 from missions.events import SharedFrame
 from missions.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
@@ -45,8 +45,18 @@ class Batch:
     frames: tuple[SharedFrame, ...]
 
 
-Word = Literal["recall", "pause", "continue"]
-WORDS: Final[tuple[Word, ...]] = get_args(Word)
+Order = Literal["recall", "pause", "continue"]
+ORDERS: Final[tuple[Order, ...]] = get_args(Order)
+
+
+class Word(NamedTuple):
+    """What an operator has ordered; of those for the same vehicles the one with the highest stamp
+    holds. Every member repeats it."""
+
+    stamp: int
+    vehicle: int
+    """0: for all of them."""
+    order: Order
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +70,9 @@ class Message:
     have: dict[int, int] = field(default_factory=dict)
     """How many facts of each member the sender knows."""
     batches: tuple[Batch, ...] = ()
-    words: tuple[tuple[int, int], ...] = ()
-    """What operators have ordered for all: number of the order, and which of `WORDS`."""
+    words: tuple[Word, ...] = ()
+    begun: bool = False
+    """Whether the sender has taken off: its clock moves no more."""
 
 
 def encode(message: Message) -> bytes:
@@ -73,7 +84,8 @@ def encode(message: Message) -> bytes:
     """
     out = Writer()
     out.count(_ms(message.t_s))
-    out.count(0 if message.presence is None else 1 + DOES.index(message.presence.does))
+    does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
+    out.count(2 * does + message.begun)
     if message.presence is not None:
         _put_presence(out, message.presence)
     out.count(len(message.have))
@@ -81,9 +93,10 @@ def encode(message: Message) -> bytes:
         out.count(origin)
         out.count(number)
     out.count(len(message.words))
-    for number, word in message.words:
-        out.count(number)
-        out.count(word)
+    for word in message.words:
+        out.count(word.stamp)
+        out.count(word.vehicle)
+        out.count(ORDERS.index(word.order))
     for batch in message.batches:
         out.count(batch.origin)
         out.count(batch.first)
@@ -95,17 +108,17 @@ def decode(data: bytes) -> Message:
     """The inverse of `encode`. Raises `BytesError` for anything else."""
     inp = Reader(data)
     t_s = inp.count() / 1000
-    does = inp.count()
+    does, begun = divmod(inp.count(), 2)
     if does > len(DOES):
         raise BytesError("nobody does that")
     presence = _presence(inp, DOES[does - 1]) if does else None
     have = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
-    words = tuple((inp.count(), inp.count()) for _ in range(_few(inp.count())))
+    words = tuple(_word(inp) for _ in range(_few(inp.count())))
     batches = []
     while not inp.at_end:
         origin, first = inp.count(), inp.count()
         batches.append(Batch(origin, first, bytes_to_frames(inflated(inp.raw(), MOST_BYTES))))
-    return Message(t_s, presence, have, tuple(batches), words)
+    return Message(t_s, presence, have, tuple(batches), words, bool(begun))
 
 
 def frames_to_bytes(frames: Sequence[SharedFrame]) -> bytes:
@@ -186,6 +199,13 @@ def _presence(inp: Reader, does: Does) -> Presence:
         east, north = east + inp.signed(), north + inp.signed()
         path.append(GridPoint(east * STEP_M, north * STEP_M))
     return Presence(does, position, height_m, charge, layer_m, lanes, tuple(path))
+
+
+def _word(inp: Reader) -> Word:
+    stamp, vehicle, order = inp.count(), inp.count(), inp.count()
+    if order >= len(ORDERS):
+        raise BytesError("nobody orders that")
+    return Word(stamp, vehicle, ORDERS[order])
 
 
 def _few(number: int) -> int:

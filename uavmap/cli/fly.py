@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from missions.errors import NotFlownError, leaves
+from missions.errors import LinkError, NotFlownError, leaves
 from missions.mission_file.checks import STRATEGIES
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import (
@@ -24,10 +26,11 @@ from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.planned import Wanted, planned
 from uavmap.fly.progress import Terminal
+from uavmap.fly.simulated_fleet import fly_fleet
 from uavmap.mission_source import shipped_missions
 from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.preflight.plan_figures import plan_lines
-from uavmap.record.flight_plan import DRIVERS, PYMAVLINK
+from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, FlightPlan
 from uavmap.record.results_folder import results_folder
 
 _EXAMPLES = """\
@@ -95,6 +98,13 @@ def add_parser(commands: Any) -> None:
         "--seed", metavar="S", type=seed_number, default=1, help="of the simulation (default 1)"
     )
     parser.add_argument(
+        "--comms",
+        metavar="HOW",
+        help="with --sim: a service on each aircraft, which hear each other over a simulated "
+        "radio: free, range:METRES, or meeting (within 20 m); more after commas: loss:0.1, "
+        "delay:SECONDS, jitter:SECONDS, rate:BYTES_A_SECOND (default: one service for all)",
+    )
+    parser.add_argument(
         "--speedup",
         metavar="X",
         type=speedup,
@@ -132,6 +142,18 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
+
+
+def _fly_fleet(
+    options: argparse.Namespace, plan: FlightPlan, folder: Path, progress: Terminal
+) -> int:
+    """Fly a simulated fleet whose members each have a service of their own."""
+    if not options.sim:
+        raise LinkError(
+            "--comms is for --sim; on real aircraft each computer runs `uavmap onboard`"
+        )
+    summary = fly_fleet(replace(plan, comms=options.comms), folder, progress)
+    return report(summary, folder, as_json=options.json)
 
 
 def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
@@ -184,6 +206,8 @@ def run(options: argparse.Namespace) -> int:
         progress.say("camera.calibration is for recorded pictures; this flight uses hfov_deg")
     preflight = Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
     code, summary = 0, None
+    if options.comms is not None:
+        return _fly_fleet(options, plan, folder, progress)
     try:
         before = None if options.sim else preflight
         with beside(options, plan, folder, progress) as (heard, seen):

@@ -10,13 +10,25 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import AsyncIterator, Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from missions.events import Apart, Event, FrameSeen, Heard, Shared
+from missions.events import (
+    Apart,
+    Continued,
+    Event,
+    FrameSeen,
+    Heard,
+    LiftedOff,
+    Paused,
+    Recalled,
+    Shared,
+    VehicleRecalled,
+)
 from missions.fleet.bits import BytesError
-from missions.fleet.codec import Batch, Does, Message, Presence, decode, encode
+from missions.fleet.codec import Batch, Does, Message, Presence, Word, decode, encode
 from missions.fleet.knowledge import Knowledge
 from missions.fleet.own_votes import OwnVotes
 from missions.flight.lane_numbers import lanes_held
@@ -41,6 +53,11 @@ PATH_PLACES: Final = 8
 """... and are so many."""
 LINGER_S: Final = 600.0
 """So long after its landing a member waits for others that still fly."""
+AGREE_S: Final = 15.0
+"""For so long others are listened for before a first take-off."""
+AGREE_STEP_S: Final = 0.5
+ELSEWHERE_CELLS: Final = 0.25
+"""Cells that lie farther off than so many of their edges are other ground."""
 RELAY_S: Final = 8.0
 """What somebody lacks of a third one's facts for so long is told by whoever has it."""
 
@@ -54,6 +71,9 @@ class _Peer:
     lacks_since_s: dict[int, float] = field(default_factory=dict)
     apart: bool = False
     done: bool = False
+    begun: bool = False
+    ahead_s: float = -math.inf
+    """By how much its clock is ahead of ours, at least: what comes late seems less."""
 
 
 class Member:
@@ -66,6 +86,7 @@ class Member:
         radio: Radio,
         now_s: Callable[[], float],
         post: Callable[[Event], None],
+        say: Callable[[str], None] = lambda text: None,
     ) -> None:
         votes = setting.mission.votes
         self._setting = setting
@@ -73,6 +94,7 @@ class Member:
         self._radio = radio
         self._now_s = now_s
         self._post = post
+        self._say = say
         self._number = seal.member
         self._own = OwnVotes.none(votes.frames, votes.positive)
         self.knowledge = Knowledge()
@@ -82,7 +104,12 @@ class Member:
         self._budget = float(BURST_BYTES)
         self._budget_s = now_s()
         self._state: State | None = None
+        self._words: dict[int, Word] = {}
+        self._begun = False
+        self._agreed = False
+        """Whether our clock is that of the fleet."""
         self.damaged = 0
+        self._strangers: set[int] = set()
 
     def remember(self, events: Iterable[Event]) -> None:
         """Take in what the journal of an earlier start holds."""
@@ -97,11 +124,69 @@ class Member:
         self._note(event)
 
     def _note(self, event: Event) -> None:
+        if isinstance(event, LiftedOff):
+            self._begun = True
         if isinstance(event, FrameSeen) and event.vehicle == self._number:
             self._own, fact = self._own.with_frame(event)
             if fact is not None:
                 known = self.knowledge.have.get(self._number, 0)
                 self.knowledge.take(self._number, known, [fact])
+
+    # --- the clock -----------------------------------------------------------------------------
+    async def agree(self, wait_s: float) -> float:
+        """Listen until all are heard, or for so long; returns by how much our clock has to go on.
+
+        The clock of whoever has taken off is followed, else that of the lowest number: so the
+        members count the same seconds, whatever their computers take for the time of day.
+        """
+        everybody = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
+        waited_s = 0.0
+        while waited_s < wait_s and not everybody <= set(self.peers):
+            await asyncio.sleep(AGREE_STEP_S)
+            waited_s += AGREE_STEP_S
+        flying = {n: p for n, p in self.peers.items() if p.begun}
+        if self._begun and not flying:
+            return 0.0
+        clocks = {n: p.ahead_s for n, p in (flying or self.peers).items()}
+        if not flying:
+            clocks[self._number] = 0.0
+        return round(clocks[min(clocks)], 3) if clocks else 0.0
+
+    def clock_moved(self, by_s: float) -> None:
+        """Our clock was put forward, or back, by so much: as `agree` said."""
+        self._agreed = True
+        self._budget_s += by_s
+        for peer in self.peers.values():
+            peer.heard_s += by_s
+            peer.ahead_s -= by_s
+            peer.lacks_since_s = {o: at_s + by_s for o, at_s in peer.lacks_since_s.items()}
+
+    def _is_elsewhere(self, sender: int, peer: _Peer) -> bool:
+        """Whether the cells of another are not ours: it began apart, and the region drifts."""
+        grid = self._setting.grid
+        off_m = abs(peer.ahead_s) * grid.drift_speed_m_s
+        elsewhere = self._begun and peer.begun and off_m > ELSEWHERE_CELLS * grid.cell_m
+        if elsewhere and sender not in self._strangers:
+            self._strangers.add(sender)
+            self._say(
+                f"vehicle {sender} began apart from us, its clock is {peer.ahead_s:+.0f} s off, "
+                "and the region drifts: its cells are other ground, and are not taken"
+            )
+        return elsewhere
+
+    # --- an operator's word --------------------------------------------------------------------
+    def order(self, word: Word) -> None:
+        """Tell all what an operator has ordered, and do it."""
+        known = self._words.get(word.vehicle)
+        if known is not None and known.stamp >= word.stamp:
+            return
+        self._words[word.vehicle] = word
+        t_s = round(self._now_s(), 3)
+        if word.vehicle == self._number and word.order == "recall":
+            self._post(VehicleRecalled(self._number, t_s))
+        elif word.vehicle == 0:
+            said = {"recall": Recalled, "pause": Paused, "continue": Continued}
+            self._post(said[word.order](t_s))
 
     # --- speaking ------------------------------------------------------------------------------
     async def run(self) -> None:
@@ -123,9 +208,12 @@ class Member:
         self._budget_s = now_s
         for errand in self._seal.errands():
             self._send(errand)
-        message = Message(now_s, self._presence(), self.knowledge.have)
+        words = tuple(self._words[vehicle] for vehicle in sorted(self._words))
+        message = Message(
+            now_s, self._presence(), self.knowledge.have, words=words, begun=self._begun
+        )
         room = int(self._budget) - HEADER_BYTES - len(encode(message))
-        message = Message(now_s, message.presence, message.have, self._batches(now_s, room))
+        message = replace(message, batches=self._batches(now_s, room))
         self._send(self._seal.sealed(encode(message)))
 
     def _send(self, datagram: bytes) -> None:
@@ -189,8 +277,14 @@ class Member:
         peer = self.peers.setdefault(sender, _Peer(now_s))
         peer.heard_s, peer.apart, peer.have = now_s, False, message.have
         peer.done = message.presence is None or message.presence.does in ("ended", "down")
+        peer.begun = message.begun
+        peer.ahead_s = max(peer.ahead_s, message.t_s - now_s)
         missing = self.knowledge.missing(message.have)
         peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
+        for word in message.words:
+            self.order(word)
+        if not self._agreed or self._is_elsewhere(sender, peer):
+            return  # what is not taken is told again
         for batch in message.batches:
             if batch.origin == self._number:
                 continue

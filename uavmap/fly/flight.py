@@ -20,7 +20,7 @@ from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
-from uavmap.comms.member import Member, talking
+from uavmap.comms.member import AGREE_S, Member, talking
 from uavmap.comms.radio import Radio
 from uavmap.comms.sealing import Seal
 from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
@@ -251,6 +251,11 @@ class Flight:
         return self._folder
 
     @property
+    def setting(self) -> Setting:
+        """What it was given."""
+        return self._setting
+
+    @property
     def state(self) -> State:
         """The mission as it is known now."""
         return self._state if self._service is None else self._service.state
@@ -319,6 +324,16 @@ class Flight:
             ask=self.ask,
         )
         self._start_s = start_s - asyncio.get_running_loop().time()
+
+    async def _agree(self, member: Member) -> None:
+        """Count the seconds that the others of a fleet count. Time never runs backwards."""
+        by_s = await member.agree(AGREE_S)
+        if self._resumed:  # what the journal holds was before
+            by_s = max(by_s, self._state.t_s - self._now_s())
+        self._start_s += by_s
+        member.clock_moved(by_s)
+        if not member.peers:
+            self._progress.say(f"nobody of the fleet was heard in {AGREE_S:.0f} s: it flies alone")
 
     def _log(self) -> TlogWriter:
         append = self._resumed and (self._folder / TLOG).exists()
@@ -397,7 +412,9 @@ class Flight:
         service = Service(self._setting, self._journal, vehicles, self._state, observe, say)
         self._service = service
         if self.radio is not None and self.seal is not None:
-            self.member = Member(self._setting, self.seal, self.radio, self._now_s, service.post)
+            self.member = Member(
+                self._setting, self.seal, self.radio, self._now_s, service.post, say
+            )
             self.member.remember(self._journal.events())
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
@@ -462,9 +479,11 @@ class Flight:
             await before_flight.go()
         first = vehicles[min(vehicles)]
         self._vehicle_clock = lambda: first.view.since_boot_s
+        if self._resumed and not self._plan.simulated:
+            await self._settle_time()
+        if self.member is not None:
+            await self._agree(self.member)
         if self._resumed:
-            if not self._plan.simulated:
-                await self._settle_time()
             begin_s = round(self._now_s(), 3)
             service.post(Resumed(begin_s))
             if self.recall:  # taken in before any vehicle reports, so nobody is sent out before

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from missions.errors import LinkError
 from missions.events import Event
-from missions.state import Setting, State
+from missions.state import Phase, Setting, State
 from missions.units import GridPoint
 from uavmap.clock import VirtualClock, run
 from uavmap.comms.air import Air, LinkModel, link_model
@@ -99,6 +99,8 @@ async def _fly(
 def _place_of(flight: Flight) -> Callable[[], tuple[GridPoint, float]]:
     def place() -> tuple[GridPoint, float]:
         vehicle = flight.state.ours[0]
+        if vehicle.phase is Phase.OFFLINE and vehicle.landed:  # it has not said where it is
+            return flight.setting.pad_of(vehicle.vehicle), 0.0
         return vehicle.position, vehicle.height_m
 
     return place
