@@ -301,6 +301,34 @@ class Apart:
 
 
 @dataclass(frozen=True, slots=True)
+class Asked:
+    """Another member asks for the air above and below a place: it is closed to us from now on.
+
+    It is open again after `until_s`, or once another question of the same member is heard; one
+    that ends when it is asked gives it back.
+    """
+
+    vehicle: int
+    t_s: float
+    place: GridPoint
+    low_m: float
+    high_m: float
+    until_s: float
+    kind: Literal["asked"] = "asked"
+
+
+@dataclass(frozen=True, slots=True)
+class Leased:
+    """Everybody else has closed the air that our vehicle asked for to themselves."""
+
+    vehicle: int
+    t_s: float
+    place: GridPoint
+    until_s: float
+    kind: Literal["leased"] = "leased"
+
+
+@dataclass(frozen=True, slots=True)
 class Recalled:
     """The operator calls everybody home."""
 
@@ -393,6 +421,8 @@ VehicleEvent = (
     | Heard
     | Shared
     | Apart
+    | Asked
+    | Leased
 )
 Event = VehicleEvent | Recalled | Paused | Continued | Resumed
 

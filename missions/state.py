@@ -79,6 +79,17 @@ class ReturnReason(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Column:
+    """The air above and below a place, for a time: altitudes as of layers, mission seconds."""
+
+    place: GridPoint
+    low_m: float
+    high_m: float
+    asked_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleState:
     """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
 
@@ -141,6 +152,10 @@ class VehicleState:
     """It was down when the mission was resumed, and has not spoken since: is it still there?"""
     called_home: bool = False
     """Whether the operator wants it at home, and there to stay."""
+    asks: Column | None = None
+    """The air that it asks the others of its fleet for..."""
+    leased_until_s: float = float("-inf")
+    """... and until when they have closed it to themselves."""
     note: str = ""
 
     @property
@@ -432,6 +447,8 @@ class State:
     """The votes of frames from the height of a search (`missions.flight.two_heights`)."""
     member: int | None = None
     """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
+    closed: Mapping[int, Column] = field(default_factory=dict)
+    """The air that others of a fleet have asked for, which ours keeps out of."""
 
     @classmethod
     def initial(cls, setting: Setting) -> State:

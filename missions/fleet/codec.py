@@ -7,6 +7,7 @@ mission time, places half metres.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, get_args
@@ -49,6 +50,16 @@ Order = Literal["recall", "pause", "continue"]
 ORDERS: Final[tuple[Order, ...]] = get_args(Order)
 
 
+class Ask(NamedTuple):
+    """The air above and below a place that a member asks for; its questions are numbered."""
+
+    number: int
+    place: GridPoint
+    low_m: float
+    high_m: float
+    until_s: float
+
+
 class Word(NamedTuple):
     """What an operator has ordered; of those for the same vehicles the one with the highest stamp
     holds. Every member repeats it."""
@@ -73,6 +84,9 @@ class Message:
     words: tuple[Word, ...] = ()
     begun: bool = False
     """Whether the sender has taken off: its clock moves no more."""
+    ask: Ask | None = None
+    promised: dict[int, int] = field(default_factory=dict)
+    """Whose air the sender keeps out of, by vehicle: the number of the question."""
 
 
 def encode(message: Message) -> bytes:
@@ -80,12 +94,12 @@ def encode(message: Message) -> bytes:
 
     >>> said = Message(12.5, Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0), {1: 7})
     >>> len(encode(said)), decode(encode(said)) == said
-    (14, True)
+    (15, True)
     """
     out = Writer()
     out.count(_ms(message.t_s))
     does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
-    out.count(2 * does + message.begun)
+    out.count(4 * does + 2 * (message.ask is not None) + message.begun)
     if message.presence is not None:
         _put_presence(out, message.presence)
     out.count(len(message.have))
@@ -97,6 +111,12 @@ def encode(message: Message) -> bytes:
         out.count(word.stamp)
         out.count(word.vehicle)
         out.count(ORDERS.index(word.order))
+    if message.ask is not None:
+        _put_ask(out, message.ask)
+    out.count(len(message.promised))
+    for vehicle, number in sorted(message.promised.items()):
+        out.count(vehicle)
+        out.count(number)
     for batch in message.batches:
         out.count(batch.origin)
         out.count(batch.first)
@@ -108,17 +128,19 @@ def decode(data: bytes) -> Message:
     """The inverse of `encode`. Raises `BytesError` for anything else."""
     inp = Reader(data)
     t_s = inp.count() / 1000
-    does, begun = divmod(inp.count(), 2)
+    does, flags = divmod(inp.count(), 4)
     if does > len(DOES):
         raise BytesError("nobody does that")
     presence = _presence(inp, DOES[does - 1]) if does else None
     have = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
     words = tuple(_word(inp) for _ in range(_few(inp.count())))
+    ask = _ask(inp) if flags & 2 else None
+    promised = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
     batches = []
     while not inp.at_end:
         origin, first = inp.count(), inp.count()
         batches.append(Batch(origin, first, bytes_to_frames(inflated(inp.raw(), MOST_BYTES))))
-    return Message(t_s, presence, have, tuple(batches), words, bool(begun))
+    return Message(t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised)
 
 
 def frames_to_bytes(frames: Sequence[SharedFrame]) -> bytes:
@@ -199,6 +221,21 @@ def _presence(inp: Reader, does: Does) -> Presence:
         east, north = east + inp.signed(), north + inp.signed()
         path.append(GridPoint(east * STEP_M, north * STEP_M))
     return Presence(does, position, height_m, charge, layer_m, lanes, tuple(path))
+
+
+def _put_ask(out: Writer, ask: Ask) -> None:
+    out.count(ask.number)
+    for steps in _steps(ask.place):
+        out.signed(steps)
+    out.signed(math.floor(ask.low_m / STEP_M))
+    out.signed(math.ceil(ask.high_m / STEP_M))
+    out.count(math.ceil(ask.until_s))
+
+
+def _ask(inp: Reader) -> Ask:
+    number, east, north = inp.count(), inp.signed(), inp.signed()
+    low_m, high_m = inp.signed() * STEP_M, inp.signed() * STEP_M
+    return Ask(number, GridPoint(east * STEP_M, north * STEP_M), low_m, high_m, float(inp.count()))
 
 
 def _word(inp: Reader) -> Word:

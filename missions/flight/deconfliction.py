@@ -20,7 +20,7 @@ from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import route_length_m
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
-from missions.state import Phase, Setting, State, VehicleState
+from missions.state import Column, Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 
 RTL_HEIGHT_M = 30.0
@@ -43,6 +43,8 @@ _REMEMBERED = 256
 _PLACES: dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]] = {}
 """Where paths lead: in one step of a mission everybody asks that of everybody else. A path is kept
 with its answer, so that no other can have its number."""
+CLOSED_S = 3.0
+"""So much longer than was asked for air stays closed: clocks of members differ a little."""
 UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
 """Phases of vehicles that, in the air, cannot be told to make way."""
 
@@ -88,12 +90,17 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
         for other in state.vehicles.values()
         if other.phase in UNTOLD and not other.landed and other.vehicle != vehicle.vehicle
     ]
-    if not others:
+    closed = _closed(state)
+    if not others and not closed:
         return False
     apart, here = _apart(setting), _here(vehicle)
     volume = _volume(setting, state, vehicle, order)
     leaves = vehicle.return_reason is not None  # on its way out of whatever air it is in
     end = replace(volume, path=volume.path[-1:])
+    for claim in closed:
+        # who is in it leaves it: it was not promised yet
+        if not here.meets(claim, *apart) and volume.meets(claim, *apart):
+            return True
     for other in others:
         for claim in _untold_claims(setting, state, other):
             out = here.meets(claim, *apart) and (leaves or not end.meets(claim, *apart))
@@ -114,6 +121,7 @@ def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | N
         if other.vehicle != vehicle.vehicle and other.phase in UNTOLD and not other.landed
         for claim in _untold_claims(setting, state, other)
     ]
+    claims += _closed(state)
     if not any(_here(vehicle).meets(claim, *apart) for claim in claims):
         return None
     for times in WAY_TIMES:
@@ -266,12 +274,15 @@ def _here(vehicle: VehicleState) -> Volume:
 def _claims_of_others(
     setting: Setting, state: State, asking: VehicleState, order: Order
 ) -> list[Volume]:
-    return [
+    claims = [
         claim
         for other in state.vehicles.values()
         if other.vehicle != asking.vehicle
         for claim in _claims(setting, state, other, asking, order)
     ]
+    here, apart = _here(asking), _apart(setting)
+    closed = [] if asking.landed or isinstance(order, Land) else _closed(state)
+    return claims + [claim for claim in closed if not here.meets(claim, *apart)]
 
 
 def _claims(
@@ -341,3 +352,27 @@ def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[
     here_m = other.level_m
     near = Volume((other.position,), min(low_m, here_m), here_m + OFF_LAYER_M, _stray_m(setting))
     return [near]
+
+
+# --- air that others of a fleet have asked for -------------------------------------------------
+def _closed(state: State) -> list[Volume]:
+    """The columns that are closed to ours now."""
+    return [
+        Volume((column.place,), column.low_m, column.high_m)
+        for _, column in sorted(state.closed.items())
+        if column.until_s + CLOSED_S > state.t_s
+    ]
+
+
+def clear_of(setting: Setting, state: State, vehicle: VehicleState, column: Column) -> bool:
+    """Whether a vehicle is out of a column, and what it does next does not lead into it."""
+    air = Volume((column.place,), column.low_m, column.high_m)
+    here = replace(_here(vehicle), stray_m=_stray_m(setting))
+    needs = _volume(setting, state, vehicle, vehicle.order)
+    return not here.meets(air, *_apart(setting)) and not needs.meets(air, *_apart(setting))
+
+
+def meets(setting: Setting, one: Column, other: Column) -> bool:
+    """Whether two columns come too near to each other."""
+    air, there = (Volume((c.place,), c.low_m, c.high_m) for c in (one, other))
+    return air.meets(there, *_apart(setting))

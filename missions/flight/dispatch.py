@@ -22,7 +22,12 @@ from missions.flight.passes import explore_passes, give_up_rest
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
-from missions.flight.two_heights import change_layer, layer_of
+from missions.flight.two_heights import (
+    back_to_layer,
+    change_layer,
+    layer_of,
+    strays_from_layer,
+)
 from missions.flight.visiting import mark_unreachable
 from missions.flight.whole_box import open_cells
 from missions.ground.columns import PAD_M
@@ -66,6 +71,8 @@ def assign(setting: Setting, state: State) -> State:
 def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return hold(state, vehicle)
+    if setting.member is not None and strays_from_layer(vehicle):
+        return back_to_layer(state, vehicle)
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
     given_way = give_way(setting, state, vehicle)
@@ -91,6 +98,9 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
     changed = change_layer(setting, state, vehicle)
     if changed is not None:
         return changed
+    if vehicle.asks is not None:  # it is there: the air is the others' again
+        vehicle = replace(vehicle, asks=None)
+        state = state.with_vehicle(vehicle)
     if state.tree is None and vehicle.lanes:
         return search_passes(setting, state, vehicle)
     if state.tree is None and not setting.sees_box:

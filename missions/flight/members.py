@@ -14,12 +14,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.events import Apart, FrameSeen, Heard, Shared, Vote
+from missions.events import Apart, Asked, FrameSeen, Heard, Leased, Shared, Vote
+from missions.flight.deconfliction import clear_of
 from missions.flight.lane_numbers import lane_number
 from missions.flight.sightings import frame_seen
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.state import Phase, ReturnReason, Setting, State
+from missions.state import Column, Phase, ReturnReason, Setting, State
 
 LEAST_STEP_M: Final = 1.0
 """Places of a path that lie nearer to each other are one."""
@@ -66,6 +67,37 @@ def apart(state: State, event: Apart) -> State:
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
     return state.with_vehicle(replace(vehicle, phase=Phase.APART, order=None, on_lane=False))
+
+
+def asked(state: State, event: Asked) -> State:
+    """The state with air closed to ours that another has asked for, or open again."""
+    closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
+    if event.until_s > event.t_s:
+        closed[event.vehicle] = Column(
+            event.place, event.low_m, event.high_m, event.t_s, event.until_s
+        )
+    return replace(state, closed=closed)
+
+
+def leased(state: State, event: Leased) -> State:
+    """The state in which the air that ours asked for is its own for a time."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.asks is None or vehicle.asks.place != event.place:
+        return state
+    return state.with_vehicle(replace(vehicle, leased_until_s=event.until_s))
+
+
+def may_close(setting: Setting, state: State, column: Column) -> bool:
+    """Whether ours can promise to keep out of a column until it is open again.
+
+    It is not in it, could stop before it, and does not want that air itself, or has asked later.
+    """
+    for ours in state.ours:
+        if ours.landed:
+            continue
+        if not clear_of(setting, state, ours, column):
+            return False
+    return True
 
 
 def shared(setting: Setting, state: State, event: Shared) -> State:

@@ -9,6 +9,7 @@ from missions.events import (
     Airborne,
     Apart,
     Arrived,
+    Asked,
     BatterySwapped,
     CellSkipped,
     Connected,
@@ -18,6 +19,7 @@ from missions.events import (
     FrameSeen,
     Guarded,
     Heard,
+    Leased,
     LiftedOff,
     LookEnded,
     Navigated,
@@ -42,7 +44,7 @@ from missions.flight.connections import (
 from missions.flight.deconfliction import OFF_LAYER_M
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
-from missions.flight.members import apart, heard, shared
+from missions.flight.members import apart, asked, heard, leased, shared
 from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.guardian import corners_home
@@ -90,6 +92,10 @@ def apply(setting: Setting, state: State, event: Event) -> State:
         return shared(setting, state, event)
     if isinstance(event, Apart):
         return apart(state, event)
+    if isinstance(event, Asked):
+        return asked(state, event)
+    if isinstance(event, Leased):
+        return leased(state, event)
     vehicle = state.vehicles[event.vehicle]
     if isinstance(event, LookEnded):
         return skipped_for_good(look_ended(state, vehicle))

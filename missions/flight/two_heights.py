@@ -17,12 +17,17 @@ from __future__ import annotations
 from collections.abc import Collection, Container
 from dataclasses import dataclass, replace
 
+from missions.energy import CLIMB_SPEED_M_S
 from missions.flight.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
 from missions.mapping.belief import Belief, FrameId
 from missions.orders import FlyTo, Order
-from missions.state import Setting, State, VehicleState
+from missions.state import Column, Phase, Setting, State, VehicleState
 from missions.units import Cell
 
+ASK_S = 12.0
+"""So long a member waits for the air that it has asked for..."""
+SLOW_TIMES = 2.0
+"""... and so many times as long as it should take it has it at least."""
 OVER_PAD_M = 1.0
 """A vehicle that is nearer to its pad is in the column over it."""
 
@@ -74,10 +79,7 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
     if in_layer(setting, vehicle):
         return None
     if setting.member is not None and vehicle.position.distance_to(vehicle.pad) > OVER_PAD_M:
-        # out of contact only the air over the pad is nobody else's
-        way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
-        over = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
-        return state.with_vehicle(replace(vehicle, order=over, at_target=False))
+        return _change_among_others(setting, state, vehicle)
     moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     for spot in (vehicle.position, *spots_around(setting, vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
@@ -85,6 +87,47 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
         if is_clear(setting, state, moved, order):
             return state.with_vehicle(replace(moved, order=order, at_target=False))
     return hold(state, vehicle)
+
+
+def strays_from_layer(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is in a layer that may be another's, and not over its pad."""
+    off_m = abs(vehicle.level_m - vehicle.cruise_altitude_m)
+    return off_m > OFF_LAYER_M and vehicle.position.distance_to(vehicle.pad) > OVER_PAD_M
+
+
+def back_to_layer(state: State, vehicle: VehicleState) -> State:
+    """Have a vehicle climb or descend where it is, before it goes anywhere."""
+    order = FlyTo((vehicle.position,), None, stop=True, height_m=vehicle.cruise_height_m)
+    return state.with_vehicle(replace(vehicle, order=order, at_target=False))
+
+
+def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """The same for a member of a fleet: its column crosses the layers of others.
+
+    It asks them for that air, and has it once all have promised to keep out of it. Who is out of
+    contact cannot be asked: then it goes where the air is nobody else's anyway, over its pad.
+    """
+    layer_m = layer_of(setting, vehicle)
+    low_m, high_m = sorted((vehicle.level_m, layer_m))
+    change_s = (high_m - low_m) / CLIMB_SPEED_M_S
+    asks = vehicle.asks
+    if asks is not None and asks.place.distance_to(vehicle.position) > OVER_PAD_M:
+        asks = None  # blown away, or interrupted: that air is another
+    if asks is not None and vehicle.leased_until_s >= state.t_s + SLOW_TIMES * change_s:
+        moved = replace(vehicle, cruise_altitude_m=layer_m)
+        order: Order = FlyTo((asks.place,), None, stop=True, height_m=moved.cruise_height_m)
+        return state.with_vehicle(replace(moved, order=order, at_target=False))
+    others = [v for v in state.vehicles.values() if not state.is_ours(v.vehicle)]
+    nobody_to_ask = any(v.phase in (Phase.APART, Phase.OFFLINE, Phase.YIELDED) for v in others)
+    waited_s = 0.0 if asks is None else state.t_s - asks.asked_s
+    if nobody_to_ask or waited_s > ASK_S:
+        way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+        over: Order = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
+        return state.with_vehicle(replace(vehicle, order=over, at_target=False, asks=None))
+    if asks is None:
+        until_s = round(state.t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
+        asks = Column(vehicle.position, low_m, high_m, state.t_s, until_s)
+    return hold(state, replace(vehicle, asks=asks))
 
 
 # --- what is plain -----------------------------------------------------------------------------

@@ -17,10 +17,12 @@ from typing import Final
 
 from missions.events import (
     Apart,
+    Asked,
     Continued,
     Event,
     FrameSeen,
     Heard,
+    Leased,
     LiftedOff,
     Paused,
     Recalled,
@@ -28,12 +30,14 @@ from missions.events import (
     VehicleRecalled,
 )
 from missions.fleet.bits import BytesError
-from missions.fleet.codec import Batch, Does, Message, Presence, Word, decode, encode
+from missions.fleet.codec import Ask, Batch, Does, Message, Presence, Word, decode, encode
 from missions.fleet.knowledge import Knowledge
 from missions.fleet.own_votes import OwnVotes
+from missions.flight.deconfliction import meets
 from missions.flight.lane_numbers import lanes_held
+from missions.flight.members import may_close
 from missions.orders import FlyPath
-from missions.state import Phase, Setting, State, VehicleState
+from missions.state import Column, Phase, Setting, State, VehicleState
 from missions.units import GridPoint
 from uavmap.comms.air import OVERHEAD_BYTES
 from uavmap.comms.radio import Radio
@@ -58,6 +62,8 @@ AGREE_S: Final = 15.0
 AGREE_STEP_S: Final = 0.5
 ELSEWHERE_CELLS: Final = 0.25
 """Cells that lie farther off than so many of their edges are other ground."""
+SOON_S: Final = 0.5
+"""What somebody waits for is said at most so often."""
 RELAY_S: Final = 8.0
 """What somebody lacks of a third one's facts for so long is told by whoever has it."""
 
@@ -72,6 +78,9 @@ class _Peer:
     apart: bool = False
     done: bool = False
     begun: bool = False
+    ask: Ask | None = None
+    promised: int = -1
+    """Which of our questions for air it has promised."""
     ahead_s: float = -math.inf
     """By how much its clock is ahead of ours, at least: what comes late seems less."""
 
@@ -108,6 +117,13 @@ class Member:
         self._begun = False
         self._agreed = False
         """Whether our clock is that of the fleet."""
+        self._column: Column | None = None
+        """The air that ours asks for..."""
+        self._question = 0
+        """... with the question of this number."""
+        self._leased = -1
+        self._beaten_s = -math.inf
+        self._soon: asyncio.TimerHandle | None = None
         self.damaged = 0
         self._strangers: set[int] = set()
 
@@ -122,6 +138,7 @@ class Member:
         """Our service has acted on an event."""
         self._state = state
         self._note(event)
+        self._ask_for(state.vehicles[self._number].asks if state.ours else None)
 
     def _note(self, event: Event) -> None:
         if isinstance(event, LiftedOff):
@@ -188,6 +205,74 @@ class Member:
             said = {"recall": Recalled, "pause": Paused, "continue": Continued}
             self._post(said[word.order](t_s))
 
+    # --- air that is asked for -----------------------------------------------------------------
+    def _ask_for(self, column: Column | None) -> None:
+        """Ask for the air that our vehicle wants, or no longer."""
+        if column == self._column:
+            return
+        self._column = column
+        self._question += 1
+        self.beat_soon()
+
+    def _hear_ask(self, sender: int, ask: Ask | None, now_s: float) -> None:
+        peer = self.peers[sender]
+        if ask == peer.ask:
+            return
+        peer.ask = ask
+        t_s = round(now_s, 3)
+        if ask is None:
+            self._post(Asked(sender, t_s, GridPoint(0.0, 0.0), 0.0, 0.0, t_s))
+        else:
+            self._post(Asked(sender, t_s, ask.place, ask.low_m, ask.high_m, ask.until_s))
+            self.beat_soon()
+
+    def _promised(self) -> dict[int, int]:
+        """Whose air we keep out of: of those who have asked, and whom our own wish does not meet.
+
+        The reducer has closed it to us when the question came; the promise is given once we are
+        out of it. Of two who want the same air the lower number has it first, unless the other has
+        it already.
+        """
+        state, found = self._state, {}
+        if state is None:
+            return {}
+        for number, peer in self.peers.items():
+            column = state.closed.get(number)
+            if peer.ask is None or column is None or peer.ask.place != column.place:
+                continue
+            ours = self._column
+            first = self._leased == self._question or self._number < number
+            wanted = ours is not None and meets(self._setting, ours, column) and first
+            if not wanted and may_close(self._setting, state, column):
+                found[number] = peer.ask.number
+        return found
+
+    def _see_whether_leased(self) -> None:
+        """Tell our service once everybody who could be in that air has promised."""
+        column = self._column
+        if column is None or self._leased == self._question:
+            return
+        for number in range(1, len(self._setting.mission.vehicles) + 1):
+            if number == self._number:
+                continue
+            peer = self.peers.get(number)
+            if peer is None or not (peer.done or peer.promised == self._question):
+                return
+        self._leased = self._question
+        self._post(Leased(self._number, round(self._now_s(), 3), column.place, column.until_s))
+
+    def beat_soon(self) -> None:
+        """Speak before the next beat: somebody waits for it."""
+        if self._soon is not None:
+            return
+        loop = asyncio.get_running_loop()
+        wait_s = max(self._beaten_s + SOON_S - self._now_s(), 0.05)
+        self._soon = loop.call_later(wait_s, self._beat_now)
+
+    def _beat_now(self) -> None:
+        self._soon = None
+        self.beat()
+
     # --- speaking ------------------------------------------------------------------------------
     async def run(self) -> None:
         """Talk until cancelled."""
@@ -198,7 +283,7 @@ class Member:
 
     def beat(self) -> None:
         """Say what there is to say, and note who is out of contact."""
-        now_s = self._now_s()
+        now_s = self._beaten_s = self._now_s()
         for number, peer in sorted(self.peers.items()):
             if not peer.apart and now_s - peer.heard_s > APART_S:
                 peer.apart = True
@@ -210,11 +295,25 @@ class Member:
             self._send(errand)
         words = tuple(self._words[vehicle] for vehicle in sorted(self._words))
         message = Message(
-            now_s, self._presence(), self.knowledge.have, words=words, begun=self._begun
+            now_s,
+            self._presence(),
+            self.knowledge.have,
+            words=words,
+            begun=self._begun,
+            ask=self._question_now(),
+            promised=self._promised(),
         )
         room = int(self._budget) - HEADER_BYTES - len(encode(message))
         message = replace(message, batches=self._batches(now_s, room))
         self._send(self._seal.sealed(encode(message)))
+
+    def _question_now(self) -> Ask | None:
+        column = self._column
+        if column is None:
+            return None
+        return Ask(
+            self._question, column.place, column.low_m, column.high_m, math.floor(column.until_s)
+        )
 
     def _send(self, datagram: bytes) -> None:
         self._budget -= len(datagram) + OVERHEAD_BYTES
@@ -283,6 +382,10 @@ class Member:
         peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
         for word in message.words:
             self.order(word)
+        if self._agreed:
+            self._hear_ask(sender, message.ask, now_s)
+            peer.promised = message.promised.get(self._number, -1)
+            self._see_whether_leased()
         if not self._agreed or self._is_elsewhere(sender, peer):
             return  # what is not taken is told again
         for batch in message.batches:

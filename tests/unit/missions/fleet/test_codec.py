@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from missions.events import SharedFrame
 from missions.fleet.bits import BytesError, Reader, Writer, inflated
-from missions.fleet.codec import DOES, ORDERS, Batch, Message, Presence, Word, decode, encode
+from missions.fleet.codec import DOES, ORDERS, Ask, Batch, Message, Presence, Word, decode, encode
 from missions.units import Cell, GridPoint
 
 CHECKED = settings(max_examples=60, deadline=None)
@@ -49,6 +49,8 @@ messages = st.builds(
         tuple
     ),
     st.booleans(),
+    st.none() | st.builds(Ask, numbers, places, halves, halves, st.integers(0, 9_000).map(float)),
+    st.dictionaries(st.integers(0, 30), numbers, max_size=3),
 )
 
 
@@ -92,7 +94,7 @@ def test_a_picture_of_too_many_cells_is_refused() -> None:
     for value in (0, 2 * 100_000, 100_000, 0, 0):
         out.count(value)
     said = Writer()
-    for value in (0, 0, 0, 0, 1, 0):  # time, nobody, nothing known, no word; a batch of 1 from 0
+    for value in (0, 0, 0, 0, 0, 1, 0):  # time, nobody, nothing known, promised; of 1 from 0
         said.count(value)
     said.raw(b"\x00" + out.data)
     with pytest.raises(BytesError, match="so many cells"):
