@@ -273,7 +273,8 @@ class Heard:
 
 
 class SharedFrame(NamedTuple):
-    """What one frame of another vehicle says, as far as its votes count."""
+    """What the frames of another vehicle have decided within a second: each cell, and whether it is
+    region."""
 
     t_s: float
     votes: tuple[tuple[Cell, bool], ...]
@@ -282,7 +283,7 @@ class SharedFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """Frames that another member of a fleet has judged, numbered from `first` on."""
+    """What another member of a fleet has decided, in facts numbered from `first` on."""
 
     vehicle: int
     t_s: float

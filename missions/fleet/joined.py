@@ -1,62 +1,113 @@
-"""The map that all votes make, in whatever order they became known.
+"""The map that all facts make, in whatever order they became known.
 
-A member acts on the map as it grows, and takes of late frames only what comes in time
-(`missions.mapping.belief`), which depends on when it heard of them. Its results do not: they are
-the join of all votes that it knows, so members that know the same have the same map.
+A member acts on the map as it grows, by votes of its own frames and by what it hears of others,
+and what comes first depends on the radio. Its results do not: of each cell the decision counts that
+was made first, whoever made it, so members that know the same facts have the same region.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
-from missions.events import Event, FrameSeen, Shared
+from missions.events import Event, FrameSeen, Shared, SharedFrame, Tracked
+from missions.fleet.own_cells import OwnCells, as_frames
 from missions.flight.lane_passes import still_open
 from missions.flight.two_heights import with_plain
 from missions.flight.whole_box import open_cells
-from missions.mapping.belief import Belief, FrameId
+from missions.mapping.belief import Ballot, Belief, FrameId
 from missions.state import Setting, State
 from missions.units import Cell
 
+Decision = tuple[float, int, bool]
+"""When, by whom, and what."""
 
-class Votes:
-    """The votes of a journal of a fleet, as they come."""
+
+@dataclass(slots=True)
+class _Layer:
+    """What is decided from one height."""
+
+    decided: dict[Cell, Decision] = field(default_factory=dict)
+
+    def take(self, vehicle: int, fact: SharedFrame) -> None:
+        for cell, says in fact.votes:
+            new = (fact.t_s, vehicle, says)
+            self.decided[cell] = min(new, self.decided.get(cell, new))
+
+
+class Facts:
+    """The facts in a journal of a fleet, as they come: of vehicles whose frames it holds, and of
+    those that it has heard."""
 
     def __init__(self, setting: Setting) -> None:
         votes = setting.mission.votes
         self._setting = setting
-        self._low = self._high = Belief(votes.frames, votes.positive)
+        self._none = Belief(votes.frames, votes.positive)
+        self._own: dict[int, OwnCells] = {}
+        self._layers = {False: _Layer(), True: _Layer()}
 
-    def take(self, event: Event) -> None:
-        """Take in what an event says of cells, if anything."""
-        if isinstance(event, FrameSeen):
-            said = {vote.cell: vote.positive for vote in event.votes}
-            self._add(FrameId(event.vehicle, event.t_s), said, overview=bool(event.overview))
-        elif isinstance(event, Shared):
-            for frame in event.frames:
-                at = FrameId(event.vehicle, frame.t_s)
-                self._add(at, dict(frame.votes), overview=frame.overview)
-
-    def _add(self, frame: FrameId, said: dict[Cell, bool], *, overview: bool) -> None:
-        if overview:
-            self._high = self._high.with_frame(None, frame, said)
-        else:
-            self._low = self._low.with_frame(None, frame, said)
+    def take(self, event: Event) -> list[SharedFrame]:
+        """Take in what an event says of cells; returns the facts that it adds."""
+        if isinstance(event, Shared):
+            for fact in event.frames:
+                self._layers[fact.overview].take(event.vehicle, fact)
+            return list(event.frames)
+        if not isinstance(event, FrameSeen | Tracked):
+            return []
+        own = self._own.setdefault(event.vehicle, OwnCells(self._none, self._none))
+        facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+        for fact in facts:
+            self._layers[fact.overview].take(event.vehicle, fact)
+        return facts
 
     def joined(self, state: State) -> State:
-        """A state with the map of all votes."""
-        none = Belief(self._low.frames, self._low.positive)
-        seen = list(self._high.open_ballots)
-        low = with_plain(self._low, none, self._high, self._setting.in_box, seen)
-        return replace(state, belief=low, overview=self._high)
+        """A state with the map of all facts; what nobody has decided has our votes on it."""
+        for vehicle, own in sorted(self._own.items()):
+            for fact in own.passed(float("1e9")):
+                self._layers[fact.overview].take(vehicle, fact)
+        high = self._belief(overview=True)
+        low = self._belief(overview=False)
+        seen = list(high.open_ballots)
+        low = with_plain(low, self._none, high, self._setting.in_box, seen)
+        return replace(state, belief=low, overview=high)
+
+    def _belief(self, *, overview: bool) -> Belief:
+        """The votes that made each decision, as far as they are known, else as few as could."""
+        decided = self._layers[overview].decided
+        beliefs = {v: own.high if overview else own.low for v, own in sorted(self._own.items())}
+        ballots = {vehicle: belief.open_ballots for vehicle, belief in beliefs.items()}
+        found: dict[FrameId, dict[Cell, bool]] = {}
+
+        def put(cell: Cell, ballot: Ballot) -> None:
+            for frame, vote in ballot:
+                found.setdefault(frame, {})[cell] = vote
+
+        for cell, (t_s, vehicle, says) in sorted(decided.items()):
+            # (a frame that came late may have changed what was told already, which stays)
+            if vehicle in beliefs and beliefs[vehicle].verdict(cell) is says:
+                put(cell, ballots[vehicle][cell])
+                continue
+            fact = SharedFrame(t_s, ((cell, says),), overview)
+            for seen in as_frames(vehicle, fact, self._none.frames, self._none.positive):
+                put(cell, ((FrameId(vehicle, seen.t_s), says),))
+        told = set(decided)
+        for known in ballots.values():
+            for cell, ballot in known.items():
+                if cell not in told:  # of one vehicle only: together they might decide
+                    told.add(cell)
+                    put(cell, ballot)
+        belief = self._none
+        for frame, votes in sorted(found.items(), key=lambda item: item[0].exposed):
+            belief = belief.with_frame(None, frame, votes)
+        return belief
 
 
 def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:
-    """The state of a member after its journal, with the map that its votes make in any order."""
-    votes = Votes(setting)
+    """The state of a member after its journal, with the map that its facts make in any order."""
+    facts = Facts(setting)
     for event in events:
-        votes.take(event)
-    return votes.joined(state)
+        facts.take(event)
+    return facts.joined(state)
 
 
 def concluded(setting: Setting, state: State) -> State:
@@ -73,6 +124,9 @@ def concluded(setting: Setting, state: State) -> State:
         return replace(state, exhausted=state.tree is None and not left)
     open_ = open_cells(setting, state)
     return replace(
-        state, exhausted=True, surveyed=not open_, undecided=open_,
+        state,
+        exhausted=True,
+        surveyed=not open_,
+        undecided=open_,
         unreachable_lanes=left if open_ else (),
-    )  # fmt: skip
+    )

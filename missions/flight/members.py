@@ -14,7 +14,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.events import Apart, Asked, FrameSeen, Heard, Leased, Shared, Vote
+from missions.events import Apart, Asked, Heard, Leased, Shared
+from missions.fleet.own_cells import as_frames
 from missions.flight.deconfliction import clear_of
 from missions.flight.lane_numbers import lane_number
 from missions.flight.sightings import frame_seen
@@ -101,13 +102,11 @@ def may_close(setting: Setting, state: State, column: Column) -> bool:
 
 
 def shared(setting: Setting, state: State, event: Shared) -> State:
-    """The state after frames that another member has judged."""
-    for frame in event.frames:
-        votes = tuple(Vote(cell, positive, float(positive)) for cell, positive in frame.votes)
-        seen = FrameSeen(event.vehicle, frame.t_s, None, votes)
-        if frame.overview:
-            seen = replace(seen, overview=True)
-        state = frame_seen(setting, state, seen)
+    """The state after what another member's frames have decided."""
+    votes = setting.mission.votes
+    for fact in event.frames:
+        for seen in as_frames(event.vehicle, fact, votes.frames, votes.positive):
+            state = frame_seen(setting, state, seen)
     return state
 
 

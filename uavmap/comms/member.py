@@ -1,9 +1,9 @@
 """A member of a fleet: tells the others what it knows and does, and takes in what they tell.
 
-Every `BEAT_S` it says who it is and where, what it holds, and how many facts of each member it
-knows; then facts that were not told yet, then those that somebody lacks, as many as the budget of
-bytes allows. What it hears becomes events for its service: `Shared`, `Heard`, `Apart`. So a member
-is as a vehicle to the service, and the journal holds what others have seen, with its origin.
+Every `BEAT_S` or so it says who it is and where, what it holds, and how many facts of each member
+it knows; then facts that were not told yet, then those that somebody lacks, as many as the budget
+of bytes allows. What it hears becomes events for its service: `Shared`, `Heard`, `Apart`. So a
+member is as a vehicle to the service, and the journal holds what others have seen, with its origin.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from missions.events import (
     Paused,
     Recalled,
     Shared,
+    Tracked,
     VehicleRecalled,
 )
 from missions.fleet.bits import BytesError
 from missions.fleet.codec import Ask, Batch, Does, Message, Presence, Word, decode, encode
+from missions.fleet.joined import Facts
 from missions.fleet.knowledge import Knowledge
-from missions.fleet.own_votes import OwnVotes
 from missions.flight.deconfliction import meets
 from missions.flight.lane_numbers import lanes_held
 from missions.flight.members import may_close
@@ -43,7 +44,11 @@ from uavmap.comms.air import OVERHEAD_BYTES
 from uavmap.comms.radio import Radio
 from uavmap.comms.sealing import CODE_BYTES, Seal
 
-BEAT_S: Final = 3.0
+BEAT_S: Final = 2.0
+QUIET_S: Final = 6.0
+"""So long a member is silent at most while it saves bytes for what it has to tell."""
+HAVE_EVERY: Final = 2
+"""Every so many messages tell what the sender knows."""
 APART_S: Final = 12.0
 """Who was not heard for so long is out of contact."""
 BYTES_A_MINUTE: Final = 4_500
@@ -51,9 +56,9 @@ BYTES_A_MINUTE: Final = 4_500
 BURST_BYTES: Final = 900
 """So much may be saved up; a datagram stays below what any network carries whole."""
 HEADER_BYTES: Final = OVERHEAD_BYTES + CODE_BYTES + 12
-PATH_S: Final = 4.0
+PATH_S: Final = 8.0
 """The places of a path that are told lie so far apart..."""
-PATH_PLACES: Final = 8
+PATH_PLACES: Final = 4
 """... and are so many."""
 LINGER_S: Final = 600.0
 """So long after its landing a member waits for others that still fly."""
@@ -97,7 +102,6 @@ class Member:
         post: Callable[[Event], None],
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        votes = setting.mission.votes
         self._setting = setting
         self._seal = seal
         self._radio = radio
@@ -105,7 +109,7 @@ class Member:
         self._post = post
         self._say = say
         self._number = seal.member
-        self._own = OwnVotes.none(votes.frames, votes.positive)
+        self._own = Facts(setting)
         self.knowledge = Knowledge()
         self.peers: dict[int, _Peer] = {}
         self._told = 0
@@ -123,6 +127,8 @@ class Member:
         """... with the question of this number."""
         self._leased = -1
         self._beaten_s = -math.inf
+        self._messages = 0
+        self._urgent = False
         self._soon: asyncio.TimerHandle | None = None
         self.damaged = 0
         self._strangers: set[int] = set()
@@ -143,11 +149,9 @@ class Member:
     def _note(self, event: Event) -> None:
         if isinstance(event, LiftedOff):
             self._begun = True
-        if isinstance(event, FrameSeen) and event.vehicle == self._number:
-            self._own, fact = self._own.with_frame(event)
-            if fact is not None:
-                known = self.knowledge.have.get(self._number, 0)
-                self.knowledge.take(self._number, known, [fact])
+        if isinstance(event, FrameSeen | Tracked) and event.vehicle == self._number:
+            known = self.knowledge.have.get(self._number, 0)
+            self.knowledge.take(self._number, known, self._own.take(event))
 
     # --- the clock -----------------------------------------------------------------------------
     async def agree(self, wait_s: float) -> float:
@@ -271,6 +275,7 @@ class Member:
 
     def _beat_now(self) -> None:
         self._soon = None
+        self._urgent = True
         self.beat()
 
     # --- speaking ------------------------------------------------------------------------------
@@ -283,7 +288,7 @@ class Member:
 
     def beat(self) -> None:
         """Say what there is to say, and note who is out of contact."""
-        now_s = self._beaten_s = self._now_s()
+        now_s = self._now_s()
         for number, peer in sorted(self.peers.items()):
             if not peer.apart and now_s - peer.heard_s > APART_S:
                 peer.apart = True
@@ -293,19 +298,26 @@ class Member:
         self._budget_s = now_s
         for errand in self._seal.errands():
             self._send(errand)
-        words = tuple(self._words[vehicle] for vehicle in sorted(self._words))
-        message = Message(
+        message = self._message(now_s)
+        spare = int(self._budget) - HEADER_BYTES - len(encode(message))
+        if spare < 0 and not self._urgent and now_s - self._beaten_s < QUIET_S - 1e-6:
+            return
+        self._beaten_s, self._urgent = now_s, False
+        self._messages += 1
+        message = replace(message, batches=self._batches(now_s, spare))
+        self._send(self._seal.sealed(encode(message)))
+
+    def _message(self, now_s: float) -> Message:
+        """What is said besides facts."""
+        return Message(
             now_s,
             self._presence(),
-            self.knowledge.have,
-            words=words,
+            self.knowledge.have if self._messages % HAVE_EVERY == 0 else {},
+            words=tuple(self._words[vehicle] for vehicle in sorted(self._words)),
             begun=self._begun,
             ask=self._question_now(),
             promised=self._promised(),
         )
-        room = int(self._budget) - HEADER_BYTES - len(encode(message))
-        message = replace(message, batches=self._batches(now_s, room))
-        self._send(self._seal.sealed(encode(message)))
 
     def _question_now(self) -> Ask | None:
         column = self._column
@@ -374,11 +386,12 @@ class Member:
             return
         now_s = self._now_s()
         peer = self.peers.setdefault(sender, _Peer(now_s))
-        peer.heard_s, peer.apart, peer.have = now_s, False, message.have
+        peer.heard_s, peer.apart = now_s, False
+        peer.have = message.have or peer.have
         peer.done = message.presence is None or message.presence.does in ("ended", "down")
         peer.begun = message.begun
         peer.ahead_s = max(peer.ahead_s, message.t_s - now_s)
-        missing = self.knowledge.missing(message.have)
+        missing = self.knowledge.missing(peer.have)
         peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
         for word in message.words:
             self.order(word)

@@ -10,7 +10,7 @@ from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.arena.passing_bound import passing_bound_s
 from missions.events import Event
-from missions.fleet.joined import Votes, concluded
+from missions.fleet.joined import Facts, concluded
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.optics import kinematics
 from missions.mapping.belief import FrameId
@@ -63,15 +63,15 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """The final state and the figures of a journal."""
     state = State.initial(setting)
     counter = Counter(state.vehicles)
-    votes = None if setting.member is None else Votes(setting)
+    facts = None if setting.member is None else Facts(setting)
     for event in events:
         counter.before(event, state)
         state, _ = step(setting, state, event)
         counter.after(event)
-        if votes is not None:
-            votes.take(event)
-    if votes is not None:
-        state = concluded(setting, votes.joined(state))
+        if facts is not None:
+            facts.take(event)
+    if facts is not None:
+        state = concluded(setting, facts.joined(state))
     return state, figures_of(setting, state, counter)
 
 

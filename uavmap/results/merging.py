@@ -7,6 +7,7 @@ The journals may be given in any order.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,16 +16,20 @@ from typing import Any, Final
 from missions.errors import JournalError, OutputError
 from missions.events import (
     Apart,
+    Asked,
     Continued,
     Event,
     FrameSeen,
     Heard,
+    Leased,
     Paused,
     Recalled,
     Resumed,
     Shared,
-    Vote,
+    Tracked,
 )
+from missions.fleet.joined import Facts
+from missions.fleet.knowledge import Knowledge
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.record.reading import JournalReader
@@ -34,7 +39,7 @@ from uavmap.results.write_results import write_results
 
 MERGED: Final = "merged"
 """In the journal's meta: the folders whose journals it was made of."""
-NOT_OWN: Final = (Heard, Shared, Apart)
+NOT_OWN: Final = (Heard, Shared, Apart, Asked, Leased)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,38 +108,35 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     for place, source in enumerate(sources):
         later_s = 0.0 if fleet else source.plan.epoch_utc_s - zero_s
         own = [event for event in source.events if not isinstance(event, NOT_OWN)]
-        for k, event in enumerate(own):
+        last_s = -math.inf
+        for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
             moved = _moved(event, numbers[id(source)], later_s)
-            dated.append((moved.t_s, place, k, moved))
+            last_s = max(last_s, moved.t_s)
+            dated.append((last_s, place, k, moved))
     if fleet:
-        dated.extend(
-            (event.t_s, len(sources), k, event) for k, event in enumerate(_only_heard(sources))
-        )
+        only_heard = _only_heard(sources)
+        dated.extend((event.t_s, len(sources), k, event) for k, event in enumerate(only_heard))
     dated.sort(key=lambda item: item[:3])
     return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
 
 
-def _only_heard(sources: Sequence[Source]) -> list[FrameSeen]:
-    """Frames that no journal holds as its own, but that others have heard of."""
-    own = {
-        (event.vehicle, event.t_s)
-        for source in sources
-        for event in source.events
-        if isinstance(event, FrameSeen)
-    }
-    found: dict[tuple[int, float], FrameSeen] = {}
+def _only_heard(sources: Sequence[Source]) -> list[Shared]:
+    """Facts of members whose journal is not there, or lacks its end, as others have heard them."""
+    known, counted = Knowledge(), dict[int, int]()
     for source in sources:
+        own = Facts(source.plan.known_setting())
         for event in source.events:
-            if not isinstance(event, Shared):
-                continue
-            for frame in event.frames:
-                key = (event.vehicle, frame.t_s)
-                if key in own or key in found:
-                    continue
-                votes = tuple(Vote(cell, said, float(said)) for cell, said in frame.votes)
-                seen = FrameSeen(event.vehicle, frame.t_s, None, votes)
-                found[key] = replace(seen, overview=True) if frame.overview else seen
-    return [found[key] for key in sorted(found, key=lambda key: (key[1], key[0]))]
+            if isinstance(event, Shared):
+                known.take(event.vehicle, event.first, event.frames)
+            elif isinstance(event, FrameSeen | Tracked) and event.vehicle == source.plan.member:
+                number = event.vehicle
+                counted[number] = counted.get(number, 0) + len(own.take(event))
+    heard = []
+    for origin, facts in sorted(known.facts.items()):
+        first = counted.get(origin, 0)
+        if facts[first:]:
+            heard.append(Shared(origin, facts[-1].t_s, first, tuple(facts[first:])))
+    return heard
 
 
 def _refuse_strangers(sources: Sequence[Source]) -> None:
