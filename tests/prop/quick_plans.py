@@ -14,9 +14,9 @@ MOVES = 200
 
 @contextlib.contextmanager
 def quick_plans() -> Iterator[None]:
-    """Within this block nobody plans longer; their paths have to hold as well.
+    """Within this block nobody plans longer: for what asks about troubles and places.
 
-    How good plans are is measured elsewhere.
+    Not where paths themselves are looked at: good plans bring vehicles closer to each other.
     """
     from missions.swath import memo  # noqa: PLC0415 - numba takes a second to load
     from missions.swath.planner import Plan  # noqa: PLC0415, as above

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
 from dataclasses import dataclass, field
@@ -30,7 +29,6 @@ from missions.orders import FlyPath
 from missions.state import Phase, Setting
 from missions.step import fold
 from tests.fake_fleet import Fleet
-from tests.prop.quick_plans import quick_plans
 from tests.small_missions import Scenario, random_scenario, scattered, unkind_scenario
 
 STEP_S = 0.1
@@ -143,10 +141,8 @@ def is_honest(flight: Watched, scenario: Scenario) -> None:
         assert component(scenario.roi, state.tree.root) <= state.belief.roi
 
 
-def holds(scenario: Scenario, *, thorough: bool = False) -> Watched:
-    """Fly a mission by quick plans, or by those of a flight."""
-    with contextlib.nullcontext() if thorough else quick_plans():
-        flight = flown(scenario)
+def holds(scenario: Scenario) -> Watched:
+    flight = flown(scenario)
     assert flight.wrong == []
     assert flight.faults == []
     assert {v.phase for v in flight.state.vehicles.values()} <= {Phase.FINISHED, Phase.FAILED}
@@ -157,7 +153,7 @@ def holds(scenario: Scenario, *, thorough: bool = False) -> Watched:
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_can_be_flown_and_left(seed: int) -> None:
-    assert holds(random_scenario(seed, strategy="swath"), thorough=True).paths > 0
+    assert holds(random_scenario(seed, strategy="swath")).paths > 0
 
 
 @settings(max_examples=6, deadline=None)
@@ -205,16 +201,15 @@ def test_a_journal_that_ends_anywhere_tells_the_same_state(seed: int) -> None:
     """Killed in the middle of a path: all that there is is the journal, plans included."""
     flight = Watched(Setting.of((scenario := random_scenario(seed, strategy="swath")).mission),
                      scenario.roi)  # fmt: skip
-    with quick_plans():
-        flight.start()
-        while not flight.ended and flight.t_s < 3000.0:
-            due_s = flight.t_s + 17.0
-            while not flight.ended and flight.t_s < due_s:
-                flight.tick()
-            if not flight.ended and flight.t_s < 120.0:
-                flight.crash_and_resume()
-        assert flight.ended
-        assert flight.wrong == []
-        assert flight.faults == []
-        assert fold(flight.setting, flight.events) == flight.state
+    flight.start()
+    while not flight.ended and flight.t_s < 3000.0:
+        due_s = flight.t_s + 17.0
+        while not flight.ended and flight.t_s < due_s:
+            flight.tick()
+        if not flight.ended and flight.t_s < 120.0:
+            flight.crash_and_resume()
+    assert flight.ended
+    assert flight.wrong == []
+    assert flight.faults == []
+    assert fold(flight.setting, flight.events) == flight.state
     is_honest(flight, scenario)
