@@ -3,7 +3,8 @@
 # make check  set up, ruff, mypy --strict, import-linter, the documentation without a broken link
 # make docs   set up, the documentation as a site: site/index.html
 # make setup  only .venv, whose bin/uavmap is the command
-# make kernels  compile what numba compiles, which else the first flight and each worker of the tests do
+# make kernels  compile what numba compiles, and the tests, which else the first flight and each
+#               worker of the tests do
 # make lock   resolve the two requirements files anew (needs uv)
 
 PYTHON ?= python3
@@ -14,6 +15,10 @@ SITE = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 # a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
 SCRATCH := $(shell df -Pm /dev/shm 2>/dev/null | awk 'NR == 2 && $$4 > 2000 && $$NF == "/dev/shm" {print $$NF}')
+
+# what Python and pytest have compiled is kept: each process, and each worker of the tests, compiles
+# all of it anew otherwise, which takes it longer than to import it
+unexport PYTHONDONTWRITEBYTECODE
 
 # two things at once: types are checked while kernels are compiled, and tests begin after both
 ifeq (,$(filter clean,$(MAKECMDGOALS)))
@@ -44,11 +49,12 @@ docs: setup
 
 setup: .venv/ready
 
+# what is wrong with a test is said when the tests are run
 kernels: setup
 	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy swath,survey --offline \
 		--json >/dev/null & \
 	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy rdfs,horizon \
-		--json >/dev/null && wait $$!
+		--json >/dev/null && { $(BIN)/pytest --collect-only -qq >/dev/null || true; } && wait $$!
 
 # pip compiles one file after the other, and all of them: the packages' own tests, and forty dialects
 # of MAVLink, each as large as a small library. They are compiled if ever they are imported.

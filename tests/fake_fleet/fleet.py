@@ -163,6 +163,10 @@ class Fleet:
         """The operator resumes: all that there is is the journal."""
         if fold(self.setting, self.events) != self.state:
             self.referee.note(self.t_s, "fold", "the journal tells another state")
+        self._take_up()
+
+    def _take_up(self) -> None:
+        """A new process begins with the state that the journal tells."""
         self.dead, self.homing, self.back_s = False, False, math.inf
         for driver in self.drivers.values():
             driver.order, driver.course, driver.guard, driver.late = None, None, Guard(), []
@@ -346,7 +350,7 @@ class Fleet:
         """The service dies and comes back at once: all that it has is its journal."""
         assert fold(self.setting, self.events) == self.state
         self.die(kill=True, away_s=0.0)
-        self.revive()
+        self._take_up()
 
     def describe(self) -> str:
         """Where everybody stands, for messages."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -13,11 +13,19 @@ from missions.state import Phase, Setting
 from missions.units import Cell, GridPoint
 from tests.fake_fleet.air import Storm
 from tests.prop.missions.test_paths_in_flight import Watched, is_honest
+from tests.prop.quick_plans import quick_plans
 from tests.small_missions import Scenario, mission, square
 
 BOX, FENCE = square(-10, 14, 40, 24), square(-40, -40, 120, 130)
 LIMIT_S = 2500.0
 SEAT = Cell(2, 7)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def soon_planned() -> Iterator[None]:
+    """No trouble cares how good a plan is."""
+    with quick_plans():
+        yield
 
 
 def region(cells: int, seat: Cell = SEAT) -> frozenset[Cell]:

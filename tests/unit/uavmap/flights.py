@@ -29,7 +29,7 @@ from uavmap.simulation import STEP_S, make_vehicles
 
 Message = Any
 PILOT_SYSTEM_ID = 255
-WIDTH_PX, HEIGHT_PX = 320, 240
+WIDTH_PX, HEIGHT_PX = 160, 120
 
 
 def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
@@ -39,9 +39,9 @@ def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
     corners = [grid.position(GridPoint(*xy)) for xy in square(6, 14, 8, 8)]
     region = SimRegion(polygon=tuple((p.lat_deg, p.lon_deg) for p in corners))
     sim = made.sim.model_copy(update={"roi": (region,), "swap_s": swap_s, "gps_sigma_m": 0.05})
-    # a quarter of the pixels: most of what a simulated flight costs is its pictures
+    # a sixteenth of the pixels: most of what a simulated flight costs is its pictures
     camera = made.camera.model_copy(
-        update={"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "pixels_per_cell": 40.0}
+        update={"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "pixels_per_cell": 20.0}
     )
     return made.model_copy(update={"sim": sim, "camera": camera})
 

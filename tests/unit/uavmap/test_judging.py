@@ -18,7 +18,7 @@ from missions.errors import LinkError
 from missions.events import FrameLost, FrameSeen
 from missions.state import Setting
 from missions.units import Cell, Quaternion
-from tests.unit.uavmap.flights import small_mission
+from tests.unit.uavmap.flights import HEIGHT_PX, WIDTH_PX, small_mission
 from tests.unit.uavmap.peer import Peer, heartbeat
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.cameras.pose import Poses
@@ -194,7 +194,8 @@ def test_another_size_is_a_lost_frame() -> None:
 
     (event,) = judged(announced(), fetch=fetch)
     assert isinstance(event, FrameLost)
-    assert "the picture is 64 x 64 px, the camera 320 x 240 px" in event.reason
+    told = f"the picture is 64 x 64 px, the camera {WIDTH_PX} x {HEIGHT_PX} px"
+    assert told in event.reason
 
 
 def test_a_reason_from_outside_is_made_safe() -> None:

@@ -7,12 +7,13 @@ import json
 import os
 import shutil
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from tests.small_missions import START, ring, square
@@ -21,11 +22,13 @@ from tests.unit.uavmap.test_pictures import png
 from tests.unit.uavmap.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
 from uavmap.cli import main
 from uavmap.mission_source import MissionSource
-from uavmap.offline import spool
+from uavmap.offline import refined_pictures, spool
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import gather
 from uavmap.offline.sources.folder import Folder
 from vision.lens import Lens
+from vision.registration.features import extract
+from vision.registration.views import Features
 
 MISSION = f"""
 start.position = [{START.lat_deg}, {START.lon_deg}]
@@ -158,6 +161,22 @@ GOOD: dict[str, Callable[[Path], object]] = {
     "large": lambda p: shot(p, 9, image=paint(14.0, 12.0, 0.0, seed=9).resize((3000, 2250))),
     "without a date": lambda p: shot(p, 9, taken=None),
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def seen_once() -> Iterator[None]:
+    """The features of a picture are looked for once; most cases show the same three again."""
+    known: dict[bytes, Features] = {}
+
+    def once(gray: NDArray[np.uint8]) -> Features:
+        key = repr(gray.shape).encode() + gray.tobytes()
+        if key not in known:
+            known[key] = extract(gray)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refined_pictures, "extract", once)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -329,7 +348,10 @@ def test_the_angle_of_view_says_where_it_comes_from(good: Path) -> None:
     assert "# from the calibration" in derived(gather(Folder(good)), lens)
 
 
-def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) -> None:
+def test_any_number_of_workers_gives_the_same_bytes(
+    good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refined_pictures, "extract", extract)  # by all of them
     photos = folder_of(good, tmp_path)
     (photos / "bad.jpg").write_bytes(b"")
     made = []

@@ -22,6 +22,12 @@ from uavmap.simulation import Truth
 
 WINDY = Path(__file__).parents[2] / "data" / "windy.toml"
 FLOW = "optical_flow = true\nodometry_drift = 0.03\n"
+SMALLER = {
+    "48.0010072": "48.0007000",
+    "interval_s = 0.2": "interval_s = 0.3",
+    "width_px = 640": "width_px = 320",
+    "height_px = 480": "height_px = 240\npixels_per_cell = 40",
+}
 LOST = '[[sim.faults]]\nkind = "gps"\nat_s = 25\n'
 
 
@@ -75,9 +81,9 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
         monkeypatch.setattr(Truth, "watch", watching)
         text = WINDY.read_text(encoding="utf-8").replace("[sim]\n", f"[sim]\n{sim}")
-        text = text.replace("48.0010072", "48.0007000").replace(
-            "interval_s = 0.2", "interval_s = 0.3"
-        )
+        for old, new in SMALLER.items():
+            assert old in text
+            text = text.replace(old, new)
         text += f"\n[navigation]\n{navigation}\n{faults}"
         plan = FlightPlan("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
         told = Told()
