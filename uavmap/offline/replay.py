@@ -357,7 +357,7 @@ def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
         if shot.reason or not turned or shot.camera is None:
             continue
         said = spool.get(number)
-        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said.cells, said.marks)
+        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said)
         spool.put(number, said._replace(shares=shares))
         shot.turned = True
 
