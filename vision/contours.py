@@ -79,17 +79,18 @@ class Contours:
 
         `levels` begins in row `top` and column `left`. Parts share a row, or column, of pixels.
         """
-        seen = levels != UNSEEN
-        inside = (levels > self._level) & seen
-        case = inside[:-1, :-1].astype(np.uint8)
-        case += inside[:-1, 1:] * np.uint8(2)
-        case += inside[1:, 1:] * np.uint8(4)
-        case += inside[1:, :-1] * np.uint8(8)
-        mixed = case - np.uint8(1) < np.uint8(14)  # neither none nor all four: 0 goes round to 255
-        rows, columns = np.divmod(np.flatnonzero(mixed), case.shape[1])
+        # above the level and below UNSEEN, in one comparison: what is less goes round to the top
+        least = np.uint8(int(self._level) + 1)
+        inside = (levels - least < np.uint8(UNSEEN) - least).view(np.uint8)
+        across, down = inside[:, 1:] ^ inside[:, :-1], inside[1:] ^ inside[:-1]
+        mixed = across[:-1] | across[1:] | down[:, 1:]  # neither none nor all four corners
+        rows, columns = np.divmod(np.flatnonzero(mixed.view(np.bool_)), mixed.shape[1])
         if not len(rows):
             return
-        cases = case[rows, columns]
+        cases = inside[rows, columns] + inside[rows, columns + 1] * np.uint8(2)
+        cases += inside[rows + 1, columns + 1] * np.uint8(4) + inside[rows + 1, columns] * np.uint8(
+            8
+        )
         for which in range(2):
             start, end = _ENDS[which, 0, cases], _ENDS[which, 1, cases]
             some = start >= 0
@@ -156,18 +157,34 @@ class Contours:
 def _cycles(
     following: NDArray[np.intp], order: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The cycles of a permutation one after another, and where each begins."""
-    after = following.tolist()  # -1 from where a line has gone on
-    chain: list[int] = []
-    starts: list[int] = []
-    for start in order.tolist():
-        here, further = start, after[start]
-        if further < 0:
-            continue
-        starts.append(len(chain))
-        while further >= 0:
-            after[here] = -1
-            chain.append(here)
-            here = further
-            further = after[here]
-    return np.array(chain, dtype=np.intp), np.array(starts, dtype=np.intp)
+    """The cycles of a permutation one after another, and where each begins.
+
+    Each begins with what of it comes first in `order`, and the cycles come in that order, too.
+
+    >>> chain, starts = _cycles(np.array([2, 3, 4, 1, 0]), np.array([1, 0, 2, 3, 4]))
+    >>> chain.tolist(), starts.tolist()
+    ([1, 3, 0, 2, 4], [0, 2])
+    """
+    count = len(order)
+    place = np.empty(count, np.intp)
+    place[order] = np.arange(count)
+    after = place[following[order]]  # by places in the order, as all that follows
+    # twice as far ahead each time, until everybody knows the first of the whole cycle
+    first, ahead = np.minimum(np.arange(count), after), after
+    while True:
+        further = np.minimum(first, first[ahead])
+        if (further == first).all():
+            break
+        first, ahead = further, ahead[ahead]
+    # how many are left to the end of the cycle, which is cut before its first
+    last = np.flatnonzero(first[after] == after)
+    ahead, left = after.copy(), np.ones(count, np.intp)
+    ahead[last], left[last] = last, 0
+    while (more := left[ahead]).any():
+        left += more
+        ahead = ahead[ahead]
+    sizes = np.bincount(first, minlength=count)
+    starts = np.cumsum(sizes) - sizes
+    chain = np.empty(count, np.intp)
+    chain[starts[first] + sizes[first] - 1 - left] = order
+    return chain, starts[sizes > 0]

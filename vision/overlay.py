@@ -21,7 +21,10 @@ from vision.raster import Raster, Window
 STEP: Final = 8
 FEATHER: Final = 0.04
 """At the rim of a picture its weight fades over this part of its width."""
-_PART: Final = 24 * STEP  # of a window, that is left out if the picture shows nothing of it
+_PART: Final = 48 * STEP  # of a window, that is left out if the picture shows nothing of it
+_ALL_INSIDE: Final = 1.001  # a fade above this is 1 between its middles, too
+# columns and rows are in one map; an empty array in place of the other gives nonsense
+_NO_MAP: Final[Any] = None
 _PROBES: Final = 32  # along each side of the ground that a picture may show
 
 Floats = NDArray[np.float64]
@@ -63,10 +66,13 @@ class Overlay:
             low, high = seen.min(axis=0) - spacing_m, seen.max(axis=0) + spacing_m
         return low, high
 
-    def laid(self, raster: Raster, window: Window) -> Iterator[tuple[Window, Laying]]:
+    def laid(
+        self, raster: Raster, window: Window, times: float = 1.0
+    ) -> Iterator[tuple[Window, Laying]]:
         """The picture on the parts of a window of a raster of which it shows something.
 
-        A picture lies aslant on the ground: a good part of the window around it is not in it.
+        A picture lies aslant on the ground: a good part of the window around it is not in it. Its
+        weight is multiplied by `times`.
         """
         nodes = raster.middles(window, STEP)
         pixels = self.pixels(nodes)
@@ -74,25 +80,18 @@ class Overlay:
         away_m = np.hypot(nodes[..., 0] - self.below.east_m, nodes[..., 1] - self.below.north_m)
         # an error of an angle moves the ground by this to the power of -2: its variance to that
         # of -4
-        level = (self.height_m**2 / (self.height_m**2 + away_m**2)) ** 2
+        level = (self.height_m**2 / (self.height_m**2 + away_m**2)) ** 2 * times
         level[away_m > OBLIQUE_LIMIT * self.height_m] = 0.0
         shown = (inside_px > 0.0) & (level > 0.0)
-        fade = inside_px * (1.0 / (FEATHER * self.width_px))
-        pixels = np.nan_to_num(pixels, nan=-1e4)
-        layers = np.stack([pixels[..., 0], pixels[..., 1], fade, level]).astype(np.float32)
-        for part in window.blocks(_PART):
-            # with the squares around it, between whose middles its outer pixels lie
-            near = tuple(
-                slice(side.start // STEP, -(-side.stop // STEP) + 2) for side in part.within(window)
-            )
-            if shown[near].any():
-                yield part, self._laying(layers[:, near[0], near[1]], part.shape)
-
-    def _laying(self, layers: NDArray[np.float32], shape: tuple[int, int]) -> Laying:
-        x, y, fade, level = (_between(layer, shape) for layer in layers)
-        np.clip(fade, 0.0, 1.0, out=fade)
-        np.multiply(fade, level, out=fade)
-        return Laying(x, y, fade, (self.width_px, self.height_px))
+        fade = (inside_px * (1.0 / (FEATHER * self.width_px))).astype(np.float32)
+        places = np.nan_to_num(pixels, nan=-1e4).astype(np.float32)
+        heavy = level.astype(np.float32)
+        for block in window.blocks(_PART):
+            part = _narrowed(block, window, shown)
+            if not part.is_empty:
+                near = _near(part, window)
+                weight = _weight(fade[near], heavy[near], part.shape)
+                yield part, Laying(places[near], weight, (self.width_px, self.height_px))
 
     def _inside_px(self, pixels: Floats) -> Floats:
         """How many pixels from the rim of the picture; negative outside of it."""
@@ -104,11 +103,10 @@ class Overlay:
 
 @dataclass(frozen=True, slots=True)
 class Laying:
-    """Where each pixel of a window lies in a picture of `size_px` columns and rows, and its weight
-    there: 0 outside, 1 below the camera."""
+    """A picture of `size_px` columns and rows on a window: where the middles of its squares lie in
+    it, and the weight of each pixel: 0 outside, at most 1 times what was asked for."""
 
-    x: NDArray[np.float32]
-    y: NDArray[np.float32]
+    nodes: NDArray[np.float32]
     weight: NDArray[np.float32]
     size_px: tuple[int, int]
 
@@ -116,13 +114,48 @@ class Laying:
         """An image of what the picture shows, of whatever size, `framed`, on the window."""
         rows, columns = (side - 2 for side in framed_image.shape[:2])
         # from pixels' edges to pixels' edges, of which the frame has one more
-        across, along = (
-            np.float32(n / whole) for n, whole in zip((columns, rows), self.size_px, strict=True)
-        )
-        x = self.x * across + (across + np.float32(1.0)) / np.float32(2.0)
-        y = self.y * along + (along + np.float32(1.0)) / np.float32(2.0)
+        scale = np.divide((columns, rows), self.size_px)
+        places = (self.nodes * scale + (scale + 1.0) / 2.0).astype(np.float32)
+        at = _between(places, self.weight.shape)
         # what lies outside weighs nothing, so it may be black, which is quicker than anything else
-        return cv2.remap(framed_image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        found: NDArray[Any] = cv2.remap(
+            framed_image, at, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
+        )
+        return found
+
+
+def _near(part: Window, window: Window) -> tuple[slice, ...]:
+    """The squares of a part of a window, with those around, between whose middles its outer
+    pixels lie."""
+    return tuple(
+        slice(side.start // STEP, -(-side.stop // STEP) + 2) for side in part.within(window)
+    )
+
+
+def _narrowed(block: Window, window: Window, shown: NDArray[np.bool_]) -> Window:
+    """The part of a block that may lie between middles of which one is shown: whole squares."""
+    found = shown[_near(block, window)]
+    rows, columns = (np.flatnonzero(found.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return Window(0, 0, 0, 0)
+    return Window(
+        block.top + (int(rows[0]) - 2) * STEP,
+        block.left + (int(columns[0]) - 2) * STEP,
+        block.top + (int(rows[-1]) + 1) * STEP,
+        block.left + (int(columns[-1]) + 1) * STEP,
+    ).common(block)
+
+
+def _weight(
+    fade: NDArray[np.float32], level: NDArray[np.float32], shape: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """The weight at every pixel of a part: `fade` goes up to 1 from the rim of the picture on."""
+    found = _between(level, shape)
+    if fade.min() > _ALL_INSIDE:
+        return found
+    share = _between(fade, shape)
+    np.clip(share, 0.0, 1.0, out=share)
+    return np.multiply(share, found, out=share)
 
 
 def framed(image: NDArray[Any]) -> NDArray[Any]:
@@ -134,7 +167,7 @@ def framed(image: NDArray[Any]) -> NDArray[Any]:
     return cv2.copyMakeBorder(image, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
 
 
-def _between(nodes: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
+def _between(nodes: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Values at every pixel, from those in the middle of squares with one more row all around."""
     rows, columns = shape
     size = STEP * nodes.shape[1], STEP * nodes.shape[0]

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -27,6 +28,7 @@ _SEARCH = 0.12  # how far positions may be off, in heights: some 5 m from 40 m
 _LEAST_COMMON = 100  # pixels that two pictures must share to be compared
 _LEAST_VARIANCE = 1e-2  # levels squared; less is the arithmetic's own
 _PARTNERS = 2  # how many are compared with a picture besides the one before it
+_LEAST_BLUR_PX = 3  # of pixels made larger: then it is as round as of the picture's own
 _KEPT = 600  # how many pictures back they may lie
 
 
@@ -149,11 +151,17 @@ def _patch(frame: Frame, grid: Grid, pitch_m: float) -> Patch | None:
     to_pixels = matrix @ ground_of_sample
     half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
     # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
-    blur = max(1, round(frame.camera.focal_px * pitch_m / frame.pose.height_m))
-    gray = cv2.blur(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), (blur, blur))
+    blur_px = frame.camera.focal_px * pitch_m / frame.pose.height_m
+    gray, times = _halved(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), blur_px)
+    blur = max(1, round(blur_px / times))
+    gray = cv2.blur(gray, (blur, blur))
+    middle = (1.0 - times) / (2.0 * times)
+    smaller = np.array([[1.0 / times, 0.0, middle], [0.0, 1.0 / times, middle], [0.0, 0.0, 1.0]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     ways = tuple(
-        cv2.warpPerspective(gray, m, (columns, rows), flags=flags).astype(np.uint8, copy=False)
+        cv2.warpPerspective(gray, smaller @ m, (columns, rows), flags=flags).astype(
+            np.uint8, copy=False
+        )
         for m in (to_pixels, half_turn @ to_pixels)
     )
     rim = (ground / pitch_m - (low[0] + 0.5, high[1] - 0.5)) * (1.0, -1.0)
@@ -163,6 +171,25 @@ def _patch(frame: Frame, grid: Grid, pitch_m: float) -> Patch | None:
         seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
     )
     return Patch(int(low[0]), int(high[1]), (ways[0], ways[1]), inner.astype(np.uint8, copy=False))
+
+
+def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
+    """The means of so many by so many pixels: a picture that will be blurred much need not be
+    large. How many along an edge comes with it.
+
+    >>> _halved(np.ones((9, 12), np.uint8), 20.0)[0].shape
+    (2, 3)
+    >>> _halved(np.ones((9, 12), np.uint8), 3.0)[1]
+    1
+    """
+    times = 1
+    while blur_px / times >= 2 * _LEAST_BLUR_PX and min(gray.shape) > 1:
+        rows, columns = (side // 2 for side in gray.shape)  # an odd one has no partner
+        gray = cv2.resize(
+            gray[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
+        )
+        times *= 2
+    return gray, times
 
 
 def _positive_at_centre(

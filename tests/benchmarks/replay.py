@@ -46,6 +46,7 @@ from uavmap.offline.spool import Spool
 from uavmap.offline.workers import Threads, in_order, worker_count
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.record.journal import Journal
+from uavmap.results import documents
 
 WIDTH_PX = 1000
 
@@ -148,6 +149,7 @@ def _results(path: Path, often: int) -> None:
     gathered = gather(open_source(path))
     source = MissionSource("derived", derived(gathered))
     setting = Setting.of(source.parse())
+    documents.load()  # a replay does so while it looks at pictures
     for _ in range(often):
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
             folder = Path(name)

@@ -1,8 +1,11 @@
-"""Memory that is free in this process, given back to the system."""
+"""Memory of this process: what is free is given back, what stays is not looked through."""
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import gc
+from collections.abc import Iterator
 
 
 def give_back() -> bool:
@@ -16,3 +19,26 @@ def give_back() -> bool:
         return False
     trim(0)
     return True
+
+
+@contextlib.contextmanager
+def set_apart() -> Iterator[None]:
+    """In the block the garbage collector leaves alone what there was before it.
+
+    These are the modules and their classes, for the most part: looking through them once more takes
+    40 ms, which is a tenth of what the results of a small replay take.
+
+    >>> with set_apart():
+    ...     gc.get_freeze_count() > 0
+    True
+    >>> gc.get_freeze_count()
+    0
+    """
+    if gc.get_freeze_count():  # somebody has done so already, and for longer
+        yield
+        return
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()

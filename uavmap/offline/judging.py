@@ -25,6 +25,7 @@ from uavmap.offline.credible import Placed
 from uavmap.offline.laid import Cells, Laid
 from uavmap.offline.lenses import Lenses
 from uavmap.offline.pixels import eight_bits
+from uavmap.offline.spool import Said
 from vision.camera import Camera
 from vision.detectors import Detector
 from vision.detectors.interface import Marks
@@ -139,12 +140,13 @@ class Judge:
             miniature(frame.image),
         )
 
-    def turned(
-        self, placed: Placed, t_s: float, camera: Camera, cells: Cells, marks: bytes
-    ) -> NDArray[np.float64]:
-        """The shares of a picture that turns out to be stored upside down."""
-        upright = unpacked(marks, camera.height_px, camera.width_px, upside_down=True)
-        return self._weighed(self.laid(camera, placed, t_s), upright, cells)[0]
+    def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> NDArray[np.float64]:
+        """The shares of a picture that turns out to be stored upside down; its weights stay."""
+        upright = unpacked(said.marks, camera.height_px, camera.width_px, upside_down=True)
+        laid = self.laid(camera, placed, t_s)
+        if self.mission.by_evidence:
+            return laid.shares_of(upright, said.cells, said.weights)
+        return laid.shares(upright, said.cells)
 
     def _weighed(
         self, laid: Laid, marks: Marks, cells: Cells

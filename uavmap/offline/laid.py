@@ -67,13 +67,19 @@ class Laid:
 
         -1 for a cell of which not half is in the picture.
         """
-        shares, seen = self._seen(marks, cells)
+        _, seen = found = self._seen(marks, cells)
         middle = cells * self.grid.cell_m
         corners = middle[:, None] + _CORNERS * self.grid.cell_m
         below = self.grid.to_moving(self.grid.fixed(self.pose.position), self.t_s)
         away_m = np.hypot(middle[:, 0] - below.east_m, middle[:, 1] - below.north_m)
         heavy = weights(seen, self.pixels(corners), away_m / self.pose.height_m)
-        return np.where((seen >= HALF_SEEN) & (heavy > 0.0), shares, -1.0), heavy
+        return _told(*found, heavy), heavy
+
+    def shares_of(
+        self, marks: Marks, cells: Cells, heavy: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The shares of other marks on the same picture, of which the weights are known."""
+        return _told(*self._seen(marks, cells), heavy)
 
     def _seen(self, marks: Marks, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The part of each cell that is marked, and that is seen."""
@@ -93,6 +99,13 @@ class Laid:
 
     def _over(self, terrain: Terrain) -> OverTerrain:
         return OverTerrain(self.camera, self.pose, self.grid, self.t_s, terrain)
+
+
+def _told(
+    shares: NDArray[np.float64], seen: NDArray[np.float64], heavy: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Shares, and -1 where not half of a cell is seen, or what is seen weighs nothing."""
+    return np.where((seen >= HALF_SEEN) & (heavy > 0.0), shares, -1.0)
 
 
 def _array(cells: tuple[Cell, ...]) -> Cells:

@@ -33,6 +33,7 @@ from uavmap.fly.progress import LINE_LIMIT, Progress
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.fine_map import FineMap, beneath, scene_of
+from uavmap.offline.freed import set_apart
 from uavmap.offline.gathering import Gathered, gather
 from uavmap.offline.judging import Judge, Task
 from uavmap.offline.lenses import Lenses
@@ -137,7 +138,7 @@ class Looked:
     def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
         scene = scene_of(self.setting, self.footings())
-        with beside(partial(self._drawn, scene)) as fine:
+        with set_apart(), beside(partial(self._drawn, scene)) as fine:
             return self._written(journal, folder, progress, scene, fine)
 
     def _drawn(self, scene: Scene | None, go_on: GoOn) -> FineMap | None:
@@ -357,7 +358,7 @@ def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
         if shot.reason or not turned or shot.camera is None:
             continue
         said = spool.get(number)
-        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said.cells, said.marks)
+        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said)
         spool.put(number, said._replace(shares=shares))
         shot.turned = True
 

@@ -37,6 +37,7 @@ COARSEST_M: Final = 0.5
 PIXELS_A_CELL: Final = 4
 """At least so many pixels of the raster along the edge of a cell."""
 _SIDE: Final = 2048  # of a block
+_LOOSE_BYTES: Final = 16_000_000  # so much is kept as it is; what comes after that is squeezed
 _MARGIN: Final = 4  # pixels around all that is shown
 _WEIGHTS: Final = (0.1, 4.0)  # of a picture's resolution beside the usual
 
@@ -148,11 +149,17 @@ class Surface:
     """Levels of probability over a raster, block by block; see `vision.fusion`."""
 
     raster: Raster
-    _blocks: dict[Window, bytes] = field(default_factory=dict)
+    _blocks: dict[Window, bytes | Levels] = field(default_factory=dict)
+    _loose_bytes: int = 0
 
     def put(self, block: Window, levels: Levels) -> None:
         """Keep a block; where nothing was seen nothing is kept."""
-        if (levels != UNSEEN).any():
+        if (levels == UNSEEN).all():
+            return
+        if self._loose_bytes + levels.nbytes <= _LOOSE_BYTES:  # squeezing takes time
+            self._loose_bytes += levels.nbytes
+            self._blocks[block] = levels
+        else:
             self._blocks[block] = zlib.compress(levels.tobytes(), 1)
 
     def blocks(self) -> Iterator[tuple[Window, Levels]]:
@@ -180,9 +187,12 @@ class Surface:
 
     def _get(self, into: Levels, window: Window, block: Window) -> None:
         """What is known of a block, into the levels of a window, of which it has a part."""
-        data = self._blocks.get(block)
-        if data is not None:
-            levels = np.frombuffer(zlib.decompress(data), np.uint8).reshape(block.shape)
+        kept = self._blocks.get(block)
+        if kept is not None:
+            if isinstance(kept, bytes):
+                levels = np.frombuffer(zlib.decompress(kept), np.uint8).reshape(block.shape)
+            else:
+                levels = kept
             part = block.common(window)
             into[part.within(window)] = levels[part.within(block)]
 
@@ -217,8 +227,8 @@ def fused(
             ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
             levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
             return [
-                (shown, laying.sampled(levels), laying.weight * np.float32(ratio))
-                for shown, laying in entry.overlay.laid(scene.raster, part)
+                (shown, laying.sampled(levels), laying.weight)
+                for shown, laying in entry.overlay.laid(scene.raster, part, ratio)
             ]
 
         def jobs(

@@ -69,9 +69,8 @@ def _cells(data: MapData) -> Iterator[str]:
     parts: numbers, and names of states that need no quoting."""
 
     def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
-        lons = [_longitude(lon, data.start) for lon in lon_deg.tolist()]
-        lats = [round(lat, DECIMALS) for lat in lat_deg.tolist()]
-        return [f"[{lon!r}, {lat!r}]" for lon, lat in zip(lons, lats, strict=True)]
+        both = zip(_turned(data, lon_deg).tolist(), lat_deg.tolist(), strict=True)
+        return [f"[{round(lon, DECIMALS)!r}, {round(lat, DECIMALS)!r}]" for lon, lat in both]
 
     parts = zip(data.table.parts(), data.corners.written(places), strict=True)
     for table, rings in parts:
@@ -91,9 +90,14 @@ def _extremes(data: MapData) -> list[Coordinates]:
     lons, lats = data.corners.lon_deg, data.corners.lat_deg
     if not len(lons):
         return []
-    turned = lons + 360.0 * np.round((data.start.lon_deg - lons) / 360.0)
+    turned = _turned(data, lons)
     corners = np.array([[turned.min(), lats.min()], [turned.max(), lats.max()]])
     return [[round(value, DECIMALS) for value in corner] for corner in corners.tolist()]
+
+
+def _turned(data: MapData, lon_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitudes in the turn of the start's."""
+    return lon_deg + 360.0 * np.round((data.start.lon_deg - lon_deg) / 360.0)
 
 
 def _outline(data: MapData, date: dict[str, str]) -> Feature:

@@ -153,15 +153,13 @@ def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> 
 
 def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[object, ...]]:
     """The rows as SQLite holds them."""
-    flags = [field.kind == "yes or no" for field in layer.fields]
-    if not any(flags):
-        yield from rows
-        return
+    flags = [at for at, field in enumerate(layer.fields) if field.kind == "yes or no"]
     for row in rows:
-        yield tuple(
-            int(value) if flag and value is not None else value
-            for flag, value in zip(flags, row, strict=True)
-        )
+        values = list[object](row)
+        for at in flags:
+            value = row[at]
+            values[at] = None if value is None else int(value)
+        yield tuple(values)
 
 
 def _blobs(layer: Layer, shapes: Shapes, srs: int) -> Iterator[bytes | None]:

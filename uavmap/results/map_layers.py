@@ -154,9 +154,11 @@ def _cells(flown: Flown) -> Layer:
     half_m = data.grid.cell_m / 2.0
 
     def squares(part: slice) -> Shapes:
-        east, north = data.grid.cell_m * data.table.cells[part].T.astype(np.float64)
-        boxes = shapely.box(east - half_m, north - half_m, east + half_m, north + half_m)
-        return _of_region(flown, boxes)
+        middle = data.grid.cell_m * data.table.cells[part].astype(np.float64)
+        drift = _drifted(flown)
+        # the axes of the grid are those of the projection
+        low, high = (_projected(data.grid, middle + more_m + drift) for more_m in (-half_m, half_m))
+        return np.array(shapely.box(*low.T, *high.T), dtype=object)
 
     return Layer("cells", "Cells", "Polygon", False, fields, squares, _CellValues(data.table))
 

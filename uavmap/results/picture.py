@@ -7,7 +7,7 @@ machine: the letters are Pillow's own.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from shapely.geometry.base import BaseGeometry
 
 from missions.units import GridPoint
+from uavmap.results import png
 from uavmap.results.atomic import write_bytes
 from uavmap.results.canvas import INK, LAND, PAPER, Canvas
 from uavmap.results.legend import Entry, draw_legend, legend_height_px
@@ -77,10 +78,15 @@ def write(data: MapData, path: Path, beneath: Beneath | Base | None = None) -> N
     `beneath` is the ground, or the base that was drawn of the same map meanwhile.
     """
     lower = beneath if isinstance(beneath, Base) else base(data, beneath)
+    drawn = _drawn(data, lower)
+    write_bytes(path, png.encode(np.asarray(drawn)) if lower.photographs else _small(drawn))
+
+
+def _small(image: Image.Image) -> bytes:
+    """PNG of an image of few colours."""
     buffer = io.BytesIO()
-    # a photograph is noise, which does not become smaller by trying harder
-    _drawn(data, lower).save(buffer, "PNG", compress_level=1 if lower.photographs else 6)
-    write_bytes(path, buffer.getvalue())
+    image.save(buffer, "PNG")
+    return buffer.getvalue()
 
 
 def map_corner_px() -> tuple[int, int]:
@@ -94,27 +100,37 @@ def draw(data: MapData, beneath: Beneath | None = None) -> Image.Image:
 
 
 def _drawn(data: MapData, lower: Base) -> Image.Image:
-    view, k = lower.view, OVERSAMPLING
+    """Three images side by side, each drawn large and shrunk: all of it at once would be so much
+    memory that getting it takes longer than drawing."""
+    view = lower.view
     left, top = map_corner_px()
     entries = list(_entries(data))
-    size = (
-        left + view.width_px + MARGIN_PX + LEGEND_PX,
-        top + max(view.height_px, legend_height_px(len(entries))) + MARGIN_PX,
-    )
-    picture = Image.new("RGB", (size[0] * k, size[1] * k), PAPER)
+    below = max(view.height_px, legend_height_px(len(entries))) + MARGIN_PX
+    beside = MARGIN_PX + LEGEND_PX
     _lines(data, lower.canvas)
-    picture.paste(lower.canvas.image, (left * k, top * k))
-    pen = ImageDraw.Draw(picture)
-    pen.rectangle(
-        (left * k, top * k, (left + view.width_px) * k, (top + view.height_px) * k),
-        outline=FAINT,
-        width=k,
-    )
+    picture = Image.new("RGB", (left + view.width_px + beside, top + below), PAPER)
+    picture.paste(_title(data, picture.width), (0, 0))
+    picture.paste(_legend(entries, beside, view), (left + view.width_px, top))
+    picture.paste(lower.canvas.shown(), (left, top))
+    frame = (left, top, left + view.width_px - 1, top + view.height_px - 1)
+    ImageDraw.Draw(picture).rectangle(frame, outline=FAINT)
+    return picture
+
+
+def _title(data: MapData, width_px: int) -> Image.Image:
+    k, left = OVERSAMPLING, MARGIN_PX
+    large = Image.new("RGB", (width_px * k, TITLE_PX * k), PAPER)
+    pen = ImageDraw.Draw(large)
     pen.text((left * k, 16 * k), data.mission, fill=INK, font=font(26 * k))
     pen.text((left * k, 46 * k), _subtitle(data), fill=FAINT, font=font(14 * k))
-    corner = ((left + view.width_px + MARGIN_PX) * k, top * k)
-    draw_legend(pen, corner, entries, view.px_per_m * k, k)
-    return picture.reduce(k)  # the mean of k by k pixels
+    return large.reduce(k)  # the mean of k by k pixels
+
+
+def _legend(entries: Sequence[Entry], width_px: int, view: View) -> Image.Image:
+    k = OVERSAMPLING
+    large = Image.new("RGB", (width_px * k, legend_height_px(len(entries)) * k), PAPER)
+    draw_legend(ImageDraw.Draw(large), (MARGIN_PX * k, 0), entries, view.px_per_m * k, k)
+    return large.reduce(k)
 
 
 def _subtitle(data: MapData) -> str:
@@ -138,31 +154,33 @@ def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 # --- the map ---------------------------------------------------------------------------------
 def _lines(data: MapData, canvas: Canvas) -> None:
     """What is drawn over cells and ground."""
+    drift_m = np.array(ground(data, GridPoint(0.0, 0.0)))
     for ring in _rings(data.outline):
-        canvas.line([ground(data, point) for point in ring], OUTLINE, 2.5)
+        canvas.line(ring + drift_m, OUTLINE, 2.5)
     if data.boundary is not None:
         for ring in _rings(data.boundary):
-            canvas.line([ground(data, point) for point in ring], BOUNDARY, 1.3)
+            canvas.line(ring + drift_m, BOUNDARY, 1.3)
     for track in data.tracks:
-        canvas.line(track_on_map(data, track), track_colour(track.vehicle), 1.3, alpha=200)
+        points = np.array(track_on_map(data, track)).reshape(-1, 2)
+        canvas.line(points, track_colour(track.vehicle), 1.3, alpha=200)
     if data.truth is not None:
         for ring in _rings(data.truth):
-            canvas.line([ground(data, point) for point in ring], TRUTH, 2.0)
+            canvas.line(ring + drift_m, TRUTH, 2.0)
     for lane in data.unsearched:
-        canvas.line(ring_on_map(data, lane), UNSEARCHED, 3.0)
+        canvas.line(np.array(ring_on_map(data, lane)), UNSEARCHED, 3.0)
     canvas.dashes(ring_on_map(data, data.box), BOX, dash_px=9)
     for hole in (data.fence, *data.fence_holes):
         canvas.dashes(ring_on_map(data, hole), FENCE, dash_px=4)
     canvas.flag(data.grid.fixed(data.start))
 
 
-def _rings(shape: BaseGeometry) -> Iterator[list[GridPoint]]:
-    """Every ring of a polygon or of many, closed."""
+def _rings(shape: BaseGeometry) -> Iterator[NDArray[np.float64]]:
+    """Every ring of a polygon or of many, closed; shape (n, 2)."""
     for part in shapely.get_parts(shape):
         if part.geom_type == "Polygon" and not part.is_empty:
             for ring in (part.exterior, *part.interiors):
-                points = [GridPoint(x, y) for x, y, *_ in ring.coords]
-                yield [*points, points[1]]  # past the seam, so that its corner is round as well
+                points = shapely.get_coordinates(ring)
+                yield np.vstack([points, points[1]])  # past the seam: its corner is round as well
 
 
 NAMES: Mapping[State, str] = MappingProxyType(

@@ -82,6 +82,8 @@ def test_masks_overlays_and_results_below_the_photographs_are_left_out(
     (photos / "painted").mkdir()
     drawn.convert("1").save(photos / "painted" / "0.png")
     drawn.save(photos / "1-looked.png")
+    for number, name in enumerate(("0.jpg.png", "1_mask.png")):
+        paint(10.0, 12.0 + number, 0.0).save(photos / "painted" / name)
     eyes(photos / "my-field")
     (photos / "my-field" / "overlays").mkdir()
     drawn.save(photos / "my-field" / "overlays" / "0.jpg")
@@ -90,7 +92,7 @@ def test_masks_overlays_and_results_below_the_photographs_are_left_out(
     assert [p.name for p in found.pictures] == [p.name for p in alone]
     assert not found.refused
     assert "2 folders that uavmap has written" in found.left_out
-    assert "2 drawn on pictures of the folder: masks, overlays" in found.left_out
+    assert "4 drawn on pictures of the folder: masks, overlays" in found.left_out
     # a picture without tags that is named after no other is named as before
     Image.new("RGB", (100, 80)).save(photos / "other.png")
     assert "other.png" in [p.name for p in gather(Folder(photos)).pictures]

@@ -20,6 +20,8 @@ OURS = frozenset({"journal.db", "detector.toml"})
 """A folder with one of these holds results, or a detector with its overlays, and no photographs."""
 LOOKED = "-looked"
 """What `uavmap look` adds to the name of a picture that it has drawn on."""
+MASK = "_mask"
+"""What OpenDroneMap adds to the name of a picture for its mask."""
 _KINDS_NAMED = 6
 
 
@@ -123,8 +125,14 @@ class Folder:
 
 
 def _original(path: Path) -> str:
-    """The name, without ending, of the picture on which this one was drawn, if it was."""
-    return path.stem.removesuffix(LOOKED)
+    """The name, without ending, of the picture on which this one was drawn, if it was.
+
+    >>> [_original(Path(name)) for name in ("a.png", "a.JPG.png", "a_mask.png", "a-looked.png")]
+    ['a', 'a', 'a', 'a']
+    """
+    stem = path.stem.removesuffix(LOOKED).removesuffix(MASK)
+    drawn_on = Path(stem)
+    return drawn_on.stem if drawn_on.suffix.lower() in SUFFIXES else stem
 
 
 def _names(folder: Path) -> list[str]:

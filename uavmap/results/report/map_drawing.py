@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from missions.units import GridPoint
-from uavmap.results.boundary_file import runs
 from uavmap.results.boundary_told import BoundaryTold
 from uavmap.results.flown import Flown
 from uavmap.results.legend import nice_length_m
+from uavmap.results.outline import runs
 from uavmap.results.palette import (
     BOUNDARY,
     OUTLINE,

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
+from shapely.geometry import Polygon
 
 from missions.units import Cell, GridPoint
-from uavmap.results import legend, picture
+from uavmap.results import canvas, legend, picture
 from uavmap.results.model import MapData
 from uavmap.results.palette import STATES, TRUTH, Colour, track_colour
 from uavmap.results.view import view_of
@@ -85,6 +88,22 @@ def test_the_same_map_gives_the_same_bytes(tmp_path: Path, make_map: MapMaker) -
     with Image.open(tmp_path / "a.png") as image:
         assert image.format == "PNG"
         assert image.size == picture.draw(make_map()).size
+
+
+@pytest.mark.parametrize("rows", [7, 64])
+def test_bands_leave_no_trace(
+    rows: int, make_map: MapMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = make_map(drift_m_s=0.4)
+    data = replace(data, boundary=Polygon([(-3.1, -2.2), (14.3, 1.7), (9.9, 17.6), (-1.2, 12.4)]))
+    view = view_of(data)
+    ground = np.full((view.height_px, view.width_px, 4), 255, np.uint8)
+    ground[:, ::3, :3] = 40
+    for beneath in (None, lambda _: ground.copy()):
+        monkeypatch.setattr(canvas, "_ROWS", rows)
+        banded = np.asarray(picture.draw(data, beneath))
+        monkeypatch.setattr(canvas, "_ROWS", 10_000)
+        assert np.array_equal(banded, np.asarray(picture.draw(data, beneath)))
 
 
 def test_a_map_of_nothing_still_shows_the_box(empty_map: MapData) -> None:
