@@ -2,7 +2,7 @@
 
     own frames -> OwnCells -> facts            what our frames have decided      .own_cells
     facts of all <- Knowledge -> what is missing                                 .knowledge
-    facts in any order -> the map of all                                         .joined
+    facts in any order -> the map of all                  missions.flight.joined
     facts, presence <-> bytes                                                    .codec, .bits
 
 Pure as all of `missions`: `uavmap.fleet` sends and receives the bytes.

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from missions.events import Apart, Event, Heard, Shared
-from missions.fleet.joined import joined
+from missions.flight.joined import joined
 from missions.ground.grid import Grid
 from missions.state import Setting, State
 from missions.units import Cell

@@ -32,9 +32,9 @@ from missions.events import (
 )
 from missions.fleet.bits import BytesError
 from missions.fleet.codec import Ask, Batch, Does, Message, Presence, Word, decode, encode
-from missions.fleet.joined import Facts
 from missions.fleet.knowledge import Knowledge
 from missions.flight.deconfliction import meets
+from missions.flight.joined import Facts
 from missions.flight.lane_numbers import lanes_held
 from missions.flight.members import may_close
 from missions.orders import FlyPath

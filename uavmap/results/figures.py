@@ -10,8 +10,8 @@ from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.arena.passing_bound import passing_bound_s
 from missions.events import Event
-from missions.fleet.joined import Facts, concluded
 from missions.flight.fallback import moves_s, whole_bound_s
+from missions.flight.joined import Facts, concluded
 from missions.flight.optics import kinematics
 from missions.mapping.belief import FrameId
 from missions.mapping.patches import patches

@@ -28,8 +28,8 @@ from missions.events import (
     Shared,
     Tracked,
 )
-from missions.fleet.joined import Facts
 from missions.fleet.knowledge import Knowledge
+from missions.flight.joined import Facts
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.record.reading import JournalReader

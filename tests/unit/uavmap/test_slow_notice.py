@@ -31,10 +31,10 @@ def test_fly_and_resume_tell_it_once(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def flown(self: flight._Flight) -> dict[str, Any]:
+    def flown(self: flight.Flight) -> dict[str, Any]:
         return {"completed": False}
 
-    monkeypatch.setattr(flight._Flight, "run", flown)
+    monkeypatch.setattr(flight.Flight, "run", flown)
     monkeypatch.setattr(jit, "COMPILED", compiled)
     out = str(tmp_path / "out")
     for command in (["fly", str(TINY), "--sim", "--strategy", strategy], ["resume"]):

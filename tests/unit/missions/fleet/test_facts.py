@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.events import Event, FrameSeen, Shared, SharedFrame, Vote
-from missions.fleet.joined import joined
 from missions.fleet.knowledge import Knowledge
 from missions.fleet.own_cells import OwnCells
+from missions.flight.joined import joined
 from missions.mapping.belief import Belief, FrameId
 from missions.mission_file.checks import parse_mission
 from missions.state import Setting, State

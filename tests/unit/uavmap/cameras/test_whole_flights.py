@@ -26,7 +26,7 @@ from uavmap.cameras.picture_server import PictureStore
 from uavmap.cameras.pose import Poses
 from uavmap.cameras.source import FrameSource
 from uavmap.cameras.triggered import TriggeredSource
-from uavmap.fly.flight import _Flight
+from uavmap.fly.flight import Flight
 from uavmap.fly.links import Link
 from uavmap.fly.progress import Progress
 from uavmap.link.session import Session
@@ -92,7 +92,7 @@ Rig = Callable[
 ]
 
 
-class RiggedFlight(_Flight):
+class RiggedFlight(Flight):
     """A simulated flight with another camera."""
 
     rig: Rig
