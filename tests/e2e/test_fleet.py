@@ -20,18 +20,21 @@ from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 
 PADS = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
-TRUE = [(10.0, 30.0), (44.0, 26.0), (46.0, 44.0), (30.0, 52.0), (12.0, 46.0)]
+TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]
 
 
 def made(tmp_path: Path, vehicles: int = 3) -> Path:
-    """A field of 56 m x 56 m with a region, pads in a row south of it."""
+    """A field of 44 m x 36 m with a region, pads in a row south of it."""
     text = mission_text(
-        square(-6.0, 14.0, 56.0, 48.0),
+        square(0.0, 14.0, 44.0, 36.0),
         square(-20.0, -14.0, 84.0, 92.0),
         vehicles=vehicles,
         homes=PADS[:vehicles],
         capacity_wh=60.0,
         strategy="swath",
+    )
+    text = text.replace(
+        "[camera]", "[camera]\nwidth_px = 240\nheight_px = 180\npixels_per_cell = 20"
     )
     text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
     file = tmp_path / "field.toml"
