@@ -127,7 +127,7 @@ def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
     """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
 
     Of two who hold the same lane the one keeps it in whose order it stands earlier, and at a tie
-    the one with the lower number. They may see it differently for a moment: then both fly it, or
+    the one with the lower number; nobody leaves the lane that it is on. They may see it differently for a moment: then both fly it, or
     neither has it, and whoever is done first takes it up.
     """
     theirs = {number: place for place, number in enumerate(event.lanes)}
@@ -142,7 +142,7 @@ def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
         kept = []
         for place, lane in enumerate(ours.lanes):
             their_place = theirs.get(-1 if (n := lane_number(setting, lane)) is None else n)
-            mine = (place, ours.vehicle)
+            mine = (-1 if ours.on_lane and place == 0 else place, ours.vehicle)
             if their_place is None or mine < (their_place, event.vehicle):
                 kept.append(lane)
         if len(kept) < len(ours.lanes):
