@@ -27,6 +27,8 @@ from uavmap.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, NOBODY_READS, USER_ER
 COMMANDS: Final = {
     "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
+    "onboard": "fly one vehicle of a fleet, from its own computer",
+    "merge": "make one map of the journals of a fleet, or of several flights",
     "resume": "go on with an interrupted mission",
     "watch": "show a flight in a browser, live or from its journal",
     "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",

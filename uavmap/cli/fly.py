@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from missions.errors import LinkError, NotFlownError, leaves
-from missions.mission_file.checks import STRATEGIES
-from uavmap.cameras.spec import HELP
-from uavmap.cli.common import (
-    DETECTOR_HELP,
-    EXIT_CODES,
-    report,
-    seed_number,
-    speedup,
-    vehicle_count,
+from missions.errors import LinkError
+from missions.mission_file.schema import Mission
+from uavmap.cli.common import EXIT_CODES, report, seed_number, vehicle_count
+from uavmap.cli.flight_options import (
+    add_camera_option,
+    add_flight_options,
+    add_mission,
+    begin,
+    preflight_of,
 )
-from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
-from uavmap.fly.before_flight import Preflight
-from uavmap.fly.flight import fly
+from uavmap.cli.link_options import key_file
+from uavmap.cli.page_options import check_beside
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.planned import Wanted, planned
 from uavmap.fly.progress import Terminal
 from uavmap.fly.simulated_fleet import fly_fleet
-from uavmap.mission_source import shipped_missions
-from uavmap.offline.after_flight import draw_boundary, kept_frames
-from uavmap.preflight.plan_figures import plan_lines
-from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, FlightPlan
+from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.results_folder import results_folder
 
 _EXAMPLES = """\
@@ -66,11 +58,7 @@ def add_parser(commands: Any) -> None:
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "mission",
-        metavar="MISSION",
-        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
-    )
+    add_mission(parser)
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--sim", action="store_true", help="simulate the aircraft in this process, on virtual time"
@@ -82,18 +70,10 @@ def add_parser(commands: Any) -> None:
         default=[],
         help="where a vehicle is reached; once a vehicle (default: the URLs of the mission file)",
     )
-    parser.add_argument(
-        "--camera",
-        metavar="SPEC",
-        action="append",
-        default=[],
-        help=f"the camera of a vehicle, once a vehicle, in the order of --connect: {HELP} "
-        "(default: those of the mission file, else mavlink)",
-    )
+    add_camera_option(parser, "a vehicle, once a vehicle, in the order of --connect")
     parser.add_argument(
         "--vehicles", metavar="N", type=vehicle_count, help="fly with so many vehicles"
     )
-    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(STRATEGIES)}")
     parser.add_argument(
         "--seed", metavar="S", type=seed_number, default=1, help="of the simulation (default 1)"
     )
@@ -105,77 +85,13 @@ def add_parser(commands: Any) -> None:
         "delay:SECONDS, jitter:SECONDS, rate:BYTES_A_SECOND (default: one service for all)",
     )
     parser.add_argument(
-        "--speedup",
-        metavar="X",
-        type=speedup,
-        help="times real time; with --sim the default is as fast as it goes, with --connect 1",
-    )
-    parser.add_argument(
-        "--auto-swap",
-        action="store_true",
-        help="take off again as soon as a battery is fresh, unasked; only for simulators "
-        "(the bundled one is recognised)",
-    )
-    parser.add_argument(
-        "--driver",
-        choices=DRIVERS,
-        default=PYMAVLINK,
-        help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
-        "(default), or MAVSDK; not with --sim",
-    )
-    parser.add_argument(
         "--onboard",
         action="store_true",
         help="the service flies with the vehicle: no ground station to a PX4, which then says its "
         "texts, and its failsafe for a lost ground station listens, to others",
     )
-    add_link_options(parser)
-    _add_preflight_options(parser)
-    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
-    parser.add_argument(
-        "--keep-frames",
-        action="store_true",
-        help="keep every picture with its pose in the results, for `uavmap replay`",
-    )
-    add_page_options(parser)
-    add_rerun_option(parser)
-    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_flight_options(parser)
     parser.set_defaults(run=run)
-
-
-def _fly_fleet(
-    options: argparse.Namespace, plan: FlightPlan, folder: Path, progress: Terminal
-) -> int:
-    """Fly a simulated fleet whose members each have a service of their own."""
-    if not options.sim:
-        raise LinkError(
-            "--comms is for --sim; on real aircraft each computer runs `uavmap onboard`"
-        )
-    summary = fly_fleet(replace(plan, comms=options.comms), folder, progress)
-    return report(summary, folder, as_json=options.json)
-
-
-def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
-    """Add what concerns the time before the first take-off."""
-    parser.add_argument(
-        "--yes",
-        action="store_true",
-        help="take off without a question; what must not be passed over (fence, battery, camera) "
-        "keeps everybody on the ground all the same",
-    )
-    parser.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="look at everything, set fences and return heights, put them back, and arm nothing; "
-        "exit code 3 where the mission could not be flown",
-    )
-    parser.add_argument(
-        "--keep-fence",
-        action="store_true",
-        help="leave fence, rally points and return heights of the autopilots as they are; a "
-        "mission that leaves such a fence is not flown",
-    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -198,30 +114,19 @@ def run(options: argparse.Namespace) -> int:
     )
     check_beside(options)
     plan, mission = planned(wanted)
-    progress = Terminal()
-    plan = with_ground(plan, progress.say)
-    folder = results_folder(options.out, mission.name)
-    progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
-    if mission.camera.calibration is not None:
-        progress.say("camera.calibration is for recorded pictures; this flight uses hfov_deg")
-    preflight = Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
-    code, summary = 0, None
     if options.comms is not None:
-        return _fly_fleet(options, plan, folder, progress)
-    try:
-        before = None if options.sim else preflight
-        with beside(options, plan, folder, progress) as (heard, seen):
-            summary = fly(
-                plan, folder, heard, before, keep_frames=options.keep_frames, onlooker=seen
-            )
-    except* NotFlownError as group:
-        for over in leaves(group):
-            complain(str(over))
-            if isinstance(over, NotFlownError) and not over.could_fly:
-                code = INCOMPLETE
-    if summary is None:
-        return code
-    code = report(summary, folder, as_json=options.json)
-    if kept_frames(folder) and code != AIRCRAFT_DOWN:
-        draw_boundary(folder, progress, complain)
-    return code
+        return _fly_fleet(options, plan, mission)
+    return begin(options, plan, mission, None if options.sim else preflight_of(options))
+
+
+def _fly_fleet(options: argparse.Namespace, plan: FlightPlan, mission: Mission) -> int:
+    """Fly a simulated fleet whose members each have a service of their own."""
+    if not options.sim:
+        raise LinkError(
+            "--comms is for --sim; on real aircraft each computer runs `uavmap onboard`"
+        )
+    progress, folder = Terminal(), results_folder(options.out, mission.name)
+    plan = with_ground(plan, progress.say)
+    progress.say(f"{mission.name} into {folder}")
+    summary = fly_fleet(replace(plan, comms=options.comms), folder, progress)
+    return report(summary, folder, as_json=options.json)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
+from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
 from uavmap.fly.flight import plan_of, resume
@@ -26,6 +28,7 @@ examples:
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
   uavmap resume results/field-3 --recover
   uavmap resume results/field-3 --recall
+  uavmap resume results/bay-2 --listen 'udp/224.0.0.224:7447#iface=wlan1'
   uavmap resume results/field-3 --page                 a live page in the browser
 
 A simulated flight is repeated up to its last event, each event checked against the journal, and
@@ -77,6 +80,7 @@ def add_parser(commands: Any) -> None:
         help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
     )
     add_link_options(parser)
+    add_fleet_options(parser)
     add_page_options(parser)
     add_rerun_option(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
@@ -99,6 +103,7 @@ def run(options: argparse.Namespace) -> int:
             cameras=tuple(options.camera),
             key_file=key_file(options),
             forward=None if options.forward is None else tuple(options.forward),
+            network=partial(network_of, options) if given_network(options) else None,
             from_home=options.from_home,
             recall=options.recall,
             ask=_ask if at_terminal else None,

@@ -156,6 +156,11 @@ class AirRadio:
     air: Air
     member: int
 
+    @property
+    def overhead_bytes(self) -> int:
+        """What a datagram takes on the air besides itself."""
+        return OVERHEAD_BYTES
+
     def send(self, datagram: bytes) -> None:
         """Send to all in range."""
         self.air.carry(self.member, datagram)

@@ -40,7 +40,6 @@ from missions.flight.members import may_close
 from missions.orders import FlyPath
 from missions.state import Column, Phase, Setting, State, VehicleState
 from missions.units import GridPoint
-from uavmap.comms.air import OVERHEAD_BYTES
 from uavmap.comms.radio import Radio
 from uavmap.comms.sealing import CODE_BYTES, Seal
 
@@ -55,7 +54,8 @@ BYTES_A_MINUTE: Final = 4_500
 """What a member may send, headers included: 5 kB is what a narrow radio has for each."""
 BURST_BYTES: Final = 900
 """So much may be saved up; a datagram stays below what any network carries whole."""
-HEADER_BYTES: Final = OVERHEAD_BYTES + CODE_BYTES + 12
+HEADER_BYTES: Final = CODE_BYTES + 12
+"""Of a seal."""
 PATH_S: Final = 8.0
 """The places of a path that are told lie so far apart..."""
 PATH_PLACES: Final = 4
@@ -299,7 +299,8 @@ class Member:
         for errand in self._seal.errands():
             self._send(errand)
         message = self._message(now_s)
-        spare = int(self._budget) - HEADER_BYTES - len(encode(message))
+        sealed_bytes = HEADER_BYTES + len(encode(message))
+        spare = int(self._budget) - self._radio.overhead_bytes - sealed_bytes
         if spare < 0 and not self._urgent and now_s - self._beaten_s < QUIET_S - 1e-6:
             return
         self._beaten_s, self._urgent = now_s, False
@@ -328,7 +329,7 @@ class Member:
         )
 
     def _send(self, datagram: bytes) -> None:
-        self._budget -= len(datagram) + OVERHEAD_BYTES
+        self._budget -= len(datagram) + self._radio.overhead_bytes
         self._radio.send(datagram)
 
     def _batches(self, now_s: float, room: int) -> tuple[Batch, ...]:

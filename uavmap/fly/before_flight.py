@@ -61,7 +61,7 @@ class BeforeFlight:
         self._folder = folder
         self._say = say
         self._keep_fence = keep_fence or (wanted is not None and wanted.keep_fence)
-        self._links = dict(enumerate(links, start=1))
+        self._links = dict(enumerate(links, start=setting.member or 1))
         self._examinations = {
             number: Examination(number, link.session, link.camera)
             for number, link in self._links.items()

@@ -21,10 +21,13 @@ def settings_of(camera: CameraSection) -> Settings:
     return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
 
 
-def cameras_of(given: Sequence[str], mission: Mission) -> list[CameraSpec]:
+def cameras_of(
+    given: Sequence[str], mission: Mission, member: int | None = None
+) -> list[CameraSpec]:
     """The camera of each vehicle: of the command line, else of the mission file.
 
-    Raises `LinkError` for what is no camera.
+    Of a member of a fleet that of its own vehicle only. Raises `LinkError` for what is no camera.
     """
-    written = given or [v.camera or "mavlink" for v in mission.vehicles]
+    ours = mission.vehicles if member is None else mission.vehicles[member - 1 : member]
+    written = given or [v.camera or "mavlink" for v in ours]
     return [parse_camera(text) for text in written]

@@ -20,6 +20,7 @@ from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.comms.fleet_radio import check_network, joined_fleet
 from uavmap.comms.member import AGREE_S, Member, talking
 from uavmap.comms.radio import Radio
 from uavmap.comms.sealing import Seal
@@ -40,7 +41,14 @@ from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
 from uavmap.kept_detector import drop_detector, keep_detector
 from uavmap.link.urls import parse_url
-from uavmap.record.flight_plan import JOURNAL, REHOMED, TLOG, Driver, FlightPlan
+from uavmap.record.flight_plan import (
+    JOURNAL,
+    REHOMED,
+    TLOG,
+    Driver,
+    FleetNetwork,
+    FlightPlan,
+)
 from uavmap.record.frames import FrameKeeper, Keeper
 from uavmap.record.journal import Journal
 from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
@@ -88,6 +96,7 @@ def fly(
             "simulated ground; give it a polygon"
         )
     check_urls(plan.urls)
+    check_network(plan.network)
     for url in plan.forward:
         parse_url(url)
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
@@ -124,6 +133,7 @@ def resume(
     cameras: tuple[str, ...] = (),
     key_file: str | None = None,
     forward: tuple[str, ...] | None = None,
+    network: Callable[[FleetNetwork | None], FleetNetwork] | None = None,
     from_home: bool = False,
     recall: bool = False,
     ask: Callable[[str], bool] | None = None,
@@ -136,9 +146,10 @@ def resume(
     more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
     stand at home with full batteries instead, as after a failsafe brought them back, and only
     the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
-    with them instead of the one before. With `recall` whoever is in the air comes home and lands,
-    and nothing takes off. `ask` puts a question to the operator, where there is one. `onlooker`
-    sees what was before, and all that `fly` shows to one.
+    with them instead of the one before; `network` makes the network of now of that before. With
+    `recall` whoever is in the air comes home and lands, and nothing takes off. `ask` puts a
+    question to the operator, where there is one. `onlooker` sees what was before, and all that
+    `fly` shows to one.
 
     Raises as `fly` does, and `JournalError` for a `recall` of aircraft that are simulated here.
     """
@@ -159,7 +170,9 @@ def resume(
             cameras=cameras or plan.cameras,
             key_file=key_file or plan.key_file,
             forward=plan.forward if forward is None else forward,
+            network=plan.network if network is None else network(plan.network),
         )
+        _refuse_network(plan, folder)
         plan.check_driver()
         setting = plan.setting(progress.say)
         again = plan.simulated and not (from_home or plan.rehomed)
@@ -188,6 +201,16 @@ def resume(
         flight.onlooker = onlooker
         flight.caller = caller
         return flight.run()
+
+
+def _refuse_network(plan: FlightPlan, folder: Path) -> None:
+    """Raise `LinkError` for a network that cannot be opened, or that no member is to have."""
+    if plan.member is None and plan.network is not None:
+        raise LinkError(
+            f"{folder}: --listen, --peer, --router and --fleet-key go with a flight that "
+            "`uavmap onboard` began; this one flies all its vehicles itself"
+        )
+    check_network(plan.network)
 
 
 def plan_of(journal: Journal) -> FlightPlan:
@@ -375,10 +398,14 @@ class Flight:
     async def _fly_connected(self) -> None:
         plan, setting, say = self._plan, self._setting, self._progress.say
         with self._log() as log:
-            camera, cameras = setting.mission.camera, cameras_of(plan.cameras, setting.mission)
-            async with opened_links(
-                plan.urls, LinkOptions.of(plan), cameras, camera, log.record, say
-            ) as links:
+            camera = setting.mission.camera
+            cameras = cameras_of(plan.cameras, setting.mission, setting.member)
+            async with (
+                opened_links(
+                    plan.urls, LinkOptions.of(plan), cameras, camera, log.record, say
+                ) as links,
+                joined_fleet(plan, setting.mission, self._journal, say) as (self.radio, self.seal),
+            ):
                 await self._serve(links)
 
     # --- both ------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from missions.errors import LinkError, MissionFileError
 from missions.mission_file.schema import Mission
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import PYMAVLINK, SIM_EPOCH_UTC_S, Driver, FlightPlan
+from uavmap.record.flight_plan import PYMAVLINK, SIM_EPOCH_UTC_S, Driver, FleetNetwork, FlightPlan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +24,8 @@ class Wanted:
         vehicles: How many; None: as many as the mission file, or the URLs, say.
         seed: Of the simulation.
         speedup: Times real time.
+        member: Which vehicle of the mission this one is, where each has a service of its own.
+        network: How it reaches the others then.
         key: The file of the signing key, as an absolute path.
     """
 
@@ -39,6 +41,8 @@ class Wanted:
     auto_swap: bool = False
     driver: Driver = PYMAVLINK
     onboard: bool = False
+    member: int | None = None
+    network: FleetNetwork | None = None
     key: str | None = None
     forward: tuple[str, ...] = ()
 
@@ -51,7 +55,10 @@ def planned(wanted: Wanted) -> tuple[FlightPlan, Mission]:
     source = load_source(wanted.mission, wanted.detector)
     mission = source.parse()
     urls = wanted.connect
-    if not wanted.sim and not urls:
+    if wanted.member is not None and not urls:
+        own = mission.vehicles[wanted.member - 1 : wanted.member]
+        urls = tuple(v.url for v in own if v.url is not None)
+    elif not wanted.sim and not urls:
         urls = tuple(v.url for v in mission.vehicles if v.url is not None)
         if 0 < len(urls) < len(mission.vehicles):
             raise MissionFileError(
@@ -78,9 +85,13 @@ def planned(wanted: Wanted) -> tuple[FlightPlan, Mission]:
         cameras=wanted.camera,
         key_file=None if wanted.sim else wanted.key,
         onboard=wanted.onboard,
+        member=wanted.member,
+        network=wanted.network,
         forward=wanted.forward,
         epoch_utc_s=SIM_EPOCH_UTC_S if wanted.sim else time.time(),
     )
     plan.check_driver()
-    cameras_of(plan.cameras, plan.mission())  # says what is wrong before a folder is made
+    cameras_of(
+        plan.cameras, plan.mission(), plan.member
+    )  # says what is wrong before a folder is made
     return plan, mission

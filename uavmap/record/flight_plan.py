@@ -46,6 +46,22 @@ class HasMeta(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class FleetNetwork:
+    """How a member of a fleet reaches the others: endpoints as Zenoh writes them."""
+
+    listen: tuple[str, ...] = ()
+    peers: tuple[str, ...] = ()
+    routers: tuple[str, ...] = ()
+    key_file: str | None = None
+    """Where the key of the fleet lies; the key itself is nowhere."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is nobody to be reached."""
+        return not (self.listen or self.peers or self.routers)
+
+
+@dataclass(frozen=True, slots=True)
 class FlightPlan:
     """What a flight is started with; it is written into the journal and read back."""
 
@@ -79,6 +95,8 @@ class FlightPlan:
     is the journal that was merged from those of all."""
     comms: str | None = None
     """How the members of a simulated fleet hear each other (`uavmap.comms.air`)."""
+    network: FleetNetwork | None = None
+    """How this member of a fleet of real vehicles reaches the others."""
 
     @property
     def simulated(self) -> bool:
@@ -118,6 +136,7 @@ class FlightPlan:
         if self.member is not None:
             if self.member:
                 check_fleet(mission, self.mission_source)
+                self._check_one(mission, self.member)
             return mission
         if not self.simulated and len(self.urls) != len(mission.vehicles):
             raise MissionFileError(
@@ -130,6 +149,19 @@ class FlightPlan:
                 f"{len(self.cameras)} cameras; give --camera once a vehicle, in the same order"
             )
         return mission
+
+    def _check_one(self, mission: Mission, member: int) -> None:
+        """Raise where there is not one link and one camera for the vehicle of a member."""
+        if not 0 < member <= len(mission.vehicles):
+            raise MissionFileError(
+                f"{self.mission_source}: there is no vehicle {member}, it has "
+                f"{len(mission.vehicles)} vehicles; give the number of yours with --vehicle"
+            )
+        for option, given in (("--connect", self.urls), ("--camera", self.cameras)):
+            if len(given) > 1:
+                raise LinkError(
+                    f"{option} is given {len(given)} times; a service on board flies one vehicle"
+                )
 
     def known_setting(self) -> Setting:
         """The mission as it is flown, or was. Raises `MissionFileError`."""

@@ -1,0 +1,135 @@
+"""What `uavmap fly` and `uavmap onboard` have in common: options, and the flight itself."""
+
+from __future__ import annotations
+
+import argparse
+
+from missions.errors import NotFlownError, leaves
+from missions.mission_file.checks import STRATEGIES
+from missions.mission_file.schema import Mission
+from uavmap.cameras.spec import HELP
+from uavmap.cli.common import DETECTOR_HELP, report, speedup
+from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
+from uavmap.cli.link_options import add_link_options
+from uavmap.cli.page_options import add_page_options, add_rerun_option, beside
+from uavmap.fly.before_flight import Preflight
+from uavmap.fly.flight import fly
+from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.progress import Terminal
+from uavmap.mission_source import shipped_missions
+from uavmap.offline.after_flight import draw_boundary, kept_frames
+from uavmap.preflight.plan_figures import plan_lines
+from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, FlightPlan
+from uavmap.record.results_folder import results_folder
+
+
+def add_mission(parser: argparse.ArgumentParser) -> None:
+    """Add MISSION."""
+    parser.add_argument(
+        "mission",
+        metavar="MISSION",
+        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
+    )
+
+
+def add_camera_option(parser: argparse.ArgumentParser, whose: str) -> None:
+    """Add `--camera`."""
+    parser.add_argument(
+        "--camera",
+        metavar="SPEC",
+        action="append",
+        default=[],
+        help=f"the camera of {whose}: {HELP} (default: as the mission file says, else mavlink)",
+    )
+
+
+def add_flight_options(parser: argparse.ArgumentParser) -> None:
+    """Add what every flight may be given."""
+    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(STRATEGIES)}")
+    parser.add_argument(
+        "--speedup",
+        metavar="X",
+        type=speedup,
+        help="times real time; with --sim the default is as fast as it goes, with --connect 1",
+    )
+    parser.add_argument(
+        "--auto-swap",
+        action="store_true",
+        help="take off again as soon as a battery is fresh, unasked; only for simulators "
+        "(the bundled one is recognised)",
+    )
+    parser.add_argument(
+        "--driver",
+        choices=DRIVERS,
+        default=PYMAVLINK,
+        help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
+        "(default), or MAVSDK; not with --sim",
+    )
+    add_link_options(parser)
+    _add_preflight_options(parser)
+    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
+    parser.add_argument(
+        "--keep-frames",
+        action="store_true",
+        help="keep every picture with its pose in the results, for `uavmap replay`",
+    )
+    add_page_options(parser)
+    add_rerun_option(parser)
+    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns the time before the first take-off."""
+    parser.add_argument(
+        "--yes",
+        action="store_true",
+        help="take off without a question; what must not be passed over (fence, battery, camera) "
+        "keeps everybody on the ground all the same",
+    )
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="look at everything, set fences and return heights, put them back, and arm nothing; "
+        "exit code 3 where the mission could not be flown",
+    )
+    parser.add_argument(
+        "--keep-fence",
+        action="store_true",
+        help="leave fence, rally points and return heights of the autopilots as they are; a "
+        "mission that leaves such a fence is not flown",
+    )
+
+
+def preflight_of(options: argparse.Namespace) -> Preflight:
+    """What is asked for before the first take-off of real aircraft."""
+    return Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
+
+
+def begin(
+    options: argparse.Namespace, plan: FlightPlan, mission: Mission, preflight: Preflight | None
+) -> int:
+    """Fly a plan into the folder of --out, with what is asked for beside it; the exit code."""
+    progress = Terminal()
+    plan = with_ground(plan, progress.say)
+    folder = results_folder(options.out, mission.name)
+    progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    if mission.camera.calibration is not None:
+        progress.say("camera.calibration is for recorded pictures; this flight uses hfov_deg")
+    code, summary = 0, None
+    try:
+        with beside(options, plan, folder, progress) as (heard, seen):
+            summary = fly(
+                plan, folder, heard, preflight, keep_frames=options.keep_frames, onlooker=seen
+            )
+    except* NotFlownError as group:
+        for over in leaves(group):
+            complain(str(over))
+            if isinstance(over, NotFlownError) and not over.could_fly:
+                code = INCOMPLETE
+    if summary is None:
+        return code
+    code = report(summary, folder, as_json=options.json)
+    if kept_frames(folder) and code != AIRCRAFT_DOWN:
+        draw_boundary(folder, progress, complain)
+    return code
