@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from hashlib import blake2s
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,12 +28,14 @@ from missions.events import (
     Resumed,
     Shared,
     Tracked,
+    to_json,
 )
 from missions.fleet.knowledge import Knowledge
 from missions.flight.joined import Facts
+from uavmap.comms.fleet_key import meaning_of
+from uavmap.record.any_journal import read_journal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
-from uavmap.record.reading import JournalReader
 from uavmap.results.documents import with_documents
 from uavmap.results.score import true_roi
 from uavmap.results.write_results import write_results
@@ -51,15 +54,30 @@ class Source:
     events: tuple[Event, ...]
 
     @classmethod
-    def read(cls, folder: Path) -> Source:
-        """That of a folder of results. Raises `JournalError`."""
-        reader = JournalReader(folder / JOURNAL)
-        if "replay" in reader.meta:
+    def read(cls, folder: Path, say: Callable[[str], None] = lambda text: None) -> Source:
+        """That of a folder of results, which is left as it is. Raises `JournalError`.
+
+        Of a damaged one its good beginning, of one under way what there is by now; says so.
+        """
+        found = read_journal(folder / JOURNAL)
+        if "replay" in found.meta:
             raise JournalError(f"{folder}: is a replay of pictures; only flights are merged")
-        events: list[Event] = []
-        while piece := reader.new_events():
-            events.extend(piece)
-        return cls(folder, FlightPlan.read(reader), tuple(events))
+        if found.trouble is not None:
+            last_s = found.events[-1].t_s if found.events else 0.0
+            say(
+                f"{folder}: {found.trouble}; {len(found.events)} events are merged, the last of "
+                f"{last_s:.0f} s"
+            )
+        plan = FlightPlan.of_meta(found.meta, folder / JOURNAL)
+        return cls(folder, plan, found.events)
+
+    @property
+    def digest(self) -> bytes:
+        """Of all that it holds: no two flights have the same."""
+        told = blake2s(repr(self.plan).encode())
+        for event in self.events:
+            told.update(to_json(event).encode())
+        return told.digest()
 
 
 def merged_results(
@@ -73,14 +91,16 @@ def merged_results(
     `truth` is what the simulator watched. Raises `JournalError`, naming the folder, for journals
     that make no map together, and where `out` holds a journal already; `OutputError`.
     """
-    sources = [Source.read(folder) for folder in folders]
+    if (out / JOURNAL).exists():
+        raise JournalError(f"--out {out}: holds a journal already; choose a new folder")
+    sources = [Source.read(folder, say) for folder in folders]
     plan, events = merged(sources)
+    setting = plan.known_setting()
     names = sorted(folder.name for folder in folders)
     with Journal.create(out / JOURNAL, {"plan": asdict(plan), MERGED: names}) as journal:
         journal.append_all(events)
         if truth is not None:
             journal.put_meta("truth", dict(truth))
-    setting = plan.known_setting()
     simulated = plan.simulated and bool(setting.mission.sim.roi)
     roi = true_roi(setting.mission, setting.grid) if simulated else None
     calendar, also = with_documents(out, plan, setting, events, say)
@@ -93,7 +113,7 @@ def merged_results(
 
 def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     """The plan and the events of several journals as those of one. Raises `JournalError`."""
-    sources = sorted(sources, key=lambda source: (source.plan.member or 0, source.folder.name))
+    sources = sorted(sources, key=_place)
     first = sources[0]
     _refuse_strangers(sources)
     fleet = first.plan.member is not None
@@ -118,6 +138,11 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         dated.extend((event.t_s, len(sources), k, event) for k, event in enumerate(only_heard))
     dated.sort(key=lambda item: item[:3])
     return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
+
+
+def _place(source: Source) -> tuple[int, float, bytes]:
+    """Where a journal stands among others, whatever its folder is called."""
+    return source.plan.member or 0, source.plan.epoch_utc_s, source.digest
 
 
 def _only_heard(sources: Sequence[Source]) -> list[Shared]:
@@ -146,8 +171,8 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
     for source in sources[1:]:
         if (source.plan.member is None) != (first.plan.member is None):
             raise JournalError(
-                f"{source.folder}: only one of it and {first.folder} is of a fleet; merge those "
-                "of a fleet first"
+                f"{source.folder}: only one of it and {first.folder} is of a fleet; merge the "
+                "members of a fleet by themselves"
             )
         one, other = first.plan.known_setting(), source.plan.known_setting()
         if one.grid != other.grid:
@@ -155,22 +180,32 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
                 f"{source.folder}: its grid is another than that of {first.folder}; [start], "
                 "[grid] and [drift] have to be the same"
             )
-        if first.plan.member is not None and source.plan.mission_text != first.plan.mission_text:
+        fleet = first.plan.member is not None
+        if fleet and meaning_of(one.mission) != meaning_of(other.mission):
             raise JournalError(
                 f"{source.folder}: its mission is another than that of {first.folder}; the members "
-                "of a fleet fly the same file"
+                "of a fleet fly the same file; merge those that did"
             )
+        if source.digest == first.digest:
+            raise JournalError(f"{source.folder}: holds the same flight as {first.folder}")
         apart_s = abs(source.plan.epoch_utc_s - first.plan.epoch_utc_s)
         if first.plan.member is None and one.grid.drift_speed_m_s > 0.0 and apart_s > 0.0:
             raise JournalError(
                 f"{source.folder}: it began {apart_s:.0f} s from {first.folder}, and the region "
                 "drifts: their cells are not the same ground"
             )
-    twice = [number for number in members if number is not None and members.count(number) > 1]
-    if twice:
-        raise JournalError(f"{sources[-1].folder}: vehicle {twice[0]} is there twice")
-    if any(number == 0 for number in members):
-        raise JournalError(f"{first.folder}: it is merged already; give the journals it is made of")
+    for place, source in enumerate(sources):
+        number = source.plan.member
+        if number == 0:
+            raise JournalError(
+                f"{source.folder}: it is merged already; give the journals it is made of"
+            )
+        if number is not None and number in members[:place]:
+            other_folder = sources[members.index(number)].folder
+            raise JournalError(
+                f"{source.folder}: is of vehicle {number}, as is {other_folder}; give one of them "
+                "(a flight that was gone on with has one folder)"
+            )
 
 
 def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
@@ -179,6 +214,11 @@ def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
     for source in sources:
         numbers[id(source)] = count
         count += len(source.plan.mission().vehicles)
+    if count > MAX_VEHICLES:
+        raise JournalError(
+            f"{len(sources)} flights of {count} vehicles together: a map is made of at most "
+            f"{MAX_VEHICLES}; merge fewer"
+        )
     return numbers, count
 
 
