@@ -71,7 +71,7 @@ class ZenohLinks:
             "mode": "client" if self.routers else "peer",
             "connect": {
                 "endpoints": [endpoint.url for endpoint in connect],
-                "timeout_ms": 0,
+                "timeout_ms": -1,  # in the background, without an end
                 "exit_on_failure": False,
                 "retry": retry,
             },

@@ -350,13 +350,15 @@ class Flight:
 
     async def _agree(self, member: Member) -> None:
         """Count the seconds that the others of a fleet count. Time never runs backwards."""
-        by_s = await member.agree(AGREE_S)
+        # on a clock that runs fast, the others' processes begin as late as on a slow one
+        wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
+        by_s = await member.agree(wait_s)
         if self._resumed:  # what the journal holds was before
             by_s = max(by_s, self._state.t_s - self._now_s())
         self._start_s += by_s
         member.clock_moved(by_s)
         if not member.peers:
-            self._progress.say(f"nobody of the fleet was heard in {AGREE_S:.0f} s: it flies alone")
+            self._progress.say(f"nobody of the fleet was heard in {wait_s:.0f} s: it flies alone")
 
     def _log(self) -> TlogWriter:
         append = self._resumed and (self._folder / TLOG).exists()
