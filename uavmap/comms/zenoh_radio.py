@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -40,6 +41,7 @@ LOOK_S: Final = 0.5
 CLOSE_S: Final = 3.0
 MOST_WAITING: Final = 256
 """What comes in while so many datagrams wait for the event loop is dropped."""
+_WHERE: Final = re.compile(r" at \S+\.rs:\d+\.?")
 SEND_BUFFER_BYTES: Final = 8_192
 """Of a TCP link: what waits longer than a few beats is old."""
 
@@ -261,4 +263,5 @@ def imported_zenoh() -> Any:
 
 def _told(error: Exception) -> str:
     """What Zenoh says, without where in its sources."""
-    return f"the network of the fleet: {str(error).partition('  at /')[0].strip()}; tried again"
+    words = " ".join(_WHERE.sub("", str(error)).split())
+    return f"the network of the fleet: {words}; tried again"
