@@ -62,6 +62,6 @@ def _good_beginning(path: Path, damage: JournalError) -> Found:
     """The events up to where the checksums fail."""
     good = salvage(*read_both(path))
     if good is None or not good.events:
-        raise damage
+        raise JournalError(f"{damage}; or leave it out: nothing in it can be used")
     events = tuple(from_json(row.body) for row in good.events)
     return Found(dict(good.meta), events, "its journal is damaged")

@@ -131,8 +131,9 @@ class FlightPlan:
             changes["vehicles"] = (mission.vehicles + spare)[:wanted]
         if changes:
             mission = mission.model_copy(update=changes)
-            # its detector was looked at when the file was read
-            check(mission, self.mission_source, detectors=(mission.detector.name,))
+            if self.member != 0:  # which is merged of flights, and is not flown
+                # its detector was looked at when the file was read
+                check(mission, self.mission_source, detectors=(mission.detector.name,))
         if self.member is not None:
             if self.member:
                 check_fleet(mission, self.mission_source)

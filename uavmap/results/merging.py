@@ -214,11 +214,6 @@ def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
     for source in sources:
         numbers[id(source)] = count
         count += len(source.plan.mission().vehicles)
-    if count > MAX_VEHICLES:
-        raise JournalError(
-            f"{len(sources)} flights of {count} vehicles together: a map is made of at most "
-            f"{MAX_VEHICLES}; merge fewer"
-        )
     return numbers, count
 
 
