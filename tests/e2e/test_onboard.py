@@ -61,7 +61,9 @@ def test_two_services_map_a_region_together_over_zenoh(tmp_path: Path) -> None:
     assert regions[0]
     for folder, other in zip(folders, (2, 1), strict=True):
         _, events = journal(folder)
-        assert {e.vehicle for e in events if isinstance(e, Heard | Shared)} == {other}, [r.err for r in done]
+        assert {e.vehicle for e in events if isinstance(e, Heard | Shared)} == {other}, [
+            r.err for r in done
+        ]
         with Journal.open(folder / JOURNAL) as opened:
             assert opened.meta[START] > 1_600_000_000
 

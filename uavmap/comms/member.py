@@ -444,15 +444,31 @@ class Member:
 
 
 @contextlib.asynccontextmanager
-async def talking(member: Member | None) -> AsyncIterator[None]:
-    """Have a member talk while the context lasts, and after it until the others know all of it."""
+async def talking(
+    member: Member | None, say: Callable[[str], None] | None = None
+) -> AsyncIterator[None]:
+    """Have a member talk while the context lasts, and after it until the others know all of it.
+
+    `say` tells an operator of that wait, who may end it: to cancel it is no failure then.
+    """
     if member is None:
         yield
         return
     task = asyncio.create_task(member.run())
     try:
         yield
-        await member.settle()
+        if say is not None and not member.level:
+            say(
+                "ours is done; waiting for what the others of the fleet still find (Ctrl-C ends it)"
+            )
+        try:
+            await member.settle()
+        except asyncio.CancelledError:
+            waiting = asyncio.current_task()
+            if say is None or waiting is None:
+                raise
+            waiting.uncancel()
+            say("not waiting for the others: their journals hold what they find, for uavmap merge")
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

@@ -458,7 +458,7 @@ class Flight:
                         hand.enter_context(keyboard(Keys(service, say), crew, say))
                     if self.onlooker is not None:
                         hand.enter_context(self.onlooker.hand(service, say))
-                async with talking(self.member):
+                async with talking(self.member, None if may_stop else say):
                     self._state = await watched_over(
                         guardians,
                         self._fly(vehicles, links, service, before),

@@ -29,16 +29,17 @@ def plan(text: str = TEXT, member: int | None = 1, epoch_utc_s: float = 1000.0) 
     )  # fmt: skip
 
 
-def votes(number: int) -> list[FrameSeen]:
-    """Three frames in which a vehicle sees its cell."""
+def votes(number: int) -> list[Event]:
+    """Three frames in which a vehicle sees its cell, and that time goes on."""
     vote = (Vote(CELLS[number], True, 1.0),)
-    return [FrameSeen(number, 10.0 * number + k, None, vote) for k in range(3)]
+    frames = [FrameSeen(number, 10.0 * number + k, None, vote) for k in range(3)]
+    return [*frames, Tracked(number, 10.0 * number + 9.0, GridPoint(1.0, 2.0), 10.0, 20.0)]
 
 
 def told(number: int) -> Shared:
     """The same, as another tells it."""
-    frames = tuple(SharedFrame(f.t_s, ((CELLS[number], True),), False) for f in votes(number))
-    return Shared(number, 40.0, 0, frames)
+    facts = [SharedFrame(10.0 * number + 2.0, ((CELLS[number], True),))]
+    return Shared(number, 40.0, 0, tuple(facts))
 
 
 def written(folder: Path, by: FlightPlan, events: list[Event]) -> Path:
@@ -90,7 +91,7 @@ def test_the_good_beginning_of_a_damaged_journal_counts(pair: list[Path], tmp_pa
     said: list[str] = []
     summary = merged_results(pair, tmp_path / "out", said.append)
     assert summary["cells_roi"] == 2  # the first has heard of the rest
-    assert f"{pair[1]}: its journal is damaged; 2 events are merged, the last of 21 s" in said
+    assert f"{pair[1]}: its journal is damaged; 3 events are merged, the last of 22 s" in said
     assert journal.read_bytes() == data
 
 
@@ -99,12 +100,11 @@ def test_a_flight_under_way_is_read_as_far_as_it_is(pair: list[Path], tmp_path: 
     with Journal.open(pair[1] / JOURNAL) as journal:
         merged_results(pair, tmp_path / "out", said.append)
         journal.append(LiftedOff(2, 50.0))
-    assert any("is still under way; 3 events are merged" in line for line in said)
+    assert any("is still under way; 4 events are merged" in line for line in said)
 
 
 def test_several_flights_over_one_grid_make_one_map(tmp_path: Path) -> None:
-    track = Tracked(1, 12.0, GridPoint(1.0, 2.0), 10.0, 20.0)
-    early = written(tmp_path / "x" / "out", plan(ALONE, None), [*votes(1), track])
+    early = written(tmp_path / "x" / "out", plan(ALONE, None), [*votes(1)])
     late = written(tmp_path / "y" / "out", plan(ALONE, None, 1600.0), [*votes(1)])
     summary = merged_results([late, early], tmp_path / "all", print)
     assert summary["vehicles"] == 2

@@ -1,0 +1,49 @@
+"""After its landing a member waits for the others, and an operator may end that."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any, cast
+
+import pytest
+
+from uavmap.comms.member import Member, talking
+
+
+class Waits:
+    """A member whose others never come down."""
+
+    level = False
+
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
+    async def settle(self) -> None:
+        await asyncio.Event().wait()
+
+
+async def flight(say: Any, landed: asyncio.Event) -> str:
+    async with talking(cast(Member, Waits()), say):
+        landed.set()
+    return "results"
+
+
+async def interrupted(say: Any) -> str:
+    landed = asyncio.Event()
+    task = asyncio.create_task(flight(say, landed))
+    await landed.wait()
+    await asyncio.sleep(0)
+    task.cancel()
+    return await task
+
+
+def test_an_operator_ends_the_wait_and_gets_the_results() -> None:
+    said: list[str] = []
+    assert asyncio.run(interrupted(said.append)) == "results"
+    assert "Ctrl-C ends it" in said[0]
+    assert "uavmap merge" in said[1]
+
+
+def test_without_an_operator_it_ends_as_any_task() -> None:
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(interrupted(None))
