@@ -1,8 +1,8 @@
 """The key of a fleet: of a file that every member has, and of the mission that it flies.
 
 The file is one of `uavmap keys new`. It may be the one that signs MAVLink, too: what comes out here
-tells nothing of it. Members whose missions differ in what facts mean (grid, box, pads, votes) have
-different keys, so none takes another's cells for its own.
+tells nothing of it. Members whose missions differ in what facts mean (grid, box, votes), or in
+which air is whose (pads, heights, layers), have different keys: none takes another's for its own.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from typing import Final
 from missions.mission_file.schema import Mission
 
 LABEL: Final = b"uavmap fleet 1"
-_MEANING: Final = ("strategy", "start", "search", "fence", "grid", "votes", "drift", "team")
+_MEANING: Final = (
+    *("strategy", "start", "search", "fence", "grid", "flight", "votes", "drift", "team"),
+)
 
 
 def fleet_key(key: bytes, mission: Mission) -> bytes:

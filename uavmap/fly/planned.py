@@ -9,7 +9,14 @@ from missions.errors import LinkError, MissionFileError
 from missions.mission_file.schema import Mission
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import PYMAVLINK, SIM_EPOCH_UTC_S, Driver, FleetNetwork, FlightPlan
+from uavmap.record.flight_plan import (
+    PYMAVLINK,
+    SIM_EPOCH_UTC_S,
+    Driver,
+    FleetNetwork,
+    FlightPlan,
+    check_member,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,9 +62,10 @@ def planned(wanted: Wanted) -> tuple[FlightPlan, Mission]:
     source = load_source(wanted.mission, wanted.detector)
     mission = source.parse()
     urls = wanted.connect
-    if wanted.member is not None and not urls:
-        own = mission.vehicles[wanted.member - 1 : wanted.member]
-        urls = tuple(v.url for v in own if v.url is not None)
+    if wanted.member is not None:
+        check_member(mission, wanted.mission, wanted.member)
+        url = mission.vehicles[wanted.member - 1].url
+        urls = urls or (() if url is None else (url,))
     elif not wanted.sim and not urls:
         urls = tuple(v.url for v in mission.vehicles if v.url is not None)
         if 0 < len(urls) < len(mission.vehicles):

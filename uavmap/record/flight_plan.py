@@ -153,11 +153,7 @@ class FlightPlan:
 
     def _check_one(self, mission: Mission, member: int) -> None:
         """Raise where there is not one link and one camera for the vehicle of a member."""
-        if not 0 < member <= len(mission.vehicles):
-            raise MissionFileError(
-                f"{self.mission_source}: there is no vehicle {member}, it has "
-                f"{len(mission.vehicles)} vehicles; give the number of yours with --vehicle"
-            )
+        check_member(mission, self.mission_source, member)
         for option, given in (("--connect", self.urls), ("--camera", self.cameras)):
             if len(given) > 1:
                 raise LinkError(
@@ -197,6 +193,15 @@ class FlightPlan:
             plan,
             mission_text=with_kept_detector(plan.mission_text, path.parent),
             rehomed=plan.rehomed or meta.get(REHOMED) == "true",
+        )
+
+
+def check_member(mission: Mission, source: str, member: int) -> None:
+    """Raise `MissionFileError` where a mission has no vehicle of that number."""
+    if not 0 < member <= len(mission.vehicles):
+        raise MissionFileError(
+            f"{source}: there is no vehicle {member}, it has {len(mission.vehicles)}; "
+            "give the number of yours with --vehicle"
         )
 
 

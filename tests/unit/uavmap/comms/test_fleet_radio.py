@@ -50,7 +50,7 @@ def network(tmp_path: Path, **where: Any) -> FleetNetwork:
 def test_what_facts_mean_is_in_the_key_and_what_they_do_not_is_not() -> None:
     secret, one = bytes(range(32)), flown()
     assert fleet_key(secret, one) == fleet_key(secret, flown(capacity_wh=90.0))
-    others = [flown(drift_m_s=0.1), flown(frames=7), flown(layer_m=8.0)]
+    others = [flown(drift_m_s=0.1), flown(frames=7), flown(altitude_m=13.0)]
     assert len({fleet_key(secret, each) for each in (one, *others)}) == 4
     assert fleet_key(bytes(32), one) != fleet_key(secret, one) != secret
 

@@ -155,8 +155,8 @@ def test_ground_that_drifts_is_not_the_same_an_hour_later(tmp_path: Path) -> Non
 
 def test_many_flights_need_no_room_for_all_their_vehicles(tmp_path: Path) -> None:
     folders = [
-        written(tmp_path / str(k), plan(ALONE, None, 1000.0 * k), [*votes(1)]) for k in range(9)
+        written(tmp_path / str(k), plan(ALONE, None, 1000.0 * k), [*votes(1)]) for k in range(6)
     ]
-    assert merged_results(folders, tmp_path / "out", print)["vehicles"] == 9
+    assert merged_results(folders, tmp_path / "out", print)["vehicles"] == 6
     again = merged_results(folders[::-1], tmp_path / "again", print)
     assert again["cells_roi"] == 1
