@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
@@ -145,3 +146,20 @@ def test_an_interface_that_is_not_there_is_told_once_and_waited_for() -> None:
     asyncio.run(wait())
     assert len(said) == 1
     assert "it is tried again" in said[0]
+
+
+def test_two_speak_by_a_router() -> None:
+    zenoh = pytest.importorskip("zenoh", reason="uavmap[fleet] is not installed")
+    endpoint, said = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}", list[str]()
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+
+    async def talk() -> None:
+        async with over_zenoh(said, routers=endpoint) as one:
+            with zenoh.open(config):  # it comes up after the first has called
+                async with over_zenoh(said, routers=endpoint) as other:
+                    await exchanged(one, Ear(one), other, Ear(other), b"word")
+
+    asyncio.run(talk())
