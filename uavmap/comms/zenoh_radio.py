@@ -176,6 +176,7 @@ class ZenohRadio:
                 self._publisher = None
                 with contextlib.suppress(Exception):
                     session.close()
+            self._stop.wait(RETRY_S[0])
             heard = self._heard_s > began_s
             silent_s = SILENT_S[0] if heard else min(2.0 * silent_s, SILENT_S[1])
 
@@ -199,7 +200,7 @@ class ZenohRadio:
             self._told = ""
         by_udp = any(endpoint.transport == "udp" for endpoint in self._links.all)
         declared_s = time.monotonic()
-        while not self._broken.wait(LOOK_S):
+        while not self._broken.wait(LOOK_S) and not self._stop.is_set():
             now_s = time.monotonic()
             if session.is_closed() or now_s - self._heard_s > silent_s:
                 return
