@@ -490,6 +490,9 @@ class State:
     @property
     def over(self) -> bool:
         """Whether nobody will do anything more of their own accord, and nobody is in the air."""
+        if not self.ours:  # of a fleet that is only listened to
+            done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
+            return all(v.phase in done for v in self.vehicles.values())
         return all(v.ended for v in self.ours)
 
     @property

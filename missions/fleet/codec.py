@@ -83,21 +83,21 @@ class Message:
     batches: tuple[Batch, ...] = ()
     words: tuple[Word, ...] = ()
     begun: bool = False
-    """Whether the sender has taken off: its clock moves no more."""
+    """Whether the sender's clock is that of the fleet, and moves no more."""
     ask: Ask | None = None
     promised: dict[int, int] = field(default_factory=dict)
     """Whose air the sender keeps out of, by vehicle: the number of the question."""
 
 
 def encode(message: Message) -> bytes:
-    """The bytes of a message. Raises ValueError for what cannot be said: negative times.
+    """The bytes of a message. Raises ValueError for what cannot be said: a negative count.
 
     >>> said = Message(12.5, Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0), {1: 7})
     >>> len(encode(said)), decode(encode(said)) == said
-    (15, True)
+    (16, True)
     """
     out = Writer()
-    out.count(_ms(message.t_s))
+    out.signed(_ms(message.t_s))
     does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
     out.count(4 * does + 2 * (message.ask is not None) + message.begun)
     if message.presence is not None:
@@ -127,7 +127,7 @@ def encode(message: Message) -> bytes:
 def decode(data: bytes) -> Message:
     """The inverse of `encode`. Raises `BytesError` for anything else."""
     inp = Reader(data)
-    t_s = inp.count() / 1000
+    t_s = inp.signed() / 1000
     does, flags = divmod(inp.count(), 4)
     if does > len(DOES):
         raise BytesError("nobody does that")

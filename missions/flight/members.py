@@ -127,8 +127,8 @@ def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
     """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
 
     Of two who hold the same lane the one keeps it in whose order it stands earlier, and at a tie
-    the one with the lower number; nobody leaves the lane that it is on. They may see it differently for a moment: then both fly it, or
-    neither has it, and whoever is done first takes it up.
+    the one with the lower number; nobody leaves the lane that it is on. They may see it differently
+    for a moment: then both fly it, or neither has it, and whoever is done first takes it up.
     """
     theirs = {number: place for place, number in enumerate(event.lanes)}
     known = {lane_number(setting, lane): lane for lane in state.vehicles[event.vehicle].lanes}

@@ -40,7 +40,7 @@ def test_two_services_map_a_region_together_over_zenoh(tmp_path: Path) -> None:
     pytest.importorskip("zenoh", reason="uavmap[fleet] is not installed")
     file, key = tiny(tmp_path), tmp_path / "fleet.key"
     assert uavmap("keys", "new", key).code == 0
-    endpoint = f"tcp/{LOOPBACK}:{free_ports(1)[1]}"
+    endpoint, other_end = (f"tcp/{LOOPBACK}:{free_ports(1)[1]}" for _ in range(2))
     common = ["--fleet-key", key, "--speedup", SPEEDUP, "--json"]
     folders = [tmp_path / "first", tmp_path / "second"]
 
@@ -51,13 +51,17 @@ def test_two_services_map_a_region_together_over_zenoh(tmp_path: Path) -> None:
     with (
         simulator(str(file.with_suffix("")), speedup=SPEEDUP, vehicles=2) as urls,
         started(*onboard(1, urls[0], "--listen", endpoint)) as first,
-        started(*onboard(2, urls[1], "--peer", endpoint)) as second,
+        started(*onboard(2, urls[1], "--peer", endpoint, "--listen", other_end)) as second,
+        started(
+            *("fly", file, "--fleet", "--peer", endpoint, "--peer", other_end),
+            *("--out", tmp_path / "ground", *common),
+        ) as ground,
     ):
-        done = [ended(first), ended(second)]
-    assert [run.code for run in done] == [0, 0], [run.err for run in done]
+        done = [ended(first), ended(second), ended(ground)]
+    assert [run.code for run in done] == [0, 0, 0], [run.err for run in done]
     assert all(run.summary["completed"] for run in done), [run.err for run in done]
-    regions = [region(folder) for folder in folders]
-    assert regions[0] == regions[1]
+    regions = [region(folder) for folder in (*folders, tmp_path / "ground")]
+    assert regions[0] == regions[1] == regions[2]
     assert regions[0]
     for folder, other in zip(folders, (2, 1), strict=True):
         _, events = journal(folder)

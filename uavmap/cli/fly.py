@@ -9,6 +9,7 @@ from typing import Any
 from missions.errors import LinkError
 from missions.mission_file.schema import Mission
 from uavmap.cli.common import EXIT_CODES, report, seed_number, vehicle_count
+from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
 from uavmap.cli.flight_options import (
     add_camera_option,
     add_flight_options,
@@ -18,11 +19,12 @@ from uavmap.cli.flight_options import (
 )
 from uavmap.cli.link_options import key_file
 from uavmap.cli.page_options import check_beside
+from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.planned import Wanted, planned
 from uavmap.fly.progress import Terminal
 from uavmap.fly.simulated_fleet import fly_fleet
-from uavmap.record.flight_plan import FlightPlan
+from uavmap.record.flight_plan import FleetNetwork, FlightPlan
 from uavmap.record.results_folder import results_folder
 
 _EXAMPLES = """\
@@ -36,6 +38,9 @@ examples:
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --dry-run     all but the take-off
+
+  uavmap fly field.toml --fleet --listen 'udp/224.0.0.224:7447#iface=wlan0' \\
+             --fleet-key ~/.uavmap.fleet --page            on the ground, beside `uavmap onboard`
 
   uavmap fly field.toml --connect udpin://0.0.0.0:14550?system=1 \\
                         --connect udpin://0.0.0.0:14550?system=2
@@ -70,6 +75,13 @@ def add_parser(commands: Any) -> None:
         default=[],
         help="where a vehicle is reached; once a vehicle (default: the URLs of the mission file)",
     )
+    where.add_argument(
+        "--fleet",
+        action="store_true",
+        help="fly nothing, and join a fleet whose vehicles each run `uavmap onboard`: its map "
+        "grows here, and what keys and page order is told to all of them",
+    )
+    add_fleet_options(parser)
     add_camera_option(parser, "a vehicle, once a vehicle, in the order of --connect")
     parser.add_argument(
         "--vehicles", metavar="N", type=vehicle_count, help="fly with so many vehicles"
@@ -96,6 +108,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
+    network = _network(options)
     wanted = Wanted(
         mission=options.mission,
         sim=options.sim,
@@ -109,6 +122,8 @@ def run(options: argparse.Namespace) -> int:
         auto_swap=options.auto_swap,
         driver=options.driver,
         onboard=options.onboard,
+        member=0 if options.fleet else None,
+        network=network,
         key=None if options.sim else key_file(options),
         forward=tuple(options.forward or ()),
     )
@@ -116,7 +131,26 @@ def run(options: argparse.Namespace) -> int:
     plan, mission = planned(wanted)
     if options.comms is not None:
         return _fly_fleet(options, plan, mission)
-    return begin(options, plan, mission, None if options.sim else preflight_of(options))
+    no_take_off = options.sim or options.fleet
+    return begin(options, plan, mission, None if no_take_off else preflight_of(options))
+
+
+def _network(options: argparse.Namespace) -> FleetNetwork | None:
+    """The network of the fleet that is joined; None for a flight of one's own. `LinkError`."""
+    if not options.fleet:
+        if given_network(options):
+            raise LinkError(
+                "--listen, --peer, --router and --fleet-key go with --fleet (and with "
+                "`uavmap onboard`)"
+            )
+        return None
+    network = network_of(options)
+    if network.alone:
+        raise LinkError(
+            "--fleet: where is it heard? Give --listen, --peer or --router, as on the aircraft"
+        )
+    check_network(network)
+    return network
 
 
 def _fly_fleet(options: argparse.Namespace, plan: FlightPlan, mission: Mission) -> int:

@@ -171,6 +171,8 @@ class Member:
         clocks = {n: p.ahead_s for n, p in (flying or self.peers).items()}
         if not flying:
             clocks[self._number] = 0.0
+        if len(clocks) > 1:  # who only listens follows
+            clocks.pop(0, None)
         return round(clocks[min(clocks)], 3) if clocks else 0.0
 
     def clock_moved(self, by_s: float) -> None:
@@ -186,7 +188,7 @@ class Member:
         """Whether the cells of another are not ours: it began apart, and the region drifts."""
         grid = self._setting.grid
         off_m = abs(peer.ahead_s) * grid.drift_speed_m_s
-        elsewhere = self._begun and peer.begun and off_m > ELSEWHERE_CELLS * grid.cell_m
+        elsewhere = self._agreed and peer.begun and off_m > ELSEWHERE_CELLS * grid.cell_m
         if elsewhere and sender not in self._strangers:
             self._strangers.add(sender)
             self._say(
@@ -203,11 +205,11 @@ class Member:
             return
         self._words[word.vehicle] = word
         t_s = round(self._now_s(), 3)
-        if word.vehicle == self._number and word.order == "recall":
-            self._post(VehicleRecalled(self._number, t_s))
-        elif word.vehicle == 0:
+        if word.vehicle == 0:
             said = {"recall": Recalled, "pause": Paused, "continue": Continued}
             self._post(said[word.order](t_s))
+        elif word.vehicle == self._number and word.order == "recall":
+            self._post(VehicleRecalled(self._number, t_s))
 
     # --- air that is asked for -----------------------------------------------------------------
     def _ask_for(self, column: Column | None) -> None:
@@ -315,7 +317,7 @@ class Member:
             self._presence(),
             self.knowledge.have if self._messages % HAVE_EVERY == 0 else {},
             words=tuple(self._words[vehicle] for vehicle in sorted(self._words)),
-            begun=self._begun,
+            begun=self._begun or self._agreed,
             ask=self._question_now(),
             promised=self._promised(),
         )
@@ -390,6 +392,8 @@ class Member:
         peer.heard_s, peer.apart = now_s, False
         peer.have = message.have or peer.have
         peer.done = message.presence is None or message.presence.does in ("ended", "down")
+        if message.begun and not peer.begun:  # its clock may have been moved just now
+            peer.ahead_s = -math.inf
         peer.begun = message.begun
         peer.ahead_s = max(peer.ahead_s, message.t_s - now_s)
         missing = self.knowledge.missing(peer.have)

@@ -62,7 +62,7 @@ def vehicles_of(
         stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
         slack_s = SLACK_WALL_S * (speedup - 1.0)
     vehicles = {}
-    numbers = range(1, len(links) + 1) if setting.member is None else (setting.member,)
+    numbers = range(1, len(links) + 1) if not setting.member else (setting.member,)
     for number, link in zip(numbers, links, strict=True):
         view = link.session.view
         view.expect_near(setting.mission.home)

@@ -29,6 +29,7 @@ from uavmap.fly.caller import Caller
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.fleet import each_its_own, vehicles_of
 from uavmap.fly.ground_crew import Crew
+from uavmap.fly.ground_service import GroundService
 from uavmap.fly.interrupts import interrupts, like_control_c
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
@@ -401,7 +402,8 @@ class Flight:
         plan, setting, say = self._plan, self._setting, self._progress.say
         with self._log() as log:
             camera = setting.mission.camera
-            cameras = cameras_of(plan.cameras, setting.mission, setting.member)
+            listens = setting.member == 0
+            cameras = () if listens else cameras_of(plan.cameras, setting.mission, setting.member)
             async with (
                 opened_links(
                     plan.urls, LinkOptions.of(plan), cameras, camera, log.record, say
@@ -426,7 +428,7 @@ class Flight:
         vehicles = vehicles_of(
             self._plan, self._setting, links, crew, self._now_s, say, seen_by, recall=self.recall
         )
-        before = None if self._plan.simulated else self._before(links)
+        before = None if self._plan.simulated or not links else self._before(links)
 
         def observe(event: Event, state: State) -> None:
             if self._marks is not None:
@@ -438,13 +440,16 @@ class Flight:
                 say(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
-        service = Service(self._setting, self._journal, vehicles, self._state, observe, say)
+        kind = Service if vehicles else GroundService
+        service = kind(self._setting, self._journal, vehicles, self._state, observe, say)
         self._service = service
         if self.radio is not None and self.seal is not None:
             self.member = Member(
                 self._setting, self.seal, self.radio, self._now_s, service.post, say
             )
             self.member.remember(self._journal.events())
+            if isinstance(service, GroundService):
+                service.tell_all = self.member.order
         self._progress.begin(self._setting, again=self._again)
         guardians = [vehicle.guardian for vehicle in vehicles.values()]
         try:
@@ -506,9 +511,10 @@ class Flight:
             await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
         if before_flight is not None:
             await before_flight.go()
-        first = vehicles[min(vehicles)]
-        self._vehicle_clock = lambda: first.view.since_boot_s
-        if self._resumed and not self._plan.simulated:
+        if vehicles:
+            first = vehicles[min(vehicles)]
+            self._vehicle_clock = lambda: first.view.since_boot_s
+        if self._resumed and not self._plan.simulated and vehicles:
             await self._settle_time()
         if self.member is not None:
             await self._agree(self.member)

@@ -62,7 +62,9 @@ def planned(wanted: Wanted) -> tuple[FlightPlan, Mission]:
     source = load_source(wanted.mission, wanted.detector)
     mission = source.parse()
     urls = wanted.connect
-    if wanted.member is not None:
+    if wanted.member == 0:
+        urls = ()
+    elif wanted.member is not None:
         check_member(mission, wanted.mission, wanted.member)
         url = mission.vehicles[wanted.member - 1].url
         urls = urls or (() if url is None else (url,))
@@ -73,7 +75,7 @@ def planned(wanted: Wanted) -> tuple[FlightPlan, Mission]:
                 f"{wanted.mission}: vehicles: {len(urls)} of {len(mission.vehicles)} have a url; "
                 "give one to each, or use --connect once a vehicle"
             )
-    if not wanted.sim and len(urls) == 0:
+    if not wanted.sim and len(urls) == 0 and wanted.member != 0:
         raise LinkError(
             f"{wanted.mission}: no vehicle to fly; give --connect URL (or vehicles.url in the "
             "mission file), or --sim for the simulator"
@@ -99,7 +101,6 @@ def planned(wanted: Wanted) -> tuple[FlightPlan, Mission]:
         epoch_utc_s=SIM_EPOCH_UTC_S if wanted.sim else time.time(),
     )
     plan.check_driver()
-    cameras_of(
-        plan.cameras, plan.mission(), plan.member
-    )  # says what is wrong before a folder is made
+    if wanted.member != 0:  # says what is wrong before a folder is made
+        cameras_of(plan.cameras, plan.mission(), plan.member)
     return plan, mission

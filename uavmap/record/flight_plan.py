@@ -101,7 +101,7 @@ class FlightPlan:
     @property
     def simulated(self) -> bool:
         """Whether the aircraft are simulated in this process."""
-        return not self.urls
+        return not self.urls and self.network is None
 
     def check_driver(self) -> None:
         """Raise `LinkError` where the driver cannot fly this."""

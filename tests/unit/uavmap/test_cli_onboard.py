@@ -61,3 +61,16 @@ def test_a_flight_of_no_fleet_has_no_network(
     folder = written(tmp_path / "flight", plan(ALONE, None), [])
     assert main(["resume", str(folder), "--listen", GROUP]) == 2
     assert "go with a flight that `uavmap onboard` began" in capsys.readouterr().err
+
+
+def test_on_the_ground_a_fleet_is_joined_where_it_is_heard(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fly", "burn", "--fleet", "--out", str(tmp_path / "a")]) == 2
+    assert "--listen, --peer or --router" in capsys.readouterr().err
+    listen = ["--listen", "tcp/127.0.0.1:7447"]
+    assert main(["fly", "burn", "--sim", *listen, "--out", str(tmp_path / "a")]) == 2
+    assert "go with --fleet" in capsys.readouterr().err
+    assert main(["fly", "burn", "--fleet", *listen, "--out", str(tmp_path / "a")]) == 2
+    assert "--fleet-key FILE is missing" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()

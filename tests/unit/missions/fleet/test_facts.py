@@ -92,7 +92,7 @@ def test_members_that_know_the_same_facts_have_the_same_region(
 
 
 @lru_cache
-def small_setting(member: int) -> Setting:
+def small_setting(member: int | None) -> Setting:
     text = mission_text(
         [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)],
         [(-60.0, -60.0), (90.0, -60.0), (90.0, 90.0), (-60.0, 90.0)],
