@@ -74,6 +74,10 @@ def test_three_that_hear_each_other_map_a_region_together(tmp_path: Path) -> Non
     regions = [region(folder) for folder in (*members(out), out)]
     assert len(set(regions)) == 1, "the maps differ"
     assert len(regions[0]) == summary["cells_roi"]
+    for folder, words in ((out, "several journals"), (members(out)[0], "a simulated fleet")):
+        again = uavmap("resume", folder)
+        assert again.code == 2
+        assert words in again.err
     minutes = (summary["makespan_s"] + 20.0) / 60.0
     for number, sent in summary["bytes_on_air"].items():
         assert sent < 5_000 * minutes, number

@@ -222,7 +222,17 @@ def plan_of(journal: Journal) -> FlightPlan:
             f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
             f"nothing to go on with; `uavmap replay {images}` makes the map anew"
         )
-    return FlightPlan.read(journal)
+    plan = FlightPlan.read(journal)
+    folder = journal.path.parent
+    if plan.member == 0 and plan.network is None:
+        raise JournalError(
+            f"{folder} holds the map of several journals; go on with the flight of each vehicle"
+        )
+    if plan.member is not None and plan.comms is not None:
+        raise JournalError(
+            f"{folder} is of a simulated fleet, which ends with its process; fly it anew"
+        )
+    return plan
 
 
 class Flight:
