@@ -235,22 +235,36 @@ class Simulation:
         self._sessions: dict[int, Session] = {}
         self.truth = Truth()
 
+    @property
+    def vehicles(self) -> Sequence[SimVehicle]:
+        """The aircraft themselves, for who watches from outside."""
+        return self._vehicles
+
     def names(self) -> list[str]:
         """The vehicles by name, in order."""
         return [f"sim://{vehicle.spec.system_id}" for vehicle in self._vehicles]
 
     def open_session(self, index: int, record: Callable[[bytes], None]) -> Session:
-        """A session with a vehicle (from 0): what it sends arrives a moment later."""
+        """A session with a vehicle (from 0): what it sends arrives a moment later.
+
+        It replaces the one before, from which nothing is heard any more.
+        """
         vehicle = self._vehicles[index]
         loop = asyncio.get_running_loop()
 
         def send(frame: bytes) -> None:
+            if self._sessions.get(index) is not session:
+                return
             if answer := vehicle.receive(frame):
                 loop.call_soon(session.feed, answer)
 
         session = Session(send, record)
         self._sessions[index] = session
         return session
+
+    def close_session(self, index: int) -> None:
+        """Cut the session with a vehicle, as the death of its program does."""
+        self._sessions.pop(index, None)
 
     async def fetch(self, url: str) -> bytes:
         """A picture by its URL."""

@@ -16,7 +16,7 @@ from shapely.geometry import Point
 from missions.energy import FRESH
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
-from missions.flight.lane_passes import end_searched, search_passes
+from missions.flight.lane_passes import drop_seen, end_searched, search_passes
 from missions.flight.leapfrogging import both_ready, take_turns
 from missions.flight.passes import explore_passes, give_up_rest
 from missions.flight.path_orders import come_inside, keep_clear
@@ -45,6 +45,8 @@ CLIMB_ROOM_M = 0.5
 
 def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
+    if state.tree is None and setting.member is not None:
+        state = drop_seen(setting, state)
     if state.tree is None and setting.lanes:
         done = all(idle_in_search(v) for v in state.vehicles.values())
         if not setting.sees_box:  # else it is done when its cells are decided

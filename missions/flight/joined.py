@@ -7,7 +7,7 @@ was made first, whoever made it, so members that know the same facts have the sa
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from missions.events import Event, FrameSeen, Shared, SharedFrame, Tracked
@@ -69,7 +69,24 @@ class Facts:
         low = self._belief(overview=False)
         seen = list(high.open_ballots)
         low = with_plain(low, self._none, high, self._setting.in_box, seen)
+        # our own votes come last: others have not heard them, and the map is to be the same
+        low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
         return replace(state, belief=low, overview=high)
+
+    def _with_open(self, belief: Belief, *, overview: bool) -> Belief:
+        """A belief with the votes of one vehicle on each cell that nothing has decided."""
+        found: dict[FrameId, dict[Cell, bool]] = {}
+        told: set[Cell] = set()
+        for _, own in sorted(self._own.items()):
+            known = own.high if overview else own.low
+            for cell, ballot in known.open_ballots.items():
+                # (of one vehicle only, and only what decides nothing: votes of several might)
+                new = cell not in told and known.verdict(cell) is None
+                if new and not belief.tally_anywhere(cell).total:
+                    told.add(cell)
+                    for frame, vote in ballot:
+                        found.setdefault(frame, {})[cell] = vote
+        return _with_frames(belief, found)
 
     def _belief(self, *, overview: bool) -> Belief:
         """The votes that made each decision, as far as they are known, else as few as could."""
@@ -90,16 +107,13 @@ class Facts:
             fact = SharedFrame(t_s, ((cell, says),), overview)
             for seen in as_frames(vehicle, fact, self._none.frames, self._none.positive):
                 put(cell, ((FrameId(vehicle, seen.t_s), says),))
-        told = set(decided)
-        for known in ballots.values():
-            for cell, ballot in known.items():
-                if cell not in told:  # of one vehicle only: together they might decide
-                    told.add(cell)
-                    put(cell, ballot)
-        belief = self._none
-        for frame, votes in sorted(found.items(), key=lambda item: item[0].exposed):
-            belief = belief.with_frame(None, frame, votes)
-        return belief
+        return _with_frames(self._none, found)
+
+
+def _with_frames(belief: Belief, found: Mapping[FrameId, Mapping[Cell, bool]]) -> Belief:
+    for frame, votes in sorted(found.items(), key=lambda item: item[0].exposed):
+        belief = belief.with_frame(None, frame, votes)
+    return belief
 
 
 def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:

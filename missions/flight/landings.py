@@ -42,6 +42,8 @@ def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleSta
         return replace(down, phase=Phase.FINISHED, order=StandDown(), vertex=None)
     if vehicle.phase is Phase.GUARDED:
         return replace(down, phase=Phase.FAILED, order=StandDown())
+    if setting.member == 0:  # who only knows does not know what it was told to do
+        return replace(down, phase=Phase.GROUNDED)
     note = vehicle.note or "landed unexpectedly (no land command was sent)"
     return replace(down, phase=Phase.FAILED, order=StandDown(), note=note)
 

@@ -123,6 +123,20 @@ def end_searched(setting: Setting, state: State) -> State:
     return state
 
 
+def drop_seen(setting: Setting, state: State) -> State:
+    """Without what members of a fleet hold who will not fly it, and others have seen meanwhile.
+
+    They tell it for as long as they are heard, and those out of contact are taken to hold it.
+    """
+    for number, vehicle in state.vehicles.items():
+        gone = vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
+        if not state.is_ours(number) and gone and vehicle.lanes:
+            left = still_open(setting, state, vehicle.lanes)
+            if left != vehicle.lanes:
+                state = state.with_vehicle(replace(vehicle, lanes=left))
+    return state
+
+
 def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
     """Whether a lane has a cell that is not judged; in a survey, not decided."""
     strip = Strip.of(setting.grid, lane, setting.lane_rows, state.t_s)

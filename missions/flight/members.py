@@ -35,6 +35,8 @@ _PHASES: Final = {
     "down": Phase.DOWN,
 }
 ON_GROUND: Final = ("stands", "ended", "down")
+FLY_LANES: Final = ("stands", "flies", "returns")
+"""What they do who will fly the lanes that they hold; of others they may be taken."""
 
 
 def heard(setting: Setting, state: State, event: Heard) -> State:
@@ -126,10 +128,16 @@ def _path(setting: Setting, event: Heard) -> FlyPath | None:
 def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
     """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
 
-    Of two who hold the same lane the one keeps it in whose order it stands earlier, and at a tie
-    the one with the lower number; nobody leaves the lane that it is on. They may see it differently
-    for a moment: then both fly it, or neither has it, and whoever is done first takes it up.
+    Of two who hold the same lane the one keeps it in whose order it stands earlier, at a tie the
+    one that flies, and then the one with the lower number; nobody leaves the lane that it is on.
+    They may see it differently for a moment: then both fly it, or neither has it, and whoever is
+    done first takes it up. Who cannot fly its lanes any more leaves them to whoever has taken them
+    up.
     """
+    if event.does not in FLY_LANES:
+        taken = {lane_number(setting, lane) for ours in state.ours for lane in ours.lanes}
+        left = tuple(number for number in event.lanes if number not in taken)
+        event = replace(event, lanes=left)
     theirs = {number: place for place, number in enumerate(event.lanes)}
     known = {lane_number(setting, lane): lane for lane in state.vehicles[event.vehicle].lanes}
     held = tuple(
@@ -138,13 +146,19 @@ def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
         if number < len(setting.lanes)
     )
     state = state.with_vehicle(replace(state.vehicles[event.vehicle], lanes=held))
+    they_stand = event.does != "flies"
     for ours in state.ours:
-        kept = []
+        kept, stands = [], ours.landed or ours.return_reason is not None
         for place, lane in enumerate(ours.lanes):
             their_place = theirs.get(-1 if (n := lane_number(setting, lane)) is None else n)
-            mine = (-1 if ours.on_lane and place == 0 else place, ours.vehicle)
-            if their_place is None or mine < (their_place, event.vehicle):
+            mine = (-1 if ours.on_lane and place == 0 else place, stands, ours.vehicle)
+            if their_place is None or mine < (their_place, they_stand, event.vehicle):
                 kept.append(lane)
         if len(kept) < len(ours.lanes):
-            state = state.with_vehicle(replace(ours, lanes=tuple(kept)))
+            # what was seen was seen of the first lane; on its path it comes to the others
+            same = kept[:1] == list(ours.lanes[:1])
+            seen_m = ours.lane_seen_m if same else ()
+            on_lane = ours.on_lane and bool(kept)
+            ours = replace(ours, lanes=tuple(kept), on_lane=on_lane, lane_seen_m=seen_m)
+            state = state.with_vehicle(ours)
     return state

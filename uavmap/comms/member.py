@@ -62,11 +62,15 @@ PATH_PLACES: Final = 4
 """... and are so many."""
 LINGER_S: Final = 600.0
 """So long after its landing a member waits for others that still fly."""
+LINGER_APART_S: Final = 120.0
+"""... and so long for those of them that are out of contact."""
 AGREE_S: Final = 15.0
 """For so long others are listened for before a first take-off."""
 AGREE_STEP_S: Final = 0.5
 ELSEWHERE_CELLS: Final = 0.25
 """Cells that lie farther off than so many of their edges are other ground."""
+MOST_ASK_S: Final = 600.0
+"""Nobody needs air for longer, and nobody keeps out of it for longer."""
 SOON_S: Final = 0.5
 """What somebody waits for is said at most so often."""
 RELAY_S: Final = 8.0
@@ -217,20 +221,25 @@ class Member:
         if column == self._column:
             return
         self._column = column
-        self._question += 1
+        # by the time, so that what was promised to an earlier start is no answer to this one
+        self._question = max(self._question + 1, round(1_000 * self._now_s()))
         self.beat_soon()
 
-    def _hear_ask(self, sender: int, ask: Ask | None, now_s: float) -> None:
-        peer = self.peers[sender]
+    def _hear_ask(self, sender: int, message: Message, now_s: float) -> None:
+        """Close the air to ours that another asks for, for as long as it does by its own clock."""
+        peer, ask = self.peers[sender], message.ask
         if ask == peer.ask:
             return
         peer.ask = ask
         t_s = round(now_s, 3)
-        if ask is None:
+        # (what the message took is added to that: the air is closed longer here, never shorter)
+        for_s = 0.0 if ask is None else ask.until_s - message.t_s
+        if ask is None or not 0.0 < for_s <= MOST_ASK_S:
             self._post(Asked(sender, t_s, GridPoint(0.0, 0.0), 0.0, 0.0, t_s))
-        else:
-            self._post(Asked(sender, t_s, ask.place, ask.low_m, ask.high_m, ask.until_s))
-            self.beat_soon()
+            return
+        until_s = round(now_s + for_s, 3)
+        self._post(Asked(sender, t_s, ask.place, ask.low_m, ask.high_m, until_s))
+        self.beat_soon()
 
     def _promised(self) -> dict[int, int]:
         """Whose air we keep out of: of those who have asked, and whom our own wish does not meet.
@@ -390,20 +399,15 @@ class Member:
         now_s = self._now_s()
         peer = self.peers.setdefault(sender, _Peer(now_s))
         peer.heard_s, peer.apart = now_s, False
-        peer.have = message.have or peer.have
-        peer.done = message.presence is None or message.presence.does in ("ended", "down")
         if message.begun and not peer.begun:  # its clock may have been moved just now
             peer.ahead_s = -math.inf
-        peer.begun = message.begun
         peer.ahead_s = max(peer.ahead_s, message.t_s - now_s)
-        missing = self.knowledge.missing(peer.have)
-        peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
         for word in message.words:
             self.order(word)
-        if self._agreed:
-            self._hear_ask(sender, message.ask, now_s)
-            peer.promised = message.promised.get(self._number, -1)
-            self._see_whether_leased()
+        # what one does or asks for now is told by its last message: facts alone may come late
+        latest = not self._seal.overtaken
+        if latest:
+            self._hear_state(sender, peer, message, now_s)
         if not self._agreed or self._is_elsewhere(sender, peer):
             return  # what is not taken is told again
         for batch in message.batches:
@@ -413,12 +417,26 @@ class Member:
             if new:
                 first = self.knowledge.have[batch.origin] - len(new)
                 self._post(Shared(batch.origin, round(now_s, 3), first, tuple(new)))
-        if message.presence is not None and sender in range(1, len(self._vehicles) + 1):
+        if latest and message.presence is not None and self._is_vehicle(sender):
             self._post(self._heard_of(sender, now_s, message.presence))
 
-    @property
-    def _vehicles(self) -> tuple[object, ...]:
-        return tuple(self._setting.mission.vehicles)
+    def _hear_state(self, sender: int, peer: _Peer, message: Message, now_s: float) -> None:
+        """What another is, knows, asks for and has promised now."""
+        peer.have = message.have or peer.have
+        if message.presence is not None:
+            peer.done = message.presence.does in ("ended", "down")
+        else:  # one that flies a vehicle, and has just started, does not know yet what it does
+            peer.done = not self._is_vehicle(sender)
+        peer.begun = message.begun
+        missing = self.knowledge.missing(peer.have)
+        peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
+        if self._agreed:
+            self._hear_ask(sender, message, now_s)
+            peer.promised = message.promised.get(self._number, -1)
+            self._see_whether_leased()
+
+    def _is_vehicle(self, number: int) -> bool:
+        return 0 < number <= len(self._setting.mission.vehicles)
 
     def _heard_of(self, sender: int, now_s: float, said: Presence) -> Heard:
         capacity_wh = self._setting.mission.battery.capacity_wh
@@ -428,12 +446,28 @@ class Member:
             said.lanes, said.path, said.layer_m,
         )  # fmt: skip
 
+    def end(self) -> None:
+        """Say nothing more."""
+        if self._soon is not None:
+            self._soon.cancel()
+
     async def settle(self) -> None:
-        """Wait until everybody in contact is done and knows what is known here, or long enough."""
+        """Wait until everybody in contact is done and knows what is known here, or long enough.
+
+        Who is out of contact, and was not done when it was, will come home, where it hears us.
+        """
         waited_s = 0.0
-        while waited_s < LINGER_S and not (self.level and waited_s >= 2.0 * BEAT_S):
+        while waited_s < LINGER_S:
+            least_s = 2.0 * BEAT_S if self.all_done else LINGER_APART_S
+            if self.level and waited_s >= least_s:
+                break
             await asyncio.sleep(BEAT_S)
             waited_s += BEAT_S
+
+    @property
+    def all_done(self) -> bool:
+        """Whether everybody that was ever heard is done."""
+        return all(peer.done for peer in self.peers.values())
 
     @property
     def level(self) -> bool:
@@ -475,6 +509,7 @@ async def talking(
             say("not waiting for the others: their journals hold what they find, for uavmap merge")
     finally:
         task.cancel()
+        member.end()
         await asyncio.gather(task, return_exceptions=True)
 
 

@@ -57,6 +57,8 @@ class Seal:
     """Higher at each start of this member's program."""
     refused: Counter[str] = field(default_factory=Counter)
     """How many datagrams were not believed, by reason."""
+    overtaken: bool = False
+    """Whether a later one of the same sender was opened before the one that was opened last."""
     _counter: int = 0
     _nonce: bytes = field(default_factory=lambda: secrets.token_bytes(NONCE_BYTES))
     _heard: dict[int, _Heard] = field(default_factory=dict)
@@ -113,6 +115,7 @@ class Seal:
             raise _RefusedError("from an earlier start")
         if not _is_new(heard, counter):
             raise _RefusedError("heard before")
+        self.overtaken = counter < heard.last
         return (sender, body) if kind == DATA else None
 
     def errands(self) -> list[bytes]:

@@ -300,6 +300,10 @@ class Flight:
         self._journal.close()
         return values
 
+    def close(self) -> None:
+        """Close its journal: nothing that happens after it is kept."""
+        self._journal.close()
+
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
         with like_control_c():
@@ -334,9 +338,18 @@ class Flight:
     async def _called(self, flight: Awaitable[None]) -> None:
         await (flight if self.caller is None else self.caller.until_done(flight))
 
+    @property
+    def now_s(self) -> float:
+        """Mission time."""
+        return self._now_s()
+
     def _now_s(self) -> float:
         """Mission time."""
         return self._start_s + asyncio.get_running_loop().time()
+
+    def set_clock(self, now_s: float) -> None:
+        """Have it be this mission time now."""
+        self._start_s = now_s - asyncio.get_running_loop().time()
 
     def _clocks(self) -> Clocks:
         return read_clocks(self._vehicle_clock())
@@ -357,7 +370,7 @@ class Flight:
             say=self._progress.say,
             ask=self.ask,
         )
-        self._start_s = start_s - asyncio.get_running_loop().time()
+        self.set_clock(start_s)
 
     async def _agree(self, member: Member) -> None:
         """Count the seconds that the others of a fleet count. Time never runs backwards."""

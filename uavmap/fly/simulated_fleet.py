@@ -21,6 +21,7 @@ from uavmap.clock import VirtualClock, run
 from uavmap.comms.air import Air, LinkModel, link_model
 from uavmap.comms.sealing import Seal
 from uavmap.fly.flight import Flight
+from uavmap.fly.onlooker import folded
 from uavmap.fly.progress import Progress
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
@@ -59,41 +60,80 @@ def fly_fleet(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, A
         model = link_model(plan.comms or "free")
     except ValueError as error:
         raise LinkError(f"--comms {plan.comms}: {error}") from None
-    setting = replace(plan, member=0).setting(progress.say)
-    flights: dict[int, Flight] = {}
-    for number in range(1, len(setting.mission.vehicles) + 1):
-        own = replace(plan, member=number)
-        at = folder / MEMBER_FOLDER.format(number=number)
-        journal = Journal.create(at / JOURNAL, {"plan": asdict(own)})
-        mine = Setting.of(setting.mission, number)
-        flights[number] = Flight(
-            own, mine, at, journal, State.initial(mine), OfMember(number, progress)
-        )
-    truth = run(_fly(flights, setting, plan.seed, model), VirtualClock(plan.speedup))
-    for flight in flights.values():
+    fleet = SimulatedFleet(plan, folder, progress, model)
+    truth = run(fleet.fly(), VirtualClock(plan.speedup))
+    for flight in fleet.flights.values():
         flight.finish()
     return merged_results(
-        [flight.folder for flight in flights.values()], folder, progress.say, truth
+        [flight.folder for flight in fleet.flights.values()], folder, progress.say, truth
     )
 
 
-async def _fly(
-    flights: dict[int, Flight], setting: Setting, seed: int, model: LinkModel
-) -> dict[str, Any]:
-    from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
+class SimulatedFleet:
+    """The members of a fleet, each with a folder, a journal, and a service of its own."""
 
-    world, air = Simulation(setting, seed), Air(model, seed)
-    key = hashlib.blake2s(f"simulated fleet {seed}".encode()).digest()
-    async with asyncio.TaskGroup() as tasks:
-        turning = tasks.create_task(world.run())
-        async with asyncio.TaskGroup() as members:
-            for number, flight in flights.items():
-                flight.seal = Seal(key, number, 1)
-                flight.radio = air.radio(number, _place_of(flight))
-                members.create_task(flight.fly_member(world))
-        turning.cancel()
-    figures: dict[str, Any] = dict(world.truth.figures())
-    return figures | {"bytes_on_air": {str(k): v for k, v in sorted(air.sent_bytes.items())}}
+    def __init__(
+        self, plan: FlightPlan, folder: Path, progress: Progress, model: LinkModel
+    ) -> None:
+        """Raises `MissionFileError`, `JournalError`."""
+        from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
+
+        self.plan = plan
+        self.setting = replace(plan, member=0).setting(progress.say)
+        self.world = Simulation(self.setting, plan.seed)
+        self.air = Air(model, plan.seed)
+        self._folder = folder
+        self._progress = progress
+        self._key = hashlib.blake2s(f"simulated fleet {plan.seed}".encode()).digest()
+        numbers = range(1, len(self.setting.mission.vehicles) + 1)
+        self.flights = {number: self.new(number) for number in numbers}
+
+    def folder(self, number: int) -> Path:
+        """That of a member."""
+        return self._folder / MEMBER_FOLDER.format(number=number)
+
+    def new(self, number: int) -> Flight:
+        """A member before its first start."""
+        own = replace(self.plan, member=number)
+        at = self.folder(number)
+        journal = Journal.create(at / JOURNAL, {"plan": asdict(own)})
+        mine = Setting.of(self.setting.mission, number)
+        said = OfMember(number, self._progress)
+        return self.talking(Flight(own, mine, at, journal, State.initial(mine), said), number, 1)
+
+    def again(self, number: int, start: int) -> Flight:
+        """A member whose program has died, and goes on with its journal."""
+        at = self.folder(number)
+        journal = Journal.open(at / JOURNAL)
+        own = FlightPlan.read(journal)
+        mine = Setting.of(self.setting.mission, number)
+        state = folded(mine, journal.events(), None)
+        flight = Flight(own, mine, at, journal, state, OfMember(number, self._progress))
+        return self.talking(flight, number, start)
+
+    def talking(self, flight: Flight, number: int, start: int) -> Flight:
+        """The same with a radio; its program starts for this time."""
+        flight.seal = Seal(self._key, number, start)
+        flight.radio = self.air.radio(number, _place_of(flight))
+        return flight
+
+    async def fly(self) -> dict[str, Any]:
+        """Fly until all members have ended; returns what the simulator has watched."""
+        async with asyncio.TaskGroup() as tasks:
+            turning = tasks.create_task(self.world.run())
+            async with asyncio.TaskGroup() as members:
+                for number in self.flights:
+                    members.create_task(self.live(number))
+            turning.cancel()
+        figures: dict[str, Any] = dict(self.world.truth.figures())
+        return figures | {
+            "bytes_on_air": {str(k): v for k, v in sorted(self.air.sent_bytes.items())}
+        }
+
+    async def live(self, number: int) -> None:
+        """What one member's program does from its start to its end."""
+        await self.flights[number].fly_member(self.world)
+        self.air.silence(number)
 
 
 def _place_of(flight: Flight) -> Callable[[], tuple[GridPoint, float]]:
