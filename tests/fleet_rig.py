@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.events import Event
-from missions.fleet.joined import joined
+from missions.flight.joined import joined
 from missions.ground.grid import Grid
 from missions.state import Setting, State
 from missions.units import Cell, GridPoint

@@ -21,6 +21,9 @@ class Waits:
     async def settle(self) -> None:
         await asyncio.Event().wait()
 
+    def end(self) -> None:
+        """Nothing is to be ended."""
+
 
 async def flight(say: Any, landed: asyncio.Event) -> str:
     async with talking(cast(Member, Waits()), say):
