@@ -34,7 +34,7 @@ from uavmap.fly.simulated_fleet import SimulatedFleet
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.results.figures import figures
 from uavmap.results.merging import Source, merged
-from uavmap.results.score import score, true_roi
+from uavmap.results.score import MISSED_SHARE, cells_near, score, shares_of, true_roi
 from uavmap.simulation import Truth
 
 PADS: Final = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
@@ -308,10 +308,14 @@ def _of_the_maps(fleet: Beset, outcome: Outcome) -> None:
         "makespan_s": found.makespan_s, "sorties": found.sorties,
         "explored": state.exploration_finished,
     }  # fmt: skip
+    # (what was decided wrongly is the detector's affair: cells that the region covers by half)
+    near = cells_near(true_roi(setting.mission, setting.grid), setting.grid)
+    shares = shares_of(near, true_roi(setting.mission, setting.grid), setting.grid)
+    orphans = [c for c in near if shares[c] >= MISSED_SHARE and state.belief.verdict(c) is None]
     whole = state.exploration_finished and not (state.undecided or state.unsearched)
-    if (marks.cells_missed or not whole) and len(fleet.mishaps.lost) < len(fleet.flights):
+    if (orphans or not whole) and len(fleet.mishaps.lost) < len(fleet.flights):
         outcome.forbidden.append(
-            f"orphans: {marks.cells_missed} missed, {len(state.undecided)} undecided, "
+            f"orphans: {len(orphans)} of the region, {len(state.undecided)} undecided, "
             f"{len(state.unsearched)} lanes, explored {state.exploration_finished}"
         )
 

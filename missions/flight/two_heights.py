@@ -14,6 +14,7 @@ A vehicle changes its layer where it is, or a few metres beside, in air that nob
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Container
 from dataclasses import dataclass, replace
 
@@ -127,6 +128,7 @@ def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) 
     if asks is None:
         until_s = round(state.t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
         asks = Column(vehicle.position, low_m, high_m, state.t_s, until_s)
+        vehicle = replace(vehicle, leased_until_s=-math.inf)  # that was for other air
     return hold(state, replace(vehicle, asks=asks))
 
 

@@ -82,7 +82,8 @@ def main() -> int:
         figures = outcome.figures
         print(
             f"{seed:3d} {'high' if seed % 3 == 0 else 'low ':4s} {took_s:4.1f} s  "
-            f"{figures['makespan_s']:5.0f} s, {figures.get('min_separation_m') or 0.0:4.1f} m  "
+            f"{figures['makespan_s']:5.0f} s, {figures.get('min_separation_m') or 0.0:4.1f} m, "
+            f"{figures['missed']} wrong  "
             f"{mishaps}",
             flush=True,
         )

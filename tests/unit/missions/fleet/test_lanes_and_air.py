@@ -1,0 +1,91 @@
+"""What a member does by its reducer with lanes that others hold, and with air that it asks for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+from missions.events import Arrived, FrameSeen, Heard, Vote
+from missions.flight.lane_passes import drop_seen
+from missions.flight.members import heard
+from missions.flight.transitions import apply
+from missions.flight.two_heights import change_layer
+from missions.mission_file.checks import parse_mission
+from missions.motion.trajectory import rounded_path
+from missions.orders import FlyPath, Hold
+from missions.state import Phase, Setting, State
+from missions.units import GridPoint
+from tests.fleet_rig import field_text
+
+OURS = 2
+
+
+@lru_cache
+def setting() -> Setting:
+    return Setting.of(parse_mission(field_text(high=True), "test"), OURS)
+
+
+def in_the_air(*, on_lane: bool) -> State:
+    """Ours flies along the only lane of its box, which a frame from so high shows whole."""
+    state, lanes = State.initial(setting()), setting().lanes
+    assert len(lanes) == 1
+    start, end = lanes[0]
+    path = rounded_path([start, end], 0.0, speed_m_s=5.0)
+    layer_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
+    ours = replace(
+        state.vehicles[OURS], phase=Phase.AIRBORNE, landed=False, position=start,
+        cruise_altitude_m=layer_m, height_m=layer_m, home=setting().pad_of(OURS),
+        remaining_wh=60.0, lanes=lanes, on_lane=on_lane, lane_seen_m=(4.0,),
+        order=FlyPath(path, layer_m, None, 0.25),
+    )  # fmt: skip
+    return state.with_vehicle(ours)
+
+
+def told(does: str, vehicle: int = 1) -> Heard:
+    """Another tells that it holds that lane."""
+    return Heard(
+        vehicle, 1.0, GridPoint(0.0, 20.0), 30.0, 50.0, does, setting().pad_of(vehicle), (0,)
+    )  # type: ignore[arg-type]
+
+
+def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
+    state = heard(setting(), in_the_air(on_lane=True), told("flies"))
+    ours = state.vehicles[OURS]
+    assert (ours.lanes, ours.on_lane, ours.lane_seen_m) == ((), False, ())
+    state = apply(setting(), state, Arrived(OURS, 12.0, setting().lanes[0][1]))
+    assert state.vehicles[OURS].order is None
+
+
+def test_who_flies_a_lane_keeps_it_from_one_that_stands_or_lies() -> None:
+    for does in ("stands", "down", "ended", "pilot", "guarded"):
+        state = heard(setting(), in_the_air(on_lane=True), told(does))
+        assert state.vehicles[OURS].lanes == setting().lanes, does
+        assert state.vehicles[OURS].lane_seen_m == (4.0,), does
+
+
+def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
+    state = in_the_air(on_lane=False)
+    state = state.with_vehicle(replace(state.vehicles[OURS], lanes=()))
+    state = heard(setting(), state, told("down"))
+    assert drop_seen(setting(), state).vehicles[1].lanes == setting().lanes
+    votes = tuple(Vote(cell, False, 0.0) for cell in setting().box_cells)
+    state = apply(setting(), state, FrameSeen(OURS, 2.0, None, votes, overview=True))
+    state = heard(setting(), state, told("down"))
+    assert drop_seen(setting(), state).vehicles[1].lanes == ()
+
+
+def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
+    """Nobody keeps out of it any more, whatever time there would have been left."""
+    state = in_the_air(on_lane=False)
+    for vehicle in (1, 3):
+        state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
+    mine = replace(state.vehicles[OURS], lanes=(), order=None, leased_until_s=500.0)
+    after = change_layer(setting(), state.with_vehicle(mine), mine)
+    assert after is not None
+    ours = after.vehicles[OURS]
+    assert ours.asks is not None
+    assert isinstance(ours.order, Hold)
+    assert ours.leased_until_s == -math.inf
+    again = change_layer(setting(), after, ours)
+    assert again is None or isinstance(again.vehicles[OURS].order, Hold)
