@@ -14,7 +14,9 @@ from missions.flight.joined import joined
 from missions.ground.grid import Grid
 from missions.state import Setting, State
 from missions.units import Cell
+from tests.benchmarks.fleet_faults import scenario
 from tests.e2e.rig import uavmap
+from tests.fleet_rig import flown as beset
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
@@ -116,3 +118,12 @@ def test_pads_too_near_to_each_other_are_refused(tmp_path: Path) -> None:
     done = uavmap("fly", file, "--sim", "--comms", "free", "--out", tmp_path / "out")
     assert done.code == 2
     assert "vehicles[].home" in done.err or "pads" in done.err
+
+
+def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path) -> None:
+    """Messages overtake each other, one clock is off, and nobody is told of any of it."""
+    text, mishaps = scenario(22)
+    assert mishaps.deaths
+    assert mishaps.lost
+    outcome = beset(text, mishaps, tmp_path / "out", 22)
+    assert not outcome.forbidden, outcome.said

@@ -11,8 +11,10 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from missions.events import Asked, Event, SharedFrame
-from missions.flight.deconfliction import is_clear, meets
+from missions.fleet.codec import Ask, Message, encode
+from missions.flight.deconfliction import SEPARATION_BUFFER_M, is_clear
 from missions.flight.transitions import apply
+from missions.flight.volumes import Volume
 from missions.mission_file.checks import parse_mission
 from missions.orders import FlyTo
 from missions.state import Column, Phase, Setting, State, VehicleState
@@ -134,6 +136,13 @@ class Mind:
         return self.holds or Column(mine.position, layer_m, layer_m, 0.0, 0.0)
 
 
+def too_near(one: Column, other: Column) -> bool:
+    """Whether two come nearer than they may, and half a metre that places are rounded by."""
+    team = setting_of(0).mission.team
+    air, there = (Volume((c.place,), c.low_m, c.high_m) for c in (one, other))
+    return air.meets(there, team.separation_m + SEPARATION_BUFFER_M - 0.5, team.layer_m)
+
+
 async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
     """Some minutes of three members; what went wrong, and how many changes of layer there were."""
     chance = random.Random(seed)
@@ -163,7 +172,7 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
             mind.member.knowledge.take(mind.number, first, [mine])
         for one, other in itertools.combinations(minds, 2):
             held = one.holds or other.holds
-            if held and meets(setting_of(0), one.air_used, other.air_used):
+            if held and too_near(one.air_used, other.air_used):
                 wrong.append(f"{one.number} and {other.number} at {k * ROUND_S:.1f} s")
     for mind in minds:
         assert mind.task is not None
@@ -206,3 +215,28 @@ def test_who_has_just_started_has_promised_nothing() -> None:
 
     assert run(asked(True), VirtualClock()) == 60.0
     assert run(asked(False), VirtualClock()) == -math.inf
+
+
+def test_a_message_that_was_overtaken_opens_no_air() -> None:
+    """Its sender had not asked yet when it was sent; and its clock is an hour ahead of ours."""
+
+    async def told() -> list[Asked]:
+        ours, theirs, found = Seal(KEY, 1, 1), Seal(KEY, 2, 1), list[Event]()
+        radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))
+        member = Member(setting_of(1), ours, radio, lambda: 5.0, found.append)
+        member.clock_moved(0.0)
+        theirs.opened(ours.sealed(b""))
+        ours.opened(theirs.sealed(b""))
+        for errand in ours.errands():
+            theirs.opened(errand)
+        for errand in theirs.errands():
+            ours.opened(errand)
+        ask = Ask(7, GridPoint(4.0, 40.0), 12.0, 30.0, 3_640.0)
+        early = theirs.sealed(encode(Message(3_600.0)))
+        member.heard(theirs.sealed(encode(Message(3_602.0, ask=ask))))
+        member.heard(early)
+        member.end()
+        return [event for event in found if isinstance(event, Asked)]
+
+    (only,) = run(told(), VirtualClock())
+    assert only.until_s == 5.0 + 38.0
