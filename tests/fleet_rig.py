@@ -169,6 +169,11 @@ class Mortal:
     radio: Radio
     dead: bool = False
 
+    @property
+    def overhead_bytes(self) -> int:
+        """What a datagram takes on the air besides itself."""
+        return self.radio.overhead_bytes
+
     def send(self, datagram: bytes) -> None:
         """Send to all."""
         if not self.dead:
@@ -257,6 +262,7 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
         forbidden.append(f"failed: {_leaves(failed)}")
     for flight in fleet.flights.values():
         flight.close()
+    forbidden += [f"mute: {n}" for n in fleet.flights if not fleet.air.sent_bytes.get(n)]
     forbidden += _of_the_air(fleet)
     outcome = Outcome(forbidden, truth, said.lines, {}, {})
     _of_the_maps(fleet, outcome)

@@ -86,6 +86,8 @@ class _Peer:
     lacks_since_s: dict[int, float] = field(default_factory=dict)
     apart: bool = False
     done: bool = False
+    told_all: bool = False
+    """Whether it has told what it knows since it was done."""
     begun: bool = False
     ask: Ask | None = None
     promised: int = -1
@@ -427,6 +429,7 @@ class Member:
             peer.done = message.presence.does in ("ended", "down")
         else:  # one that flies a vehicle, and has just started, does not know yet what it does
             peer.done = not self._is_vehicle(sender)
+        peer.told_all = peer.done and (peer.told_all or bool(message.have))
         peer.begun = message.begun
         missing = self.knowledge.missing(peer.have)
         peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
@@ -474,6 +477,7 @@ class Member:
         """Whether everybody in contact knows what is known here, and nobody knows more."""
         return all(
             peer.done
+            and (peer.told_all or not self.knowledge.have)
             and not self.knowledge.missing(peer.have)
             and not self.knowledge.lacking(peer.have)
             for peer in self.peers.values()

@@ -50,18 +50,24 @@ def told(does: str, vehicle: int = 1) -> Heard:
 
 
 def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
-    state = heard(setting(), in_the_air(on_lane=True), told("flies"))
+    state = heard(setting(), in_the_air(on_lane=False), told("flies"))
     ours = state.vehicles[OURS]
     assert (ours.lanes, ours.on_lane, ours.lane_seen_m) == ((), False, ())
     state = apply(setting(), state, Arrived(OURS, 12.0, setting().lanes[0][1]))
     assert state.vehicles[OURS].order is None
 
 
-def test_who_flies_a_lane_keeps_it_from_one_that_stands_or_lies() -> None:
-    for does in ("stands", "down", "ended", "pilot", "guarded"):
+def test_who_is_on_a_lane_keeps_it() -> None:
+    for does in ("flies", "stands", "down", "ended", "pilot", "guarded"):
         state = heard(setting(), in_the_air(on_lane=True), told(does))
         assert state.vehicles[OURS].lanes == setting().lanes, does
         assert state.vehicles[OURS].lane_seen_m == (4.0,), does
+
+
+def test_who_flies_keeps_its_lanes_from_one_that_stands_or_lies() -> None:
+    for does in ("stands", "down", "ended", "pilot", "guarded"):
+        state = heard(setting(), in_the_air(on_lane=False), told(does))
+        assert state.vehicles[OURS].lanes == setting().lanes, does
 
 
 def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
