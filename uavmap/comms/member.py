@@ -136,6 +136,7 @@ class Member:
         self._messages = 0
         self._urgent = False
         self._soon: asyncio.TimerHandle | None = None
+        self._failed = False
         self.damaged = 0
         self._strangers: set[int] = set()
 
@@ -296,8 +297,19 @@ class Member:
         """Talk until cancelled."""
         self._radio.listen(self.heard)
         while True:
-            self.beat()
+            try:
+                self.beat()
+            except Exception as failure:  # aircraft are flown all the same, and somebody knows
+                self._tell_failed(failure)
             await asyncio.sleep(BEAT_S)
+
+    def _tell_failed(self, failure: Exception) -> None:
+        if not self._failed:
+            self._failed = True
+            self._say(
+                f"the talk with the fleet fails ({type(failure).__name__}: {failure}), which is a "
+                "defect of the program; each aircraft goes on by itself"
+            )
 
     def beat(self) -> None:
         """Say what there is to say, and note who is out of contact."""

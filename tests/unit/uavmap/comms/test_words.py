@@ -128,3 +128,22 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
 
     together(lambda: in_a_row(1.0, 100.0), all_agree)
     assert len(found) == 4
+
+
+def test_a_talk_that_fails_is_told_once_and_goes_on() -> None:
+    said: list[str] = []
+
+    async def listen(stations: list[Station]) -> None:
+        member = stations[1].member
+        member._say = said.append  # type: ignore[method-assign]
+        stations[1].late_s = float("nan")  # a clock that says nothing
+        await asyncio.sleep(20.0)
+        stations[1].late_s = 0.0
+        await asyncio.sleep(20.0)
+        stations[0].member.order(Word(7, 0, "recall"))
+        await asyncio.sleep(20.0)
+
+    stations = together(lambda: in_a_row(1.0, 100.0, 1), listen)
+    assert len(said) == 1
+    assert "the talk with the fleet fails (ValueError" in said[0]
+    assert stations[1].told(Recalled) == [Recalled]
