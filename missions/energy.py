@@ -9,7 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 LANDING_SPEED_M_S = 0.5
-"""ArduCopter's final descent rate, taken for the whole descent."""
+"""ArduCopter's final descent rate, taken for the whole descent where no other is told."""
+FINAL_M = 10.0
+"""From this height on a landing is slow, whatever the descent before: ArduCopter's LAND_ALT_LOW
+and PX4's MPC_LAND_ALT1."""
 CLIMB_SPEED_M_S = 1.5
 LANDING_OVERHEAD_S = 12.0
 """Braking, turning, and touch-down detection."""
@@ -42,6 +45,9 @@ class EnergyModel:
     wind_m_s: float
     accel_m_s2: float = 2.0
     max_airspeed_m_s: float = AIRSPEED_LIMIT_M_S
+    climb_m_s: float = CLIMB_SPEED_M_S
+    descent_m_s: float = LANDING_SPEED_M_S
+    """Above `FINAL_M`; below it is `LANDING_SPEED_M_S`."""
 
     @property
     def reserve_wh(self) -> float:
@@ -73,7 +79,7 @@ class EnergyModel:
 
     def climb_wh(self, height_m: float, drawn_w: float = 0.0) -> float:
         """Energy to take off and climb."""
-        return self.hover_wh(height_m / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S, drawn_w)
+        return self.hover_wh(height_m / self.climb_m_s + CLIMB_OVERHEAD_S, drawn_w)
 
     def relief_wh(self, ups_and_downs_m: float, drawn_w: float = 0.0) -> float:
         """What the ups and downs of a way over ground that is not flat cost besides its length.
@@ -85,7 +91,7 @@ class EnergyModel:
         >>> round(model.relief_wh(30.0), 2), model.relief_wh(0.0)
         (1.92, 0.0)
         """
-        return self.hover_wh(ups_and_downs_m / CLIMB_SPEED_M_S, drawn_w)
+        return self.hover_wh(ups_and_downs_m / self.climb_m_s, drawn_w)
 
     def sortie_wh(self, out_m: float, home_m: float, height_m: float, hover_s: float) -> float:
         """Energy of a whole flight: climb, fly out, hover, fly home, land, reserve left."""
@@ -98,7 +104,17 @@ class EnergyModel:
 
     def home_wh(self, distance_m: float, height_m: float, drawn_w: float = 0.0) -> float:
         """Energy to fly home, land, and have the reserve left."""
-        landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+        landing_s = self.descent_s(height_m) + LANDING_OVERHEAD_S
         return (
             self.leg_wh(distance_m, drawn_w) + self.hover_wh(landing_s, drawn_w) + self.reserve_wh
         )
+
+    def descent_s(self, height_m: float) -> float:
+        """How long it takes to come down from a height to the ground, without any pause.
+
+        >>> model = EnergyModel(300, 60, 0.1, speed_m_s=5, wind_m_s=3, descent_m_s=3.0)
+        >>> model.descent_s(100.0), model.descent_s(4.0)
+        (50.0, 8.0)
+        """
+        final_m = min(height_m, FINAL_M)
+        return final_m / LANDING_SPEED_M_S + (height_m - final_m) / self.descent_m_s

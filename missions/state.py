@@ -12,12 +12,13 @@ from enum import StrEnum
 
 from shapely.geometry import Point, Polygon
 
-from missions.energy import CLIMB_OVERHEAD_S, CLIMB_SPEED_M_S, EnergyModel
+from missions.energy import CLIMB_OVERHEAD_S, EnergyModel
 from missions.explorers import EXPLORERS, Explorer, Memory
 from missions.explorers.metric import Metric
 from missions.ground.columns import columns_over, fence_without
 from missions.ground.fence import Fence
 from missions.ground.grid import Grid
+from missions.ground.lane_shares import longest_m, share_by_time
 from missions.ground.lanes import LANE_CELLS, Lane, along_east, lanes, share_out
 from missions.ground.prior import LikelyLane, likely_lanes
 from missions.ground.search_order import Pace, expected_s, plain_blocks, soonest
@@ -247,10 +248,15 @@ class Setting:
             fence = fence_without(ring, holes, others, mission.fence.margin_m)
             common = fence_without(ring, holes, columns, mission.fence.margin_m)
         box = [grid.fixed(p) for p in positions(mission.search.box)]
-        ahead = along_east(box)
         nonstop = mission.strategy in ON_PATHS
-        rows = rows_across(mission, grid, east_ahead=ahead) if nonstop else LANE_CELLS
-        flown = lanes(box, mission.grid.cell_m, common, rows)
+        laid = []
+        for ahead in _directions(mission, box):
+            rows = rows_across(mission, grid, east_ahead=ahead) if nonstop else LANE_CELLS
+            laid.append((lanes(box, mission.grid.cell_m, common, rows, ahead), ahead, rows))
+        if len(laid) > 1:
+            pads = [grid.fixed(place) for place in homes(mission)]
+            laid.sort(key=lambda one: longest_m(share_by_time(one[0], pads), pads))
+        flown, ahead, rows = laid[0]
         prior = prior_of(mission, grid) if flown else ()
         return cls(
             mission,
@@ -277,8 +283,10 @@ class Setting:
             return ((),) * vehicles
         if self.leapfrogs:
             return (self.lanes, *((),) * (vehicles - 1))
-        if not self.likely:
+        if not self.likely and not (self.finds_all and vehicles > 1):
             return share_out(self.lanes, vehicles)
+        if not self._shares and not self.likely:
+            self._shares.append(share_by_time(self.lanes, self._pads))
         if not self._shares:
             blocks = soonest(self.likely, self._pads, self._pace)
             self._shares.append(tuple(tuple(part.lane for part in block) for block in blocks))
@@ -297,7 +305,7 @@ class Setting:
         of_lane = {part.lane: part for part in parts}
         blocks = [tuple(of_lane[lane] for lane in block) for block in self.shares]
         plain = plain_blocks(self.likely, len(blocks))
-        climb_s = self.mission.top_altitude_m(0) / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S
+        climb_s = self.mission.top_altitude_m(0) / self.energy.climb_m_s + CLIMB_OVERHEAD_S
         soon_s, late_s = (expected_s(b, self._pads, self._pace) for b in (blocks, plain))
         return climb_s + soon_s, climb_s + late_s
 
@@ -326,7 +334,7 @@ class Setting:
         """What the ups and downs of a way come to, in metres of climbing; 0 where it is flat."""
         if self.ground is None:
             return 0.0
-        return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, CLIMB_SPEED_M_S)
+        return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, self.energy.climb_m_s)
 
     @property
     def surveys(self) -> bool:
@@ -352,6 +360,19 @@ class Setting:
     def sees_box(self) -> bool:
         """Whether all lanes are flown, whatever is seen on the way."""
         return self.surveys or self.finds_all
+
+    @property
+    def lanes_drift(self) -> bool:
+        """Whether lanes lie in the frame of the cells, and drift with a region that drifts.
+
+        Where every cell of the box is to be seen; a search for the first sight of a region flies
+        over ground.
+        """
+        return self.sees_box and not self.leapfrogs
+
+    def lane_time_s(self, t_s: float) -> float:
+        """The time at which lanes lie where they are told to be, seen from the cells."""
+        return 0.0 if self.lanes_drift else t_s
 
     @property
     def box_cells(self) -> tuple[Cell, ...]:
@@ -407,6 +428,17 @@ class Setting:
     def look_s(self) -> float:
         """About how long a vehicle hovers over a cell."""
         return 2.0 + self.mission.votes.frames * self.mission.camera.interval_s
+
+
+def _directions(mission: Mission, box: Sequence[GridPoint]) -> tuple[bool, ...]:
+    """Whether lanes may lie along grid east, and along north; the one along the longer side first.
+
+    Several vehicles that look for every patch take what is done sooner.
+    """
+    longer = along_east(box)
+    both = mission.strategy == "swath" and mission.search.find == "all"
+    both = both and not mission.search.prior  # which goes by lanes along the longer side
+    return (longer, not longer) if both and len(mission.vehicles) > 1 else (longer,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,7 +90,11 @@ def setup_of(
         optical_flow=sim.optical_flow,
         odometry_drift=sim.odometry_drift,
         quirks=Quirks(**sim.quirks.model_dump()),
-        parameters={**_return_height(mission, autopilot or sim.autopilot), **sim.parameters},
+        parameters={
+            **_return_height(mission, autopilot or sim.autopilot),
+            **_climbs(mission, autopilot or sim.autopilot),
+            **sim.parameters,
+        },
         relief=relief_of(mission, grid),
         tag_m=_tag_m(mission),
         tag_dictionary=sim.tag_dictionary or mission.navigation.tag_dictionary,
@@ -139,6 +143,20 @@ def _return_height(mission: Mission, autopilot: str) -> dict[str, float]:
     if autopilot == "px4":
         return {"RTL_RETURN_ALT": height_m}
     return {"RTL_ALT": round(100.0 * height_m)}
+
+
+def _climbs(mission: Mission, autopilot: str) -> dict[str, float]:
+    """Climb and descent as the mission's crew says that they are set."""
+    up_m_s, down_m_s = mission.flight.climb_m_s, mission.flight.descent_m_s
+    found: dict[str, float] = {}
+    if up_m_s is not None:
+        names = ("MPC_Z_V_AUTO_UP", "MPC_Z_VEL_MAX_UP", "MPC_TKO_SPEED")
+        px4 = dict.fromkeys(names, up_m_s)
+        found |= px4 if autopilot == "px4" else {"WPNAV_SPEED_UP": 100.0 * up_m_s}
+    if down_m_s is not None:
+        px4 = dict.fromkeys(("MPC_Z_V_AUTO_DN", "MPC_Z_VEL_MAX_DN"), down_m_s)
+        found |= px4 if autopilot == "px4" else {"WPNAV_SPEED_DN": 100.0 * down_m_s}
+    return found
 
 
 def make_vehicles(

@@ -51,10 +51,21 @@ def chart_of(
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
     wanted[[chart.index(cell) for cell in asked_for(setting, state)]] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
-    strips = (Strip.of(setting.grid, lane, setting.lane_rows, state.t_s) for lane in lanes)
-    shown = {cell for strip in strips for cell in strip.cells if chart.holds(cell)}
-    chart.closed[[chart.index(cell) for cell in shown]] = 1
+    time_s = setting.lane_time_s(state.t_s)
+    for lane in sorted(lanes):
+        _close(chart, Strip.of(setting.grid, lane, setting.lane_rows, time_s))
     return Known(chart, -1, wanted, patches=setting.finds_all)
+
+
+def _close(chart: Chart, strip: Strip) -> None:
+    """Close the cells of a strip, as far as they are in the chart."""
+    columns, rows = strip.columns, strip.rows
+    east, north = (columns, rows) if strip.eastward else (rows, columns)
+    closed = chart.closed.reshape(chart.rows, chart.columns)
+    closed[
+        max(north.start - chart.south, 0) : max(north.stop - chart.south, 0),
+        max(east.start - chart.west, 0) : max(east.stop - chart.west, 0),
+    ] = 1
 
 
 def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:

@@ -27,6 +27,7 @@ from missions.flight.two_heights import (
     change_layer,
     layer_of,
     strays_from_layer,
+    take_off_height_m,
 )
 from missions.flight.visiting import mark_unreachable
 from missions.flight.whole_box import open_cells
@@ -151,7 +152,9 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(setting, state, vehicle)
-    return give_if_clear(setting, state, vehicle, TakeOff(vehicle.cruise_height_m))
+    return give_if_clear(
+        setting, state, vehicle, TakeOff(take_off_height_m(setting, state, vehicle))
+    )
 
 
 def _unfit(setting: Setting, vehicle: VehicleState) -> str:
@@ -185,7 +188,10 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
     cell = vehicle.vertex or vehicle.candidate
     if cell is not None:
         return where(setting, state, cell)
-    return vehicle.lanes[0][0] if vehicle.lanes else None
+    if not vehicle.lanes:
+        return None
+    lanes_s = setting.lane_time_s(state.t_s)
+    return setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
 
 
 def _nearest_open(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from shapely.geometry import Point
 from shapely.ops import nearest_points
@@ -18,6 +18,9 @@ from missions.units import GridPoint
 if TYPE_CHECKING:
     from missions.swath.paths import Route
     from missions.swath.team import Flyer
+
+LONGEST_S: Final = 300.0
+"""A path is not planned for later: a region that drifts would be out of the fence by then."""
 
 
 def flyer_of(
@@ -49,6 +52,7 @@ def flyer_of(
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
     # the path of a search may end minutes later than the plan that replaces it
     over_home_s = max(begin_s, path.end_s) if path is not None and mine else begin_s
+    over_home_s = min(over_home_s, begin_s + LONGEST_S)
     end = grid.to_moving(_over_pad(setting, vehicle), over_home_s)
     return Flyer(
         flown,
@@ -56,7 +60,16 @@ def flyer_of(
         end,
         path,
         route if mine else None,
+        _blind_s(setting, vehicle),
     )
+
+
+def _blind_s(setting: Setting, vehicle: VehicleState) -> float:
+    """How long a vehicle that comes down from the search takes pictures of the search still."""
+    above_m, descent_m_s = setting.mission.overview_above_m, setting.mission.flight.descent_m_s
+    if above_m is None or descent_m_s is None:
+        return 0.0
+    return max(vehicle.height_m - above_m, 0.0) / descent_m_s
 
 
 def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:

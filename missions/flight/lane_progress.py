@@ -56,6 +56,8 @@ def lane_passed(
     judged: Container[Cell],
     shown: Collection[Cell],
     t_s: float,
+    *,
+    drifts: bool = False,
 ) -> VehicleState:
     """The vehicle after a frame was judged on a path along its lanes.
 
@@ -66,6 +68,7 @@ def lane_passed(
         judged: The cells that any frame has judged, this one too.
         shown: The cells that the frame has judged.
         t_s: When it was taken.
+        drifts: Whether lanes drift with the cells; else they lie still over ground.
 
     It counts for a lane there where all rows of it are judged by now. When that is the second, and
     the path has passed the end of the first, that one is behind: what nobody saw of it is flown
@@ -77,17 +80,18 @@ def lane_passed(
     cell_m = grid.cell_m
     east = sum(cell.east for cell in shown) / len(shown)
     north = sum(cell.north for cell in shown) / len(shown)
-    middle = grid.to_fixed(GridPoint(east * cell_m, north * cell_m), t_s)
+    lanes_s = 0.0 if drifts else t_s
+    middle = grid.to_fixed(GridPoint(east * cell_m, north * cell_m), lanes_s)
     for k, lane in enumerate(vehicle.lanes[:2]):
         if offset_m(lane, middle) > BESIDE_CELLS * cell_m:
             continue
         known_m = () if k else vehicle.lane_seen_m
         new_m = [
             along
-            for along in Strip.of(grid, lane, rows, t_s).judged_m(judged, shown)
+            for along in Strip.of(grid, lane, rows, lanes_s).judged_m(judged, shown)
             if not any(abs(along - other) < KNOWN_CELLS * cell_m for other in known_m)
         ]
-        if not new_m or (k and not _is_behind(vehicle.lanes[0], rows, cell_m, vehicle, t_s)):
+        if not new_m or (k and not _is_behind(vehicle.lanes[0], rows, grid, vehicle, t_s, drifts)):
             continue
         if k:
             rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
@@ -96,16 +100,19 @@ def lane_passed(
     return vehicle
 
 
-def _is_behind(lane: Lane, rows: int, cell_m: float, vehicle: VehicleState, t_s: float) -> bool:
+def _is_behind(
+    lane: Lane, rows: int, grid: Grid, vehicle: VehicleState, t_s: float, drifts: bool
+) -> bool:
     """Whether the path of a vehicle has led along a lane by `t_s`: past its start, then its end."""
     if not isinstance(vehicle.order, FlyPath):
         return True
     path = vehicle.order.trajectory
-    near_m = PASSED_M + (rows - 1) / 2 * cell_m
+    near_m = PASSED_M + (rows - 1) / 2 * grid.cell_m
     ahead = list(lane)
     for k in range(math.floor(max(t_s - path.begin_s, 0.0) / STEP_S) + 1):
-        near = path.place_at(path.begin_s + k * STEP_S).distance_to(ahead[0]) <= near_m
-        if near:
+        at_s = path.begin_s + k * STEP_S
+        place = path.place_at(at_s)
+        if (grid.to_moving(place, at_s) if drifts else place).distance_to(ahead[0]) <= near_m:
             ahead.pop(0)
         if not ahead:
             return True

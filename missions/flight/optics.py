@@ -11,7 +11,6 @@ from missions.mission_file.views import (
     seen_whole_m,
     wind_toward,
 )
-from missions.motion.trajectory import ACCELERATION_M_S2
 from missions.state import Setting, VehicleState
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
     wind_east, wind_north = wind_toward(mission, grid)
     return Kinematics(
         speed_m_s=path_speed_m_s(mission, height_m, vehicle.wind_m_s),
-        accel_m_s2=ACCELERATION_M_S2,
+        accel_m_s2=setting.energy.accel_m_s2,
         frame_s=mission.camera.interval_s,
         half_east_m=max(half_east_m, 0.1),
         half_north_m=max(half_north_m, 0.1),

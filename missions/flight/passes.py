@@ -23,6 +23,7 @@ from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of
 from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
 from missions.flight.sightings import grown
+from missions.flight.touring import TourMemory, shared_out
 from missions.flight.two_heights import in_layer
 from missions.flight.whole_box import open_cells
 from missions.motion.trajectory import Trajectory
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from missions.swath.paths import Route
     from missions.swath.planner import Plan
     from missions.swath.team import Flyer
+    from missions.swath.tours import Waypoints
 
 REPLAN_S: Final = 0.4
 RETRY_S: Final = 2.0
@@ -73,6 +75,7 @@ class PassMemory:
     """Who was sent straight to what is left: they are not planned for until they are there."""
     tried: frozenset[Cell] = frozenset()
     """Where they looked from since a vote was last added."""
+    tour: TourMemory = field(default_factory=TourMemory)
 
 
 # --- exploration -------------------------------------------------------------------------------
@@ -90,14 +93,16 @@ def explore_passes(setting: Setting, state: State) -> State:
     elif tree is None or tree.is_explored(tree.root):
         return state
     memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
-    team = {n: v for n, v in sorted(state.vehicles.items()) if _takes_part(setting, v, memory)}
+    team = {
+        n: v for n, v in sorted(state.vehicles.items()) if _takes_part(setting, state, v, memory)
+    }
     ours = frozenset(n for n in team if state.is_ours(n))
     waiting = frozenset(n for n in ours if team[n].idle)
     frames = state.belief.frames_taken(None)
     fresh = frames != memory.frames
     news = fresh or bool(waiting - memory.waiting)
     retry = bool(waiting) and state.t_s >= memory.planned_s + RETRY_S
-    due = state.t_s >= memory.planned_s + REPLAN_S - 1e-6
+    due = state.t_s >= memory.planned_s + _replan_s(setting) - 1e-6
     if not ours or not due or not (news or retry):
         return state
     begin_s = round(state.t_s + NOTICE_S, 3)
@@ -116,7 +121,9 @@ def explore_passes(setting: Setting, state: State) -> State:
         n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
         for n, vehicle in team.items()
     }
-    plan = _plan(setting, known, flyers, memory, begin_s)
+    tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
+    memory = replace(memory, tour=tour)
+    plan = _plan(setting, known, flyers, memory, begin_s, tours)
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
         return state if lanes_left else give_up_rest(setting, state)
@@ -132,6 +139,12 @@ def explore_passes(setting: Setting, state: State) -> State:
         memory = replace(memory, pressing=memory.pressing + 1, waiting=frozenset())
         return replace(state, memory=memory)
     return _fetch(setting, state, memory, known, idle)
+
+
+def _replan_s(setting: Setting) -> float:
+    """How long a plan is flown at least: where all patches are planned for, two frames of it."""
+    interval_s = setting.mission.camera.interval_s
+    return max(REPLAN_S, 2.0 * interval_s) if setting.finds_all else REPLAN_S
 
 
 def _fetch(
@@ -179,14 +192,14 @@ def _in_vain(memory: PassMemory) -> bool:
     return memory.vain_s > VAIN_S + VAIN_SHARE * memory.longest_s
 
 
-def _takes_part(setting: Setting, vehicle: VehicleState, memory: PassMemory) -> bool:
+def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory) -> bool:
     if isinstance(vehicle.order, FlyPath):
         apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
     else:
         apart = is_outside(setting.fence, vehicle.position)  # it comes inside first
     return not (apart or (setting.sees_box and vehicle.lanes)) and (
         vehicle.phase is Phase.AIRBORNE
-        and in_layer(setting, vehicle)
+        and in_layer(setting, state, vehicle)
         and vehicle.return_reason is None
         and vehicle.braking_until_s is None
         and (vehicle.idle or isinstance(vehicle.order, FlyPath))
@@ -199,6 +212,7 @@ def _plan(
     flyers: Mapping[int, Flyer],
     memory: PassMemory,
     begin_s: float,
+    tours: Waypoints,
 ) -> Plan:
     from missions.swath.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
     from missions.swath.team import Tuning  # noqa: PLC0415, as above
@@ -207,7 +221,7 @@ def _plan(
     penalty_s = Tuning().penalty_s * PRESSING**memory.pressing
     return plan_once(
         Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames, votes.positive,
-        begin_s, memory.decisions,
+        begin_s, memory.decisions, tours,
     )  # fmt: skip
 
 

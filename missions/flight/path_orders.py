@@ -10,6 +10,7 @@ report, too.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -24,7 +25,6 @@ from missions.ground.fence import Fence
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.braking import braked
 from missions.motion.trajectory import (
-    ACCELERATION_M_S2,
     LANE_CUTS_M,
     Trajectory,
     rounded_path,
@@ -69,17 +69,34 @@ def through(
     points: list[GridPoint],
     corners: list[bool],
     begin_s: float,
+    *,
+    drifts: bool = False,
+    cuts_m: Sequence[float] = LANE_CUTS_M,
 ) -> Trajectory:
-    """A path from rest through points of the fixed frame, cut as far as the fence allows.
+    """A path from rest through some points, cut as far as the fence allows.
 
-    `corners` says of each point whether it is a corner of the fence, which is not cut.
+    `corners` says of each point whether it is a corner of the fence, which is not cut. What
+    `drifts` is told in the frame of the region, else in the fixed one.
     """
     speed = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
-    places = [vehicle.position, *points]
+    drift_m_s = (0.0, 0.0)
+    here = vehicle.position
+    if drifts:
+        grid = setting.grid
+        drift_m_s = grid.drift_east_m_s, grid.drift_north_m_s
+        here = grid.to_moving(here, begin_s)
+    places = [here, *points]
     path = None
-    for cut_m in (*LANE_CUTS_M, CORNER_CUT_M):
+    for cut_m in (*cuts_m, CORNER_CUT_M):
         cuts = [CORNER_CUT_M, *(CORNER_CUT_M if corner else cut_m for corner in corners)]
-        path = rounded_path(places, round(begin_s, 3), speed_m_s=speed, cut_m=cuts)
+        path = rounded_path(
+            places,
+            round(begin_s, 3),
+            speed_m_s=speed,
+            cut_m=cuts,
+            accel_m_s2=setting.energy.accel_m_s2,
+            drift_m_s=drift_m_s,
+        )
         if allowed(setting.fence, path):
             break
     assert path is not None
@@ -156,14 +173,14 @@ def keep_clear(setting: Setting, state: State) -> State:
         if order.trajectory.end_s <= state.t_s + NOTICE_S:
             continue
         if not is_clear(setting, state, vehicle, order):
-            state = brake(state, vehicle, order)
+            state = brake(setting, state, vehicle, order)
     return state
 
 
-def brake(state: State, vehicle: VehicleState, order: FlyPath) -> State:
+def brake(setting: Setting, state: State, vehicle: VehicleState, order: FlyPath) -> State:
     """Let a vehicle come to rest along its path, unless it does so anyway."""
     path = order.trajectory
-    stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), ACCELERATION_M_S2)
+    stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), setting.energy.accel_m_s2)
     if stop.end_s >= path.end_s - 0.5:
         return state
     return state.with_vehicle(replace(vehicle, order=replace(order, trajectory=stop)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
+from missions.energy import EnergyModel
 from missions.flight.deconfliction import (
     OFF_LAYER_M,
     RTL_HEIGHT_M,
@@ -17,7 +17,6 @@ from missions.flight.deconfliction import (
 from missions.flight.lane_progress import lane_left
 from missions.ground.fence import route_length_m
 from missions.motion.braking import braked
-from missions.motion.trajectory import ACCELERATION_M_S2
 from missions.orders import FlyPath, FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
@@ -65,7 +64,7 @@ def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool
     if not isinstance(vehicle.order, FlyPath):
         return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S)
     path = vehicle.order.trajectory
-    stop = braked(path, max(path.begin_s, t_s + HEARD_S), ACCELERATION_M_S2)
+    stop = braked(path, max(path.begin_s, t_s + HEARD_S), setting.energy.accel_m_s2)
     place = stop.at(stop.end_s).place
     return has_energy_for(setting, vehicle, place, hover_s=REST_S)
 
@@ -97,7 +96,7 @@ def has_energy_for(
         need_wh += energy.leg_wh(out_m, vehicle.drawn_w)
     climb_m = max(vehicle.cruise_height_m - vehicle.height_m, 0.0)
     if climb_m > OFF_LAYER_M:
-        need_wh += energy.hover_wh(climb_m / CLIMB_SPEED_M_S + 5.0, vehicle.drawn_w)
+        need_wh += energy.hover_wh(climb_m / energy.climb_m_s + 5.0, vehicle.drawn_w)
     return vehicle.remaining_wh >= need_wh
 
 
@@ -149,7 +148,8 @@ def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> boo
     )
     returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
     climb_m = max(returns_m - vehicle.height_m, 0.0)
-    climb_s = climb_m / CLIMB_SPEED_M_S + climb_m / LANDING_SPEED_M_S
+    energy = setting.energy
+    climb_s = climb_m / energy.climb_m_s + climb_m / energy.descent_m_s
     return blocked and not has_energy_for(
         setting, vehicle, vehicle.position, hover_s=2.0 * REACTION_S + climb_s
     )

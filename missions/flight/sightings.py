@@ -69,7 +69,10 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
 def _on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
     """What a frame of a vehicle that does not stop means for the lane that it flies."""
     shown, judged = [vote.cell for vote in event.votes], searched(setting, state)
-    vehicle = lane_passed(vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s)
+    vehicle = lane_passed(
+        vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s,
+        drifts=setting.lanes_drift,
+    )  # fmt: skip
     return state.with_vehicle(vehicle)
 
 

@@ -215,7 +215,8 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
         return replace(arrived, at_target=event.position.distance_to(target) <= near_m)
     if not vehicle.on_lane:
         lanes = vehicle.lanes
-        begun = bool(lanes) and event.position.distance_to(lanes[0][0]) <= near_m
+        here = setting.grid.to_moving(event.position, event.t_s - setting.lane_time_s(event.t_s))
+        begun = bool(lanes) and here.distance_to(lanes[0][0]) <= near_m
         return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)
     if flown.empty_passes < MOST_EMPTY_PASSES:

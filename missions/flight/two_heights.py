@@ -9,7 +9,10 @@ probability e, independently of the others, three of five are with 10 e^3 at mos
 of a single cell is taken for plain ground so often, which is the chance of any verdict. Amid nine
 cells that are alike in truth, all nine have to be wrong at once.
 
-A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed.
+A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed. If
+the mission says how fast the autopilot climbs and descends, it does so on its way: at take-off it
+climbs only as far as the way to its first lane leaves to be climbed, and who has no lanes left
+flies to what has to be mapped while it comes down.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Container
 from dataclasses import dataclass, replace
+from typing import Final
 
 from missions.energy import CLIMB_SPEED_M_S
 from missions.flight.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
@@ -31,6 +35,8 @@ SLOW_TIMES = 2.0
 """... and so many times as long as it should take it has it at least."""
 OVER_PAD_M = 1.0
 """A vehicle that is nearer to its pad is in the column over it."""
+ON_THE_WAY: Final = 0.8
+"""So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +63,48 @@ def layer_of(setting: Setting, vehicle: VehicleState) -> float:
     return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
 
 
-def in_layer(setting: Setting, vehicle: VehicleState) -> bool:
-    """Whether a vehicle is where it works."""
+def in_layer(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether a vehicle is where it works, or will be by the time it has to."""
     if not setting.searches_high:
         return True
     layer_m = layer_of(setting, vehicle)
-    return vehicle.cruise_altitude_m == layer_m and abs(vehicle.level_m - layer_m) <= OFF_LAYER_M
+    if vehicle.cruise_altitude_m != layer_m:
+        return False
+    if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M:
+        return True
+    if setting.member is not None:  # others are asked for a column, not for a way
+        return False
+    flight = setting.mission.flight
+    if not vehicle.lanes:  # its frames count as soon as they are taken from low enough
+        return flight.descent_m_s is not None and vehicle.level_m > layer_m
+    rise_m = layer_m - vehicle.level_m
+    return 0.0 < rise_m <= climbed_on_the_way_m(setting, state, vehicle)
+
+
+def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
+    """How far a vehicle climbs on its way to its first lane, while it flies as fast as it may.
+
+    0 where the mission does not say how fast the autopilot climbs (`flight.climb_m_s`), and for a
+    member of a fleet, which has promised the others to keep to its layer.
+    """
+    climb_m_s = setting.mission.flight.climb_m_s
+    if climb_m_s is None or not vehicle.lanes or setting.member is not None:
+        return 0.0
+    lanes_s = setting.lane_time_s(state.t_s)
+    start = setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
+    return climb_m_s * vehicle.position.distance_to(start) / setting.energy.speed_m_s
+
+
+def take_off_height_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
+    """How high a vehicle climbs over its pad, above it; the rest is climbed on the way.
+
+    Never lower than the layer from which it maps.
+    """
+    if not setting.searches_high:
+        return vehicle.cruise_height_m
+    low_m = setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
+    sure_m = ON_THE_WAY * climbed_on_the_way_m(setting, state, vehicle)
+    return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
 
 
 def at_map_height(setting: Setting, vehicle: VehicleState) -> VehicleState:
@@ -77,11 +119,13 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
 
     While the air is not free it stays where it is, and tries again.
     """
-    if in_layer(setting, vehicle):
+    if in_layer(setting, state, vehicle):
         return None
     if setting.member is not None and vehicle.position.distance_to(vehicle.pad) > OVER_PAD_M:
         return _change_among_others(setting, state, vehicle)
     moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
+    if moved != vehicle and in_layer(setting, state, moved):  # on the way
+        return hold(state, moved)
     for spot in (vehicle.position, *spots_around(setting, vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
         order: Order = FlyTo(route, None, stop=True, height_m=moved.cruise_height_m)

@@ -23,8 +23,11 @@ def asked_for(setting: Setting, state: State) -> Iterator[Cell]:
     ballots = belief.open_ballots
     yield from (cell for cell in setting.box_cells if cell not in ballots)
     for cell, ballot in ballots.items():
-        if any(vote for _, vote in ballot) and belief.verdict(cell) is None:
-            yield cell
+        for _, vote in ballot:
+            if vote:
+                if belief.verdict(cell) is None:
+                    yield cell
+                break
 
 
 def open_cells(setting: Setting, state: State) -> frozenset[Cell]:

@@ -32,10 +32,15 @@ def along_east(box: Sequence[GridPoint]) -> bool:
 
 
 def lanes(
-    box: Sequence[GridPoint], cell_m: float, fence: Fence, rows: int = LANE_CELLS
+    box: Sequence[GridPoint],
+    cell_m: float,
+    fence: Fence,
+    rows: int = LANE_CELLS,
+    eastward: bool | None = None,
 ) -> tuple[Lane, ...]:
     """The lanes over a box, in the order and direction of flight, inside the fence.
 
+    They lie along grid east or north as `eastward` says, else along the longer side of the box.
     Points are in the fixed frame. A lane is as long as the box is anywhere in the `rows` rows that
     it judges, so a slanting rim leaves no gap; lanes are cut where the fence forbids them.
 
@@ -46,7 +51,7 @@ def lanes(
     """
     polygon = Polygon(box)
     west, south, east, north = polygon.bounds
-    eastward = along_east(box)
+    eastward = along_east(box) if eastward is None else eastward
     low, high = (south, north) if eastward else (west, east)
     flown: list[Lane] = []
     for k, offset in enumerate(_offsets(low, high, cell_m, rows)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
+from missions.energy import EnergyModel
 from missions.ground.fence import route_length_m
 from missions.guardian.down import crashed, low
 from missions.guardian.measures import (
@@ -93,7 +93,7 @@ def quick_aim_m(height_m: float) -> float | None:
 
 def landing_wh(energy: EnergyModel, height_m: float) -> float:
     """Energy to land from a height, here and now, the reserve not counted."""
-    return energy.hover_wh(max(height_m, 0.0) / LANDING_SPEED_M_S + 8.0)
+    return energy.hover_wh(energy.descent_s(max(height_m, 0.0)) + 8.0)
 
 
 def _is_spent(limits: Limits, seen: Seen) -> bool:
@@ -210,7 +210,7 @@ def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     task, t_s = guard.task, seen.t_s
     if guard.action == "rtl":
         returns_m = max(30.0, task.height_m) + limits.relief_m
-        climb_s = max(returns_m - seen.height_m, 0.0) / CLIMB_SPEED_M_S
+        climb_s = max(returns_m - seen.height_m, 0.0) / limits.energy.climb_m_s
         way_m = route_length_m(seen.position, (seen.home,))
         if way_m > PAD_M and t_s - guard.best_s > NO_PROGRESS_S + climb_s + limits.slack_s:
             return f"it has come no nearer to home for {t_s - guard.best_s:.0f} s"

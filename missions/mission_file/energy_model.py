@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missions.energy import EnergyModel
+from missions.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
 from missions.mission_file.schema import Mission
 
 
@@ -14,5 +14,8 @@ def energy_model(mission: Mission) -> EnergyModel:
         mission.battery.reserve,
         mission.flight.speed_m_s,
         mission.wind.speed_m_s,
+        accel_m_s2=mission.flight.accel_m_s2,
         max_airspeed_m_s=mission.flight.max_airspeed_m_s,
+        climb_m_s=mission.flight.climb_m_s or CLIMB_SPEED_M_S,
+        descent_m_s=mission.flight.descent_m_s or LANDING_SPEED_M_S,
     )

@@ -20,6 +20,11 @@ def check_fleet(mission: Mission, source: str) -> None:
             f"{source}: strategy = {mission.strategy!r} needs one service for all vehicles; with "
             f"a service on each aircraft set it to {' or '.join(map(repr, STRATEGIES))}"
         )
+    if key := _shared_layers(mission):
+        raise MissionFileError(
+            f"{source}: {key} has vehicles share a layer, and needs one service for all; with "
+            "a service on each aircraft leave it out"
+        )
     grid = Grid.at(mission.home, mission.grid.cell_m)
     pads = [grid.fixed(place) for place in homes(mission)]
     least_m = column_radius_m(mission.team.separation_m) + mission.fence.margin_m + PAD_M
@@ -30,3 +35,14 @@ def check_fleet(mission: Mission, source: str) -> None:
                 f"apart; with a service on each aircraft they need {least_m:.0f} m, for each "
                 "keeps the air over its pad to itself: set vehicles[].home"
             )
+
+
+def _shared_layers(mission: Mission) -> str:
+    """The key by which two vehicles of a mission fly in one layer; empty if there is none."""
+    count = len(mission.vehicles)
+    if mission.layer_number(count - 1) != count - 1:
+        return "vehicles.layer"
+    apart_m = mission.search.layer_m
+    if mission.search.altitude_m is None or apart_m is None or count < 2:
+        return ""
+    return "search.layer_m" if apart_m < mission.team.layer_m else ""

@@ -38,8 +38,8 @@ def altitude_reason(mission: Mission) -> str:
 
 def layer_faults(mission: Mission) -> Iterator[str]:
     """Layers that are too high or too low, whatever the camera."""
-    last = len(mission.vehicles) - 1
-    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(last)
+    last = mission.layer_number(len(mission.vehicles) - 1)
+    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(len(mission.vehicles) - 1)
     ceiling_m, team = mission.fence.ceiling_m, mission.team
     if mission.flight.altitude_m == AUTO:
         if lowest_m < LEAST_HEIGHT_M:
@@ -71,7 +71,7 @@ def search_layer_faults(mission: Mission) -> Iterator[str]:
     if mission.flight.height_above == "ground":
         yield f'{named}: is above flat ground; leave it out, or set flight.height_above = "home"'
         return
-    top_m, map_m = lowest_m + last * mission.team.layer_m, mission.altitude_m(last)
+    top_m, map_m = mission.search_altitude_m(last) or lowest_m, mission.altitude_m(last)
     if lowest_m < map_m + mission.team.layer_m - 1e-6:
         yield (
             f"{named}: the lowest layer of the search is at {lowest_m:g} m, and has to be "

@@ -167,6 +167,9 @@ class Search(Section):
     it is mapped. "auto": as high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
     pixels_per_cell: Positive = 20.0
     """What the edge of a cell must have for a suspicion, where the search has layers of its own."""
+    layer_m: NotNegative | None = None
+    """Height between two layers of the search; without it `team.layer_m`. 0: all search in one, as
+    high as any of them; who would come near another one waits."""
 
 
 class Fence(Section):
@@ -199,6 +202,14 @@ class Flight(Section):
     """A frame is taken once the vehicle is slower than this."""
     max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
     """What the airframe can hold against the wind."""
+    accel_m_s2: Annotated[Number, Field(ge=0.5, le=5)] = 2.0
+    """Along and across paths that are flown without stopping."""
+    climb_m_s: Annotated[Number, Field(ge=0.5, le=10)] | None = None
+    """What the autopilot is set to climb at: ArduPilot's WPNAV_SPEED_UP, PX4's MPC_Z_V_AUTO_UP.
+    Without it the way is reckoned at 1.5 m/s, less than either climbs at by default."""
+    descent_m_s: Annotated[Number, Field(ge=0.5, le=5)] | None = None
+    """What the autopilot is set to descend at, down to 10 m: WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN.
+    Without it a whole landing is reckoned at the 0.5 m/s of its end."""
 
 
 class CameraSection(Section):
@@ -327,6 +338,9 @@ class VehicleSection(Section):
     camera: str | None = None
     """As `uavmap fly --camera`; not for a simulated flight, whose cameras are simulated, too."""
     home: Vertex | None = None
+    layer: Annotated[Count, Field(ge=0)] | None = None
+    """Its layer, from 0, the lowest. Without it each vehicle has its own, in their order. Vehicles
+    that share one wait where they would come near each other: for those that work far apart."""
 
 
 class Mission(Section):
@@ -417,7 +431,8 @@ class Mission(Section):
         """
         if self.search.altitude_m is None:
             return None
-        return self._layer_m(self.search.altitude_m, self.search.pixels_per_cell, vehicle)
+        apart_m = self.team.layer_m if self.search.layer_m is None else self.search.layer_m
+        return self._layer_m(self.search.altitude_m, self.search.pixels_per_cell, vehicle, apart_m)
 
     def top_altitude_m(self, vehicle: int) -> float:
         """The highest layer that a vehicle (from 0) flies in."""
@@ -430,24 +445,49 @@ class Mission(Section):
         return None if low_m is None else (self.altitude_m(len(self.vehicles) - 1) + low_m) / 2.0
 
     def altitude_m(self, vehicle: int) -> float:
-        """The layer of a vehicle (from 0, the lowest) above home, or above the ground.
+        """The layer of a vehicle (from 0) above home, or above the ground.
 
         With `flight.altitude_m = "auto"` the highest layer is at the greatest height, in tenths of
         a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
         others lie below it. A checked mission has room for all of them.
         """
-        return self._layer_m(self.flight.altitude_m, self.camera.pixels_per_cell, vehicle)
+        apart_m = self.team.layer_m
+        return self._layer_m(self.flight.altitude_m, self.camera.pixels_per_cell, vehicle, apart_m)
 
     def _layer_m(
-        self, lowest_m: float | Literal["auto"], pixels_per_cell: float, vehicle: int
+        self,
+        lowest_m: float | Literal["auto"],
+        pixels_per_cell: float,
+        vehicle: int,
+        layer_m: float,
     ) -> float:
-        layer_m = self.team.layer_m
         if lowest_m == AUTO:
             fine_m = self.camera.optics.height_m(self.grid.cell_m, pixels_per_cell)
             room_m = self.fence.ceiling_m - self.highest_ground_m
             top_m = math.floor(min(fine_m, room_m) * 10.0 + 1e-9) / 10.0
-            return round(top_m - (len(self.vehicles) - 1 - vehicle) * layer_m, 6)
-        return lowest_m + vehicle * layer_m
+            above = self.layer_number(len(self.vehicles) - 1) - self.layer_number(vehicle)
+            return round(top_m - above * layer_m, 6)
+        return lowest_m + self.layer_number(vehicle) * layer_m
+
+    def layer_number(self, vehicle: int) -> int:
+        """In which layer a vehicle (from 0) flies, from 0, the lowest."""
+        if vehicle >= len(self.vehicles):
+            return vehicle
+        layer = self.vehicles[vehicle].layer
+        return vehicle if layer is None else layer
+
+    @model_validator(mode="after")
+    def _layers_in_order(self) -> Mission:
+        numbers = [vehicle.layer for vehicle in self.vehicles]
+        if all(number is None for number in numbers):
+            return self
+        steps = list(zip([0, *numbers], numbers, strict=False))
+        if any(b is None or a is None or b - a not in (0, 1) for a, b in steps) or numbers[0] != 0:
+            raise ValueError(
+                "vehicles.layer: give all vehicles one or none; the first has 0, each other one "
+                "that of the vehicle before it, or the next"
+            )
+        return self
 
 
 def parse_toml(text: str, source: str) -> Mapping[str, Any]:

@@ -20,6 +20,8 @@ TRACK_ERROR_M: Final = 0.3
 G_M_S2: Final = 9.81
 DRAG_1_S: Final = 0.25
 """Thrust by speed through the air of a quadcopter near 6 m/s, m/s^2 for each m/s."""
+MOST_LEVEL_M_S: Final = 10.0
+"""... of a camera in a gimbal, which does not lean along, and looks from high up."""
 LEAST_M_S: Final = 0.3
 """What cannot be mapped at this speed is not mapped without stopping."""
 
@@ -29,7 +31,8 @@ def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> 
 
     `wind_m_s` is the wind that was measured; that of the mission file counts where it is stronger.
     """
-    most_m_s = min(MOST_M_S, headway_m_s(mission, wind_m_s))
+    held = mission.camera.mounting == "gimbal"
+    most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
     return max(LEAST_M_S, min(most_m_s, speed_limit_m_s(mission, height_m)))
 
 

@@ -16,12 +16,14 @@ from missions.kernels.jit import COMPILED
 from missions.swath.chart import Known
 from missions.swath.planner import Plan, Planner
 from missions.swath.team import Flyer, Tuning, Valued
+from missions.swath.tours import Tours, Waypoints, lay_tours
 
 REMEMBERED: Final = 4096
 UNCOMPILED_MOVES: Final = 20
 """Plain Python is a hundred times slower: plans are worse, and as safe."""
 
 _plans: OrderedDict[bytes, Plan] = OrderedDict()
+_tours: OrderedDict[bytes, Tours | None] = OrderedDict()
 
 
 def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued:
@@ -39,21 +41,45 @@ def plan_once(
     majority: int,
     begin_s: float,
     decision: int,
+    tours: Waypoints = (),
 ) -> Plan:
-    """The plan for a team from `begin_s` on; `decision` seeds the search."""
-    key = _key(known, team, astuple(tuning), frames, majority, begin_s, decision)
+    """The plan for a team from `begin_s` on; `decision` seeds the search.
+
+    `tours` are other waypoints to begin with (`missions.swath.tours`).
+    """
+    key = _key(known, team, astuple(tuning), frames, majority, begin_s, decision, tours)
     plan = _plans.get(key)
     if plan is None:
         if not COMPILED:
             tuning = Tuning(penalty_s=tuning.penalty_s, moves=UNCOMPILED_MOVES)
         planner = Planner(tuning)
         worth = valued(planner, known, frames, majority)
-        next_s = [flyer.kinematics.frame_s for flyer in team]
-        plan = planner.plan(known.chart, team, worth, begin_s, decision, next_s)
+        next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]
+        plan = planner.plan(known.chart, team, worth, begin_s, decision, next_s, None, tours)
         _plans[key] = plan
         while len(_plans) > REMEMBERED:
             _plans.popitem(last=False)
     return plan
+
+
+def tours_once(
+    known: Known,
+    team: Sequence[Flyer],
+    delays_s: Sequence[float],
+    frames: int,
+    majority: int,
+    begin_s: float,
+    decision: int,
+    before: Waypoints,
+) -> Tours | None:
+    """Tours of a team past all that is to be seen; None where there is too little of it."""
+    key = _key(known, team, tuple(delays_s), frames, majority, begin_s, decision, before)
+    if key not in _tours:
+        worth = valued(Planner(Tuning()), known, frames, majority)
+        _tours[key] = lay_tours(known.chart, team, delays_s, worth, begin_s, decision, before)
+        while len(_tours) > REMEMBERED:
+            _tours.popitem(last=False)
+    return _tours[key]
 
 
 def _key(known: Known, team: Sequence[Flyer], *others: object) -> bytes:
@@ -66,5 +92,5 @@ def _key(known: Known, team: Sequence[Flyer], *others: object) -> bytes:
     made.update(repr((*chart.grid, known.root, known.patches, *others)).encode())
     for flyer in team:
         made.update(repr((flyer.kinematics, flyer.place, flyer.end, flyer.path)).encode())
-        made.update(repr(flyer.route).encode())
+        made.update(repr((flyer.route, flyer.blind_s)).encode())
     return made.digest()

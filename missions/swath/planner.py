@@ -132,11 +132,13 @@ class Planner:
         seed: int,
         next_frame_s: Sequence[float],
         coming: Ints | None = None,
+        tours: Sequence[Sequence[tuple[float, float, float]]] = (),
     ) -> Plan:
         """Paths for a team that begin at `begin_s`, where the vehicles will be by then.
 
         `coming` are frames by cell that were taken, or will be before then, and are not counted
-        yet. The same arguments give the same plan.
+        yet. `tours` are waypoints for each vehicle, the end not among them, to begin another plan
+        with; the better one is taken. The same arguments give the same plan.
         """
         tuning = self.tuning
         valued = worth_the_way(tuning, chart, team, valued)
@@ -147,11 +149,14 @@ class Planner:
         for k, flyer in enumerate(team):
             self._warm(flyer, search, k, begin_s)
         kept_s = self._cost_of_kept(team, search, begin_s)
-        random = np.array([seed % 2147483646 + 1], np.int64)
-        cost_s = kernels.improve(
-            search.team, search.ways, search.cells, valued[2], tuning.moves, tuning.hot_s,
-            tuning.cold_s, self._urgent, tuning.last_share, random,
-        )  # fmt: skip
+        cost_s = self._improve(search, valued, seed)
+        if tours:
+            other = _Search.of(rows, chart, valued, coming)
+            for k, (flyer, tour) in enumerate(zip(team, tours, strict=True)):
+                self._warm(flyer, other, k, begin_s, tour)
+            other_s = self._improve(other, valued, seed)
+            if other_s < cost_s:
+                search, cost_s = other, other_s
         if cost_s > kept_s - tuning.keep_s:
             kept = tuple(flyer.route or Route(()) for flyer in team)
             return Plan((None,) * len(team), kept, valued[3], kept_s)
@@ -159,6 +164,15 @@ class Planner:
         return Plan(
             tuple(path for path, _ in flown), tuple(route for _, route in flown), valued[3], cost_s
         )
+
+    def _improve(self, search: _Search, valued: Valued, seed: int) -> float:
+        """Anneal the ways of a search; returns what they cost."""
+        tuning = self.tuning
+        random = np.array([seed % 2147483646 + 1], np.int64)
+        return kernels.improve(
+            search.team, search.ways, search.cells, valued[2], tuning.moves, tuning.hot_s,
+            tuning.cold_s, self._urgent, tuning.last_share, random,
+        )  # fmt: skip
 
     @property
     def _urgent(self) -> float:
@@ -181,8 +195,15 @@ class Planner:
         last = self.tuning.last_share
         return last * max(rest) + (1.0 - last) * sum(rest) / len(rest) - seen_s
 
-    def _warm(self, flyer: Flyer, search: _Search, k: int, begin_s: float) -> None:
-        """Fill in how a vehicle can begin, and the waypoints that are left."""
+    def _warm(
+        self,
+        flyer: Flyer,
+        search: _Search,
+        k: int,
+        begin_s: float,
+        tour: Sequence[tuple[float, float, float]] | None = None,
+    ) -> None:
+        """Fill in how a vehicle can begin, and the waypoints that are left, or those of a tour."""
         tuning, begin, ways = self.tuning, search.team, search.ways
         left: Sequence[tuple[float, float, float]] = ()
         path, route = flyer.path, flyer.route
@@ -206,7 +227,11 @@ class Planner:
             slow_lead = begin.leads[k, kernels.LEADS - 2, : begin.n_leads[k, kernels.LEADS - 2]]
             if route is not None:
                 left = ahead(route, now.along_m + float(slow_lead[:, kernels.P_LENGTH].sum()))
-        points = [*left[-(kernels.MOST_WAYPOINTS - 1) :], (*flyer.end, tuning.cut_m)]
+        if tour is None:
+            left = left[-(kernels.MOST_WAYPOINTS - 1) :]
+        else:  # what does not fit comes with a later plan
+            left = tour[: kernels.MOST_WAYPOINTS // 2]
+        points = [*left, (*flyer.end, tuning.cut_m)]
         ways.points[k, : len(points)] = points
         ways.counts[k] = len(points)
         if begin.v0[k] > 0.0:

@@ -94,3 +94,5 @@ class Flyer:
     path: Trajectory | None = None
     route: Route | None = None
     """Of the path."""
+    blind_s: float = 0.0
+    """So long after a plan begins it takes no frame that counts: it still comes down."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from missions.swath.chart import Chart
 from missions.swath.planner import Planner
 from missions.swath.team import Flyer, Kinematics, Tuning
+from missions.swath.tours import lay_tours
 from missions.units import Cell, GridPoint
 
 
@@ -21,6 +22,7 @@ def warm_up() -> None:
     flown = Kinematics(6.0, 2.0, 0.2, 7.0, 5.0)
     valued = planner.worth(chart, chart.index(root), 5, 3)
     home = GridPoint(-20.0, -20.0)
+    lay_tours(chart, [Flyer(flown, home, home)], [0.0], valued, 0.0, 1, least=1)
     first = planner.plan(chart, [Flyer(flown, home, home)], valued, 0.0, 1, [0.2])
     under_way = Flyer(flown, home, home, first.paths[0], first.routes[0])
     planner.plan(chart, [under_way], valued, 2.0, 2, [0.2])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -91,3 +93,30 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
     shown = {cell: STATES[code] for cell, code in watcher.board.cells.items()}
     rows = map_data(setting, state, figures(setting, events)[1], None).cells
     assert shown == {row.cell: row.state for row in rows}
+
+
+def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(tmp_path: Path) -> None:
+    text = made()
+    high = '[search]\nfind = "all"\naltitude_m = 30.0\nlayer_m = 0'
+    text = text.replace("[search]", high)
+    text = text.replace("[flight]", "[flight]\nclimb_m_s = 4.0\ndescent_m_s = 3.0")
+    text = text.replace("[[vehicles]]", "[[vehicles]]\nlayer = 0\n[[vehicles]]\nlayer = 0")
+    text = re.sub(r"(?m)^interval_s = .*$", "interval_s = 0.4", text)
+    text += "\n[drift]\nspeed_m_s = 0.1\ntoward_deg = 90.0\n"
+    file = tmp_path / "drifting.toml"
+    file.write_text(text, encoding="utf-8")
+    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    summary = done.summary
+    assert summary["completed"]
+    assert len(summary["patches"]) == 2
+    assert summary["cells_missed"] == summary["fence_breaches"] == 0
+    assert summary["reserve_violations"] == 0
+    assert summary["min_separation_m"] > 3.0
+    with Journal.open(tmp_path / "out" / JOURNAL) as journal:
+        told = [e for e in map(from_json, journal.bodies()) if isinstance(e, Tracked)]
+    for number in (1, 2):
+        heights = [(e.t_s, e.height_m) for e in told if e.vehicle == number]
+        assert 29.0 < max(height_m for _, height_m in heights) < 31.5
+        rises = [(b - a) / (t - s) for (s, a), (t, b) in pairwise(heights) if t > s]
+        assert 2.0 < max(rises) < 5.0  # m/s

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from missions.energy import LANDING_OVERHEAD_S, LANDING_SPEED_M_S
+from missions.energy import LANDING_OVERHEAD_S
 from missions.flight.leapfrogging import steps_left_s
 from missions.flight.whole_box import open_cells
 from missions.state import Phase, Setting, State, VehicleState
@@ -103,7 +103,7 @@ def _way_home_s(setting: Setting, state: State) -> float | None:
     energy = setting.energy
     ways = [
         energy.leg_s(vehicle.position.distance_to(vehicle.pad))
-        + max(vehicle.height_m, 0.0) / LANDING_SPEED_M_S
+        + energy.descent_s(max(vehicle.height_m, 0.0))
         + LANDING_OVERHEAD_S
         for vehicle in state.vehicles.values()
         if vehicle.phase is Phase.AIRBORNE and not vehicle.landed

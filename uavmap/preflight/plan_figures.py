@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from missions.energy import CLIMB_SPEED_M_S, LANDING_OVERHEAD_S, LANDING_SPEED_M_S
+from missions.energy import LANDING_OVERHEAD_S
 from missions.flight.leapfrogging import steps_left_s
 from missions.ground.lanes import search_length_m
 from missions.mission_file import flyable
@@ -33,7 +33,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
     home = GridPoint(0.0, 0.0)
     lengths = [search_length_m(block, home) for block in blocks]
     layer_m = mission.top_altitude_m(len(mission.vehicles) - 1)
-    overhead_s = layer_m / CLIMB_SPEED_M_S + layer_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+    overhead_s = layer_m / energy.climb_m_s + energy.descent_s(layer_m) + LANDING_OVERHEAD_S
     search_s = _passing_s(setting) if setting.nonstop else _stopping_s(setting, max(lengths))
     if setting.leapfrogs:
         search_s = steps_left_s(setting, State.initial(setting))

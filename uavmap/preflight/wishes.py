@@ -38,6 +38,9 @@ class Needs:
     """The share of the charge below which the autopilot's own failsafe may act."""
     accel_m_s2: float
     several: bool
+    climb_m_s: float = 0.0
+    """What the mission says that it is set to; 0 where it says nothing."""
+    descent_m_s: float = 0.0
 
 
 def needs_of(setting: Setting | None) -> Needs:
@@ -47,7 +50,13 @@ def needs_of(setting: Setting | None) -> Needs:
     mission = setting.mission
     # what is set for the flight is not wished for
     several = len(mission.vehicles) > 1 or setting.ground is not None
-    return Needs(mission.battery.reserve, setting.energy.accel_m_s2, several)
+    return Needs(
+        mission.battery.reserve,
+        setting.energy.accel_m_s2,
+        several,
+        mission.flight.climb_m_s or 0.0,
+        mission.flight.descent_m_s or 0.0,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +100,8 @@ ARDUPILOT_WISHES: Final = (
          f"at most {100 * HIGHEST_RETURN_M:.0f} cm",
          "others keep away from a returning vehicle up to that height"),
     Wish("WPNAV_ACCEL", lambda v, n: v["WPNAV_ACCEL"] >= 100.0 * n.accel_m_s2 - 1,
-         "200 cm/s2 or more", "legs take longer than is reckoned with"),
+         "200 cm/s2, flight.accel_m_s2, or more",
+         "legs take longer than is reckoned with"),
     Wish("WPNAV_SPEED", lambda v, n: True, "", ""),
 )  # fmt: skip
 
@@ -115,6 +125,22 @@ PX4_WISHES: Final = (
          "others keep away from a returning vehicle up to that height"),
     Wish("MPC_XY_CRUISE", lambda v, n: True, "", ""),
 )  # fmt: skip
+
+ARDUPILOT_CLIMB_WISHES: Final = (
+    Wish("WPNAV_SPEED_UP", lambda v, n: v["WPNAV_SPEED_UP"] >= 100.0 * n.climb_m_s - 1,
+         "flight.climb_m_s or more", "it climbs slower than the mission says"),
+    Wish("WPNAV_SPEED_DN", lambda v, n: v["WPNAV_SPEED_DN"] >= 100.0 * n.descent_m_s - 1,
+         "flight.descent_m_s or more", "it descends slower than the mission says"),
+)  # fmt: skip
+PX4_CLIMB_WISHES: Final = (
+    Wish("MPC_Z_V_AUTO_UP", lambda v, n: v["MPC_Z_V_AUTO_UP"] >= n.climb_m_s - 0.01,
+         "flight.climb_m_s or more", "it climbs slower than the mission says"),
+    Wish("MPC_TKO_SPEED", lambda v, n: v["MPC_TKO_SPEED"] >= n.climb_m_s - 0.01,
+         "flight.climb_m_s or more", "it takes off slower than the mission says"),
+    Wish("MPC_Z_V_AUTO_DN", lambda v, n: v["MPC_Z_V_AUTO_DN"] >= n.descent_m_s - 0.01,
+         "flight.descent_m_s or more", "it descends slower than the mission says"),
+)  # fmt: skip
+"""Only of missions that say how fast their autopilots climb and descend."""
 
 _ON_BY_FLOW: Final = (
     'navigation.gnss_loss is "map": without optical flow it lands when satellites go'
@@ -140,7 +166,12 @@ CAPACITY: Final = {True: "BAT1_CAPACITY", False: "BATT_CAPACITY"}
 def wishes_of(kind: Autopilot, setting: Setting | None) -> tuple[Wish, ...]:
     """What is wished for, for a mission; without one, for most."""
     wishes: tuple[Wish, ...] = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
-    if setting is None or setting.mission.navigation.gnss_loss != "map":
+    if setting is None:
+        return wishes
+    flight = setting.mission.flight
+    if flight.climb_m_s is not None or flight.descent_m_s is not None:
+        wishes += PX4_CLIMB_WISHES if kind is PX4 else ARDUPILOT_CLIMB_WISHES
+    if setting.mission.navigation.gnss_loss != "map":
         return wishes
     return wishes + (PX4_FLOW_WISHES if kind is PX4 else ARDUPILOT_FLOW_WISHES)
 

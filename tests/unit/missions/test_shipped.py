@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from importlib import resources
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import pytest
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Polygon
 
+from missions.errors import MissionFileError
 from missions.ground.grid import Grid
 from missions.mission_file.checks import parse_mission
+from missions.mission_file.fleet_checks import check_fleet
+from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
 
-NAMES = ["burn", "runway", "runway-field", "spill", "road"]
-NONSTOP = {"burn", "runway", "spill"}
+NAMES = ["bay", "burn", "runway", "runway-field", "spill", "road"]
+NONSTOP = {"bay", "burn", "runway", "spill"}
 
 
 def shipped(name: str) -> Mission:
@@ -116,3 +119,34 @@ def test_the_spill_stays_in_the_fence_for_twenty_minutes() -> None:
             for x, y in spill.exterior.coords
         ]
         assert fence.buffer(-25).contains(Polygon(moved))
+
+
+def test_the_film_in_the_bay_is_wide_and_in_three_pieces() -> None:
+    mission = shipped("bay")
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    pieces = regions(mission)
+    box = Polygon([grid.fixed(place) for place in positions(mission.search.box)])
+    assert len(pieces) == 3
+    assert sum(len(piece.interiors) for piece in pieces) == 1
+    assert all(box.contains(piece) and piece.length**2 / piece.area > 14.0 for piece in pieces)
+    assert not any(a.intersects(b) for a, b in pairwise(pieces))
+    assert 0.25e6 <= sum(piece.area for piece in pieces) <= 0.35e6
+    west, _, east, _ = MultiPolygon(pieces).bounds
+    assert 900.0 <= east - west <= 1000.0
+    assert box.area == pytest.approx(1.4e6, rel=1e-4)
+    pads = [grid.fixed(place) for place in homes(mission)]
+    assert min(a.distance_to(b) for a, b in combinations(pads, 2)) >= 20.0
+    heights = [(mission.altitude_m(k), mission.search_altitude_m(k)) for k in range(len(pads))]
+    assert heights == [(34.0, 100.0), (34.0, 100.0), (37.0, 100.0), (37.0, 100.0), (40.0, 100.0)]
+
+
+def test_vehicles_that_share_layers_need_one_service() -> None:
+    mission = shipped("bay")
+    with pytest.raises(MissionFileError, match=r"vehicles\.layer has vehicles share a layer"):
+        check_fleet(mission, "bay.toml")
+    apart = tuple(v.model_copy(update={"layer": None}) for v in mission.vehicles)
+    mission = mission.model_copy(update={"vehicles": apart})
+    with pytest.raises(MissionFileError, match=r"search\.layer_m has vehicles share a layer"):
+        check_fleet(mission, "bay.toml")
+    search = mission.search.model_copy(update={"layer_m": None})
+    check_fleet(mission.model_copy(update={"search": search}), "bay.toml")

@@ -154,3 +154,28 @@ def test_who_goes_on_without_satellites_needs_flow(kind: Autopilot) -> None:
     assert not_ok(found(kind, with_flow, setting=on)) == []
     without = {**good, **dict.fromkeys(more, 0)}
     assert set(not_ok(found(kind, without, setting=on))) == more
+
+
+@pytest.mark.parametrize(
+    ("kind", "good", "name", "value"),
+    [
+        (ARDUPILOT, GOOD_ARDUPILOT, "WPNAV_SPEED_UP", 500),
+        (ARDUPILOT, GOOD_ARDUPILOT, "WPNAV_SPEED_DN", 300),
+        (PX4, GOOD_PX4, "MPC_Z_V_AUTO_UP", 5),
+        (PX4, GOOD_PX4, "MPC_Z_V_AUTO_DN", 3),
+    ],
+)
+def test_an_autopilot_climbs_as_fast_as_the_mission_says(
+    kind: Autopilot, good: dict[str, float], name: str, value: float
+) -> None:
+    mission = mission_of("ardupilot", 1)
+    flight = mission.flight.model_copy(update={"climb_m_s": 5.0, "descent_m_s": 3.0})
+    setting = Setting.of(mission.model_copy(update={"flight": flight}))
+    rates = (
+        {"WPNAV_SPEED_UP": 500, "WPNAV_SPEED_DN": 300}
+        if kind is ARDUPILOT
+        else {"MPC_Z_V_AUTO_UP": 5, "MPC_TKO_SPEED": 5, "MPC_Z_V_AUTO_DN": 3}
+    )
+    assert set(names_of(kind, setting)) == {*good, *rates}
+    assert not_ok(found(kind, {**good, **rates}, setting=setting)) == []
+    assert not_ok(found(kind, {**good, **rates, name: value / 2}, setting=setting)) == [name]
