@@ -127,3 +127,9 @@ def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path)
     assert mishaps.lost
     outcome = beset(text, mishaps, tmp_path / "out", 22)
     assert not outcome.forbidden, outcome.said
+
+
+def test_a_layer_that_several_would_share_is_refused(tmp_path: Path) -> None:
+    done = uavmap("fly", "bay", "--sim", "--comms", "free", "--out", tmp_path / "out")
+    assert done.code == 2
+    assert "has vehicles share a layer" in done.err

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from missions.errors import LinkError
 from missions.events import Event
+from missions.mission_file.fleet_checks import check_fleet
 from missions.state import Phase, Setting, State
 from missions.units import GridPoint
 from uavmap.clock import VirtualClock, run
@@ -80,6 +81,7 @@ class SimulatedFleet:
 
         self.plan = plan
         self.setting = replace(plan, member=0).setting(progress.say)
+        check_fleet(self.setting.mission, plan.mission_source)
         self.world = Simulation(self.setting, plan.seed)
         self.air = Air(model, plan.seed)
         self._folder = folder
