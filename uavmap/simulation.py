@@ -251,6 +251,8 @@ class Simulation:
         self._setting = setting
         self._vehicles = make_vehicles(setting.mission, seed, start_s=start_s)
         self._sessions: dict[int, Session] = {}
+        self._turns: dict[int, int] = {}
+        """How often a session with each was opened or cut: only the last one speaks."""
         self.truth = Truth()
 
     @property
@@ -269,9 +271,10 @@ class Simulation:
         """
         vehicle = self._vehicles[index]
         loop = asyncio.get_running_loop()
+        turn = self._turns[index] = self._turns.get(index, 0) + 1
 
         def send(frame: bytes) -> None:
-            if self._sessions.get(index) is not session:
+            if self._turns[index] != turn:
                 return
             if answer := vehicle.receive(frame):
                 loop.call_soon(session.feed, answer)
@@ -283,6 +286,7 @@ class Simulation:
     def close_session(self, index: int) -> None:
         """Cut the session with a vehicle, as the death of its program does."""
         self._sessions.pop(index, None)
+        self._turns[index] = self._turns.get(index, 0) + 1
 
     async def fetch(self, url: str) -> bytes:
         """A picture by its URL."""

