@@ -17,6 +17,7 @@ from typing import Any
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.plugins.action import ActionError
 
 NORTH_M = 15.0
 M_PER_DEG = 111_200.0
@@ -27,6 +28,16 @@ async def _until(read: Callable[[], Awaitable[Any]], good: Callable[[Any], bool]
         while not good(value := await read()):  # noqa: ASYNC110 - getters know no events
             await asyncio.sleep(0.02)
     return value
+
+
+async def _arm(action: ActionAsync) -> None:
+    """Arm, as soon as the autopilot lets us: its gyros may settle after its health is told."""
+    async with asyncio.timeout(30.0):
+        while True:
+            try:
+                return await action.arm()
+            except ActionError:
+                await asyncio.sleep(0.1)
 
 
 async def main(url: str) -> None:
@@ -43,7 +54,7 @@ async def main(url: str) -> None:
         await telemetry.set_rate_in_air(5.0)
         await _until(telemetry.health_all_ok, bool)
         home = await _until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
-        await action.arm()
+        await _arm(action)
         armed = await _until(telemetry.armed, bool)
         await action.set_takeoff_altitude(8.0)
         await action.takeoff()
