@@ -4,7 +4,8 @@ Each member runs the same rules on what it knows: its own events, and what it ha
 vehicle stands in the state as its member tells it (`Heard`): the planner plans for all who are
 heard, and the path of our own is flown. Nobody is obeyed and nobody is waited for, so a member
 that is out of contact (`Apart`) goes on with its own share and then with what others have left.
-Frames (`Shared`) are votes like our own, which makes the map the same once all are heard.
+What others have decided (`Shared`) counts as votes for what is done next; the map of the results is
+made of all facts (`missions.flight.joined`).
 
 That nobody meets anybody does not hang on any of this: `missions.ground.columns`.
 """
@@ -93,14 +94,9 @@ def leased(state: State, event: Leased) -> State:
 def may_close(setting: Setting, state: State, column: Column) -> bool:
     """Whether ours can promise to keep out of a column until it is open again.
 
-    It is not in it, could stop before it, and does not want that air itself, or has asked later.
+    Either it stands, or it is out of it, and its next seconds do not lead into it.
     """
-    for ours in state.ours:
-        if ours.landed:
-            continue
-        if not clear_of(setting, state, ours, column):
-            return False
-    return True
+    return all(ours.landed or clear_of(setting, state, ours, column) for ours in state.ours)
 
 
 def shared(setting: Setting, state: State, event: Shared) -> State:

@@ -88,8 +88,8 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
 
 def _held_by_nobody(setting: Setting, state: State) -> Lane | None:
     """The first lane that has something left to judge, and that nobody of a fleet holds."""
+    if setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift:
+        return None  # lanes that lie still are flown as they are, seen or not
     held = {n for vehicle in state.vehicles.values() for n in lanes_held(setting, vehicle)}
     free = (lane for number, lane in enumerate(setting.lanes) if number not in held)
-    if setting.grid.drift_speed_m_s > 0.0:
-        return None
     return next((part for lane in free for part in still_open(setting, state, (lane,))), None)

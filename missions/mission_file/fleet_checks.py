@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 from missions.errors import MissionFileError
 from missions.ground.columns import PAD_M, column_radius_m
 from missions.ground.grid import Grid
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission
+from missions.units import GridPoint
 
 STRATEGIES = ("swath", "survey")
 
@@ -27,7 +29,7 @@ def check_fleet(mission: Mission, source: str) -> None:
         )
     grid = Grid.at(mission.home, mission.grid.cell_m)
     pads = [grid.fixed(place) for place in homes(mission)]
-    least_m = column_radius_m(mission.team.separation_m) + mission.fence.margin_m + PAD_M
+    least_m = _least_apart_m(mission)
     for (i, one), (j, other) in itertools.combinations(enumerate(pads, start=1), 2):
         if one.distance_to(other) < least_m:
             raise MissionFileError(
@@ -35,6 +37,25 @@ def check_fleet(mission: Mission, source: str) -> None:
                 f"apart; with a service on each aircraft they need {least_m:.0f} m, for each "
                 "keeps the air over its pad to itself: set vehicles[].home"
             )
+
+
+def with_pads_apart(mission: Mission) -> Mission:
+    """A mission whose vehicles without a home stand in a row as far apart as a fleet's have to."""
+    grid, gap_m = (
+        Grid.at(mission.home, mission.grid.cell_m),
+        math.ceil(_least_apart_m(mission) + 1.0),
+    )
+    placed = []
+    for k, vehicle in enumerate(mission.vehicles):
+        if k and vehicle.home is None:  # the first stands at the start
+            place = grid.position(GridPoint(float(k * gap_m), 0.0))
+            vehicle = vehicle.model_copy(update={"home": (place.lat_deg, place.lon_deg)})
+        placed.append(vehicle)
+    return mission.model_copy(update={"vehicles": tuple(placed)})
+
+
+def _least_apart_m(mission: Mission) -> float:
+    return column_radius_m(mission.team.separation_m) + mission.fence.margin_m + PAD_M
 
 
 def _shared_layers(mission: Mission) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,12 +13,16 @@ import pytest
 from missions.events import Apart, Event, Heard, Shared
 from missions.flight.joined import joined
 from missions.ground.grid import Grid
+from missions.mission_file.fleet_checks import check_fleet, with_pads_apart
+from missions.mission_file.launch_pads import homes
+from missions.mission_file.schema import VehicleSection
 from missions.state import Setting, State
 from missions.units import Cell
 from tests.benchmarks.fleet_faults import scenario
 from tests.e2e.rig import uavmap
 from tests.fleet_rig import flown as beset
 from tests.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 
@@ -133,3 +138,13 @@ def test_a_layer_that_several_would_share_is_refused(tmp_path: Path) -> None:
     done = uavmap("fly", "bay", "--sim", "--comms", "free", "--out", tmp_path / "out")
     assert done.code == 2
     assert "has vehicles share a layer" in done.err
+
+
+def test_pads_without_a_place_lie_far_enough_apart() -> None:
+    mission = with_pads_apart(load_source("burn").parse().model_copy(
+        update={"vehicles": (VehicleSection(),) * 4}
+    ))  # fmt: skip
+    check_fleet(mission, "burn")
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    east_m = [grid.fixed(place).east_m for place in homes(mission)]
+    assert [round(b - a) for a, b in itertools.pairwise(east_m)] == [13, 13, 13]

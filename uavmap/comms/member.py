@@ -290,21 +290,23 @@ class Member:
     def _beat_now(self) -> None:
         self._soon = None
         self._urgent = True
-        self.beat()
+        self._beat_safely()
 
     # --- speaking ------------------------------------------------------------------------------
     async def run(self) -> None:
         """Talk until cancelled."""
         self._radio.listen(self.heard)
         while True:
-            try:
-                self.beat()
-            except Exception as failure:  # aircraft are flown all the same, and somebody knows
-                self._tell_failed(failure)
+            self._beat_safely()
             await asyncio.sleep(BEAT_S)
 
-    def _tell_failed(self, failure: Exception) -> None:
-        if not self._failed:
+    def _beat_safely(self) -> None:
+        """Aircraft are flown whether the talk fails or not; that it fails is told once."""
+        try:
+            self.beat()
+        except Exception as failure:
+            if self._failed:
+                return
             self._failed = True
             self._say(
                 f"the talk with the fleet fails ({type(failure).__name__}: {failure}), which is a "

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from missions.errors import JournalError, LinkError, MissionFileError
 from missions.mission_file.checks import check
-from missions.mission_file.fleet_checks import check_fleet
+from missions.mission_file.fleet_checks import check_fleet, with_pads_apart
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
 from uavmap import __version__
@@ -135,6 +135,7 @@ class FlightPlan:
                 # its detector was looked at when the file was read
                 check(mission, self.mission_source, detectors=(mission.detector.name,))
         if self.member is not None:
+            mission = with_pads_apart(mission)
             if self.member:
                 check_fleet(mission, self.mission_source)
                 self._check_one(mission, self.member)
