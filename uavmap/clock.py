@@ -100,6 +100,9 @@ class _ClockSelector(selectors.BaseSelector):
         return self._inner.get_map()
 
 
+_MAIN = "uavmap's main task"
+
+
 class ClockLoop(asyncio.SelectorEventLoop):
     """An event loop on a clock."""
 
@@ -122,4 +125,19 @@ def run(main: Coroutine[Any, Any, T], clock: Clock) -> T:
     3600.0
     """
     with asyncio.Runner(loop_factory=lambda: ClockLoop(clock)) as runner:
-        return runner.run(main)
+        return runner.run(_named(main))
+
+
+async def _named(main: Coroutine[Any, Any, T]) -> T:
+    if (task := asyncio.current_task()) is not None:
+        task.set_name(_MAIN)
+    return await main
+
+
+def main_task() -> asyncio.Task[Any] | None:
+    """What `run` runs in this thread; None outside of it."""
+    try:
+        tasks = asyncio.all_tasks()
+    except RuntimeError:
+        return None
+    return next((task for task in tasks if task.get_name() == _MAIN), None)

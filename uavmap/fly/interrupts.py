@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Protocol
 
+from uavmap.clock import main_task
 from uavmap.fly.caller import Caller
 
 PAUSE, GO_ON = signal.SIGUSR1, signal.SIGUSR2
@@ -81,16 +82,30 @@ def like_control_c() -> Iterator[None]:
         yield
         return
 
+    cancelled = False
+
     def pressed(number: int, frame: FrameType | None) -> None:
+        nonlocal cancelled
         act = signal.getsignal(signal.SIGINT)
-        if not callable(act):  # a job in the background has Ctrl-C ignored
+        if callable(act):
+            act(number, frame)
+            return
+        # a job in the background has Ctrl-C ignored, so the runner of the loop does not hear it
+        task = main_task()
+        if task is None or cancelled:
             raise KeyboardInterrupt
-        act(number, frame)
+        cancelled = True
+        task.cancel()
+        task.get_loop().call_soon_threadsafe(lambda: None)  # it may be waiting
 
     heard = [n for n in SIGNALS[1:] if signal.getsignal(n) is not signal.SIG_IGN]
     before = {number: signal.signal(number, pressed) for number in heard}
     try:
         yield
+    except asyncio.CancelledError:
+        if cancelled:
+            raise KeyboardInterrupt from None
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
