@@ -379,7 +379,7 @@ class Member:
             batches.append(batch)
             room -= size
             if origin == self._number:
-                self._told = max(self._told, first + len(batch.frames))
+                self._told = max(self._told, first + len(batch.facts))
         return tuple(batches)
 
     def _fitting(self, origin: int, first: int, room: int) -> tuple[Batch | None, int]:
@@ -429,7 +429,7 @@ class Member:
         for batch in message.batches:
             if batch.origin == self._number:
                 continue
-            new = self.knowledge.take(batch.origin, batch.first, batch.frames)
+            new = self.knowledge.take(batch.origin, batch.first, batch.facts)
             if new:
                 first = self.knowledge.have[batch.origin] - len(new)
                 self._post(Shared(batch.origin, round(now_s, 3), first, tuple(new)))
