@@ -10,11 +10,12 @@ from missions.mission_file.schema import Mission
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import DETECTOR_HELP, report, speedup
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.cli.link_options import add_link_options
+from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, add_rerun_option, beside
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.planned import Wanted
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import shipped_missions
 from uavmap.offline.after_flight import draw_boundary, kept_frames
@@ -98,6 +99,26 @@ def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="leave fence, rally points and return heights of the autopilots as they are; a "
         "mission that leaves such a fence is not flown",
+    )
+
+
+def wanted_of(options: argparse.Namespace, *, sim: bool = False) -> Wanted:
+    """The flight that options ask for which every flight may be given; without a key if simulated.
+
+    Raises `LinkError` for a key without a name.
+    """
+    return Wanted(
+        mission=options.mission,
+        sim=sim,
+        connect=tuple(options.connect),
+        camera=tuple(options.camera),
+        strategy=options.strategy,
+        detector=options.detector,
+        speedup=options.speedup,
+        auto_swap=options.auto_swap,
+        driver=options.driver,
+        key=None if sim else key_file(options),
+        forward=tuple(options.forward or ()),
     )
 
 
