@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from missions.errors import NotFlownError, leaves
+from missions.mission_file import fleet_checks
 from missions.mission_file.checks import STRATEGIES
 from missions.mission_file.schema import Mission
 from uavmap.cameras.spec import HELP
@@ -44,14 +45,16 @@ def add_camera_option(parser: argparse.ArgumentParser, whose: str) -> None:
     )
 
 
-def add_flight_options(parser: argparse.ArgumentParser) -> None:
-    """Add what every flight may be given."""
-    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(STRATEGIES)}")
+def add_flight_options(parser: argparse.ArgumentParser, *, fleet: bool = False) -> None:
+    """Add what every flight may be given; of a `fleet` the help says what its vehicles can fly."""
+    strategies = fleet_checks.STRATEGIES if fleet else STRATEGIES
+    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(strategies)}")
+    alone = "; with --sim the default is as fast as it goes, with --connect 1"
     parser.add_argument(
         "--speedup",
         metavar="X",
         type=speedup,
-        help="times real time; with --sim the default is as fast as it goes, with --connect 1",
+        help="times real time" + (", for simulators (default 1)" if fleet else alone),
     )
     parser.add_argument(
         "--auto-swap",
@@ -64,7 +67,7 @@ def add_flight_options(parser: argparse.ArgumentParser) -> None:
         choices=DRIVERS,
         default=PYMAVLINK,
         help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
-        "(default), or MAVSDK; not with --sim",
+        "(default), or MAVSDK" + ("" if fleet else "; not with --sim"),
     )
     add_link_options(parser)
     _add_preflight_options(parser)

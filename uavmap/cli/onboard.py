@@ -65,7 +65,7 @@ def add_parser(commands: Any) -> None:
     )
     add_fleet_options(parser)
     add_camera_option(parser, "this vehicle")
-    add_flight_options(parser)
+    add_flight_options(parser, fleet=True)
     parser.set_defaults(run=run)
 
 
