@@ -30,7 +30,8 @@ from missions.events import (
 from missions.fleet.bits import BytesError
 from missions.fleet.codec import Message, Presence, Word, decode, encode
 from missions.fleet.knowledge import Knowledge
-from missions.flight.joined import Facts
+from missions.fleet.own_cells import OwnCells
+from missions.mapping.belief import Belief
 from missions.state import Setting, State
 from uavmap.comms.airspace import Airspace
 from uavmap.comms.fleet_clock import FleetClock
@@ -76,7 +77,9 @@ class Member:
         self._post = post
         self._say = say
         self._number = seal.member
-        self._own = Facts(setting)
+        none = Belief(setting.mission.votes.frames, setting.mission.votes.positive)
+        self._own = OwnCells(none, none)
+        """Not of the state, whose map counts what others have decided as votes, too."""
         self.knowledge = Knowledge()
         self.peers: dict[int, Peer] = {}
         self._clock = FleetClock(setting, self._number, self.peers, say)
@@ -112,8 +115,9 @@ class Member:
         if isinstance(event, LiftedOff):
             self._clock.begun = True
         if isinstance(event, FrameSeen | Tracked) and event.vehicle == self._number:
-            known = self.knowledge.have.get(self._number, 0)
-            self.knowledge.take(self._number, known, self._own.take(event))
+            known, own = self.knowledge.have.get(self._number, 0), self._own
+            new = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+            self.knowledge.take(self._number, known, new)
 
     # --- the clock -----------------------------------------------------------------------------
     async def agree(self, wait_s: float) -> float:
