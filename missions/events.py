@@ -272,13 +272,17 @@ class Heard:
     kind: Literal["heard"] = "heard"
 
 
-class SharedFrame(NamedTuple):
-    """What the frames of another vehicle have decided within a second: each cell, and whether it is
+class Fact(NamedTuple):
+    """What the frames of one vehicle have decided within a second: each cell, and whether it is
     region."""
 
     t_s: float
     votes: tuple[tuple[Cell, bool], ...]
     overview: bool = False
+    """Whether from the height of a search."""
+
+
+SharedFrame = Fact  # as some modules still call it
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +292,7 @@ class Shared:
     vehicle: int
     t_s: float
     first: int
-    frames: tuple[SharedFrame, ...]
+    frames: tuple[Fact, ...]
     kind: Literal["shared"] = "shared"
 
 

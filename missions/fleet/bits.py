@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 MOST_CELLS = 1 << 20
-"""A picture of more cells is no picture."""
+"""Of the rectangle in which the cells of a fact lie; a larger one is no fact."""
 
 
 class BytesError(ValueError):

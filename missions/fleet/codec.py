@@ -1,7 +1,7 @@
 """What members of a fleet say to each other, as bytes: who is where, who knows what, and facts.
 
-A message is one datagram. Its frames are told as the rectangle of cells that each counts for, which
-of them, and what is said of each; a batch of them is deflated. Times are whole milliseconds of
+A message is one datagram. A fact is told as the rectangle in which its cells lie, which of them
+they are, and what is decided of each; a batch of facts is deflated. Times are whole milliseconds of
 mission time, places half metres.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, get_args
 
-from missions.events import SharedFrame
+from missions.events import Fact
 from missions.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
 from missions.units import Cell, GridPoint
 
@@ -43,7 +43,7 @@ class Batch:
 
     origin: int
     first: int
-    frames: tuple[SharedFrame, ...]
+    facts: tuple[Fact, ...]
 
 
 Order = Literal["recall", "pause", "continue"]
@@ -120,7 +120,7 @@ def encode(message: Message) -> bytes:
     for batch in message.batches:
         out.count(batch.origin)
         out.count(batch.first)
-        out.raw(deflated(frames_to_bytes(batch.frames)))
+        out.raw(deflated(facts_to_bytes(batch.facts)))
     return out.data
 
 
@@ -139,26 +139,26 @@ def decode(data: bytes) -> Message:
     batches = []
     while not inp.at_end:
         origin, first = inp.count(), inp.count()
-        batches.append(Batch(origin, first, bytes_to_frames(inflated(inp.raw(), MOST_BYTES))))
+        batches.append(Batch(origin, first, bytes_to_facts(inflated(inp.raw(), MOST_BYTES))))
     return Message(t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised)
 
 
-def frames_to_bytes(frames: Sequence[SharedFrame]) -> bytes:
-    """Frames as bytes, each told by what it differs in from the one before."""
+def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
+    """Facts as bytes, each told by what it differs in from the one before."""
     out = Writer()
     t_ms, anchor = 0, Cell(0, 0)
-    for frame in frames:
-        now_ms = _ms(frame.t_s)
+    for fact in facts:
+        now_ms = _ms(fact.t_s)
         out.signed(now_ms - t_ms)
-        cells = [cell for cell, _ in frame.votes]
+        cells = [cell for cell, _ in fact.votes]
         west, south = min(c.east for c in cells), min(c.north for c in cells)
         columns = max(c.east for c in cells) - west + 1
         rows = max(c.north for c in cells) - south + 1
-        out.count(2 * columns + frame.overview)
+        out.count(2 * columns + fact.overview)
         out.count(rows)
         out.signed(west - anchor.east)
         out.signed(south - anchor.north)
-        says = dict(frame.votes)
+        says = dict(fact.votes)
         inside = [Cell(west + i, south + j) for j in range(rows) for i in range(columns)]
         out.flags([cell in says for cell in inside])
         out.flags([says[cell] for cell in inside if cell in says])
@@ -166,17 +166,17 @@ def frames_to_bytes(frames: Sequence[SharedFrame]) -> bytes:
     return out.data
 
 
-def bytes_to_frames(data: bytes) -> tuple[SharedFrame, ...]:
-    """The inverse of `frames_to_bytes`. Raises `BytesError`."""
+def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
+    """The inverse of `facts_to_bytes`. Raises `BytesError`."""
     inp = Reader(data)
     t_ms, west, south = 0, 0, 0
-    frames = []
+    facts = []
     while not inp.at_end:
         t_ms += inp.signed()
         columns, overview = divmod(inp.count(), 2)
         rows = inp.count()
         if not 0 < columns * rows <= MOST_CELLS:
-            raise BytesError("no picture shows so many cells")
+            raise BytesError("no fact is of so many cells")
         west += inp.signed()
         south += inp.signed()
         shown = inp.flags(columns * rows)
@@ -184,11 +184,11 @@ def bytes_to_frames(data: bytes) -> tuple[SharedFrame, ...]:
             Cell(west + k % columns, south + k // columns) for k, told in enumerate(shown) if told
         ]
         if t_ms < 0 or not cells:
-            raise BytesError("a frame of nothing")
+            raise BytesError("a fact of nothing")
         says = inp.flags(len(cells))
         votes = tuple(sorted(zip(cells, says, strict=True)))
-        frames.append(SharedFrame(t_ms / 1000, votes, bool(overview)))
-    return tuple(frames)
+        facts.append(Fact(t_ms / 1000, votes, bool(overview)))
+    return tuple(facts)
 
 
 def _put_presence(out: Writer, presence: Presence) -> None:

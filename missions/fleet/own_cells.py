@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from missions.events import FrameSeen, SharedFrame, Vote
+from missions.events import Fact, FrameSeen, Vote
 from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
 
@@ -26,7 +26,7 @@ class OwnCells:
     >>> [own.take(FrameSeen(1, t / 5, None, seen)) for t in range(5)]
     [[], [], [], [], []]
     >>> own.passed(1.2)
-    [SharedFrame(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False)]
+    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False)]
     """
 
     low: Belief
@@ -35,7 +35,7 @@ class OwnCells:
     _decided: dict[bool, dict[Cell, bool]] = field(default_factory=dict)
     """In the second that is not over: by whether from a search's height."""
 
-    def take(self, event: FrameSeen) -> list[SharedFrame]:
+    def take(self, event: FrameSeen) -> list[Fact]:
         """Take in a frame; returns the facts of seconds that are over.
 
         Raises ValueError for a frame of a look from a vantage, which a fleet does not fly.
@@ -57,7 +57,7 @@ class OwnCells:
             self.low = after
         return facts
 
-    def passed(self, t_s: float) -> list[SharedFrame]:
+    def passed(self, t_s: float) -> list[Fact]:
         """The facts of the seconds before `t_s` that were not told yet."""
         second = math.floor(t_s)
         if second <= self._second:
@@ -65,15 +65,15 @@ class OwnCells:
         at_s, self._second = self._second, second
         decided, self._decided = self._decided, {}
         return [
-            SharedFrame(float(at_s), tuple(sorted(cells.items())), overview)
+            Fact(float(at_s), tuple(sorted(cells.items())), overview)
             for overview, cells in sorted(decided.items())
         ]
 
 
-def as_frames(vehicle: int, fact: SharedFrame, frames: int, positive: int) -> list[FrameSeen]:
+def as_frames(vehicle: int, fact: Fact, frames: int, positive: int) -> list[FrameSeen]:
     """A fact as the fewest frames that decide its cells: what the map can take in.
 
-    >>> fact = SharedFrame(7.0, ((Cell(0, 0), True), (Cell(1, 0), False)))
+    >>> fact = Fact(7.0, ((Cell(0, 0), True), (Cell(1, 0), False)))
     >>> [len(frame.votes) for frame in as_frames(2, fact, 5, 4)]
     [2, 2, 1, 1]
     """

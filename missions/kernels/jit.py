@@ -23,8 +23,8 @@ else:
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays if numba is there; a kernel may call others of its own module.
 
-    Not of another: numba compiles anew when the file of a kernel changes, but does not see that a
-    callee in another file did.
+    Of another only what never changes (`missions.kernels.annealing`): numba compiles anew when the
+    file of a kernel changes, but does not see that a callee in another file did.
 
     The compiled code is kept beside the source, else in the user's cache, so that only the first
     run on a machine compiles. Where neither can be written every run does.

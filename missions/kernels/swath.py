@@ -5,8 +5,8 @@ tangential acceleration, so place and speed are exact functions of time. *Frames
 even intervals show cells; each frame that a cell needs has a worth in seconds. `improve` looks for
 the waypoints of a team that cost the least: seconds of flight less the worth of what is seen.
 
-One module, because a kernel may call only others of its own (`missions.kernels.jit`). Lengths are
-metres, angles radians from east towards north, times seconds.
+One module, because what kernels of several modules call may not change (`missions.kernels.jit`).
+Lengths are metres, angles radians from east towards north, times seconds.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.kernels.annealing import draw, team_s, uniform
 from missions.kernels.jit import kernel
 
 Floats = NDArray[np.float64]
@@ -658,30 +659,6 @@ def _forbidden(segs: Floats, n: int, total_s: float, cells: Cells, out: Floats) 
 
 # --- what a plan costs --------------------------------------------------------------------------
 @kernel
-def _random(state: Ints) -> float:
-    """A number from 0 to 1 (Park and Miller's generator, multiplier 48271)."""
-    state[0] = state[0] * 48271 % 2147483647
-    return float(state[0]) / 2147483647.0
-
-
-@kernel
-def _draw(state: Ints, n: int) -> int:
-    """A whole number from 0 to n - 1."""
-    return int(_random(state) * n) % n
-
-
-@kernel
-def _cost(total: Floats, last: float) -> float:
-    """Seconds of a team: mostly the last vehicle's, partly everybody's."""
-    most, both = 0.0, 0.0
-    for v in range(total.shape[0]):
-        most = max(most, total[v])
-        both += total[v]
-    cost: float = last * most + (1.0 - last) * both / total.shape[0]
-    return cost
-
-
-@kernel
 def _evaluate(
     v: int,
     choice: int,
@@ -762,7 +739,7 @@ def _most_missed(cells: Cells, candidates: Ints, random: Ints) -> int:
     if candidates.shape[0] == 0:
         return found
     for _ in range(6):
-        c = candidates[_draw(random, candidates.shape[0])]
+        c = candidates[draw(random, candidates.shape[0])]
         missing = (cells.need[c] - cells.cover[c]) * cells.worth[c]
         if missing > worst:
             worst, found = missing, int(c)
@@ -778,8 +755,8 @@ def _show(
     lattice = 0.5 * cell_m
     reach_x = int(team.pars[v, HALF_X] / lattice)
     reach_y = int(team.pars[v, HALF_Y] / lattice)
-    x = (c % width + west) * cell_m + lattice * (_draw(random, 2 * reach_x + 1) - reach_x)
-    y = (c // width + south) * cell_m + lattice * (_draw(random, 2 * reach_y + 1) - reach_y)
+    x = (c % width + west) * cell_m + lattice * (draw(random, 2 * reach_x + 1) - reach_x)
+    y = (c // width + south) * cell_m + lattice * (draw(random, 2 * reach_y + 1) - reach_y)
     vehicles = ways.counts.shape[0]
     if nearest:
         least = _NOWHERE
@@ -803,7 +780,7 @@ def _show(
 @kernel
 def _begin_otherwise(v: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> bool:
     """Another lead-in."""
-    choice = _draw(random, LEADS)
+    choice = draw(random, LEADS)
     if team.v0[v] < SLOW or choice == ways.choices[v]:
         return False
     _begin_trial(trial, 0, v, ways)
@@ -814,18 +791,18 @@ def _begin_otherwise(v: int, team: Team, ways: Ways, random: Ints, trial: _Trial
 @kernel
 def _bend(trial: _Trial, random: Ints) -> bool:
     """Cut a corner by twice as much, or by half."""
-    k = _draw(random, trial.counts[0] - 1)
-    trial.points[0, k, 2] *= 2.0 if _random(random) < 0.5 else 0.5
+    k = draw(random, trial.counts[0] - 1)
+    trial.points[0, k, 2] *= 2.0 if uniform(random) < 0.5 else 0.5
     return bool(0.2 <= trial.points[0, k, 2] <= 20.0)
 
 
 @kernel
 def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
     """A waypoint elsewhere, near by."""
-    k = _draw(random, trial.counts[0] - 1)
-    far = 1 + _draw(random, 3)
-    trial.points[0, k, 0] += lattice * (_draw(random, 2 * far + 1) - far)
-    trial.points[0, k, 1] += lattice * (_draw(random, 2 * far + 1) - far)
+    k = draw(random, trial.counts[0] - 1)
+    far = 1 + draw(random, 3)
+    trial.points[0, k, 0] += lattice * (draw(random, 2 * far + 1) - far)
+    trial.points[0, k, 1] += lattice * (draw(random, 2 * far + 1) - far)
     return True
 
 
@@ -833,8 +810,8 @@ def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
 def _turn_round(trial: _Trial, random: Ints) -> bool:
     """A part of the way the other way round."""
     m = trial.counts[0]
-    k = _draw(random, m - 1)
-    end = min(k + 1 + _draw(random, min(_LONGEST_REVERSAL, m - 1 - k)), m - 2)
+    k = draw(random, m - 1)
+    end = min(k + 1 + draw(random, min(_LONGEST_REVERSAL, m - 1 - k)), m - 2)
     while k < end:
         for axis in range(3):
             held = trial.points[0, k, axis]
@@ -849,8 +826,8 @@ def _turn_round(trial: _Trial, random: Ints) -> bool:
 def _take_block(trial: _Trial, random: Ints) -> int:
     """Take some waypoints out of the first way; returns how many."""
     m = trial.counts[0]
-    k = _draw(random, m - 1)
-    length: int = min(1 + _draw(random, _BLOCK), m - 1 - k)
+    k = draw(random, m - 1)
+    length: int = min(1 + draw(random, _BLOCK), m - 1 - k)
     trial.block[:length] = trial.points[0, k : k + length]
     trial.counts[0] = _remove(trial.points[0], m, k, length)
     return length
@@ -859,7 +836,7 @@ def _take_block(trial: _Trial, random: Ints) -> int:
 @kernel
 def _put_block(trial: _Trial, side: int, at: int, length: int, random: Ints) -> None:
     """Put them in again, forwards or backwards."""
-    back = _random(random) < 0.5
+    back = uniform(random) < 0.5
     for b in range(length):
         point = trial.block[b if back else length - 1 - b]
         trial.counts[side] = _insert(
@@ -886,7 +863,7 @@ def _hand_over(u: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> b
 def _swap_tails(v: int, u: int, ways: Ways, random: Ints, trial: _Trial) -> bool:
     """Two vehicles go on with what the other would have done; each to its own end."""
     m, m2 = ways.counts[v], ways.counts[u]
-    k, k2 = _draw(random, m - 1), _draw(random, m2)
+    k, k2 = draw(random, m - 1), draw(random, m2)
     new_m, new_m2 = k + (m2 - k2), k2 + (m - k)
     if new_m >= MOST_WAYPOINTS or new_m2 >= MOST_WAYPOINTS:
         return False
@@ -905,11 +882,11 @@ def _try_something(
 ) -> bool:
     """Any change; returns whether there is one in the trial."""
     vehicles = ways.counts.shape[0]
-    kind = _random(random)
-    v = _draw(random, vehicles) if vehicles > 1 else 0
+    kind = uniform(random)
+    v = draw(random, vehicles) if vehicles > 1 else 0
     if kind < 0.3:
         c = _most_missed(cells, candidates, random)
-        nearest = _random(random) < 0.5
+        nearest = uniform(random) < 0.5
         return c >= 0 and _show(c, v, nearest, team, ways, cells, random, trial)
     m = ways.counts[v]
     if kind < 0.33 or m < 2:
@@ -920,7 +897,7 @@ def _try_something(
     if kind < 0.65:
         return _shift(trial, 0.5 * cells.grid[4], random)
     if kind < 0.78:
-        trial.counts[0] = _remove(trial.points[0], m, _draw(random, m - 1), 1)
+        trial.counts[0] = _remove(trial.points[0], m, draw(random, m - 1), 1)
         return True
     if kind < 0.88 or vehicles == 1:
         if m < 3:
@@ -928,9 +905,9 @@ def _try_something(
         if kind < 0.83 or (vehicles == 1 and kind < 0.89):
             return _turn_round(trial, random)
         length = _take_block(trial, random)
-        _put_block(trial, 0, _draw(random, trial.counts[0]), length, random)
+        _put_block(trial, 0, draw(random, trial.counts[0]), length, random)
         return True
-    u = _draw(random, vehicles)
+    u = draw(random, vehicles)
     if u == v:
         return False
     if kind < 0.96:
@@ -1075,7 +1052,7 @@ def improve(
             v, ways.choices[v], ways.points[v], ways.counts[v], team, cells, room, hits, v
         )
         gain += _cover_row(hits, v, cells, urgent, fade)
-    cost = _cost(ways.total, last) - gain
+    cost = team_s(ways.total, last) - gain
     best = Ways(ways.points.copy(), ways.counts.copy(), ways.choices.copy(), ways.total.copy())
     best_cost = cost
     after = np.empty(vehicles)
@@ -1095,11 +1072,11 @@ def improve(
             if not _try_something(team, ways, cells, candidates, random, trial):
                 continue
         more = _weigh(trial, team, ways, cells, room, hits, urgent, after)
-        new_cost = _cost(after, last) - gain - more
+        new_cost = team_s(after, last) - gain - more
         rise = new_cost - cost
         # exp never overflows: what costs less is taken without asking
         uphill = turn >= candidates.shape[0] and (
-            rise < 0.0 or _random(random) < math.exp(-rise / temperature)
+            rise < 0.0 or uniform(random) < math.exp(-rise / temperature)
         )
         if rise >= 0.0 and not uphill:
             _undo(trial, cells, hits, vehicles, urgent, fade)

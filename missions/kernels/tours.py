@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.kernels.annealing import draw, team_s, uniform
 from missions.kernels.jit import kernel
 
 Floats = NDArray[np.float64]
@@ -95,19 +96,6 @@ def look_from(
 
 
 @kernel
-def _random(state: Ints) -> float:
-    """A number from 0 to 1 (Park and Miller's generator, multiplier 48271)."""
-    state[0] = state[0] * 48271 % 2147483647
-    return float(state[0]) / 2147483647.0
-
-
-@kernel
-def _draw(state: Ints, n: int) -> int:
-    """A whole number from 0 to n - 1."""
-    return int(_random(state) * n) % n
-
-
-@kernel
 def _corner_v(
     speed: float,
     accel: float,
@@ -180,17 +168,6 @@ def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
             x, y, in_x, in_y, in_m = px, py, out_x, out_y, out_m
     total += _leg_s(length, before, 0.0, speed, accel)
     return float(total)
-
-
-@kernel
-def _team_s(total: Floats, last: float) -> float:
-    """Seconds of a team: mostly those of the last vehicle."""
-    most, both = 0.0, 0.0
-    for v in range(total.shape[0]):
-        most = max(most, total[v])
-        both += total[v]
-    cost: float = last * most + (1.0 - last) * both / total.shape[0]
-    return cost
 
 
 @kernel
@@ -289,7 +266,7 @@ def _change(
 ) -> bool:  # fmt: skip
     """Have the `i`-th place of `v` and the `j`-th of `u` follow one another, in some way."""
     m = counts[v]
-    kind = _random(random)
+    kind = uniform(random)
     if u == v and kind < 0.4:  # what lies between is flown the other way round
         low, high = (i + 1, j) if i < j else (j, i - 1)
         if low >= high:
@@ -307,13 +284,13 @@ def _change(
         second[j : j + m - i - 1] = order[v, i + 1 : m]
         new[0], new[1] = i + 1 + m2 - j, j + m - i - 1
         return True
-    length = min(m - i, 1 + int(_LONGEST * _random(random) ** 4))
+    length = min(m - i, 1 + int(_LONGEST * uniform(random) ** 4))
     if u == v:
         if i <= j < i + length:
             return False
         j = j if j < i else j - length
-    to = j + (1 if _random(random) < 0.5 else 0)
-    _move(order, counts, v, i, length, u, to, _random(random) < 0.5, first, second, new)
+    to = j + (1 if uniform(random) < 0.5 else 0)
+    _move(order, counts, v, i, length, u, to, uniform(random) < 0.5, first, second, new)
     return True
 
 
@@ -334,7 +311,7 @@ def anneal(
     total = np.empty(vehicles)
     for v in range(vehicles):
         total[v] = tour_s(crew, v, places, order[v], counts[v])
-    cost = _team_s(total, last)
+    cost = team_s(total, last)
     best, best_counts, best_cost = order.copy(), counts.copy(), cost
     first, second = np.empty(order.shape[1], np.int64), np.empty(order.shape[1], np.int64)
     new = np.zeros(2, np.int64)
@@ -349,27 +326,27 @@ def anneal(
     temperature, cooling = hot, (cold / hot) ** (1.0 / max(1, moves))
     for _ in range(moves):
         temperature *= cooling
-        a = _draw(random, n)
+        a = draw(random, n)
         v, i = who[a], which[a]
-        kind = _random(random)
+        kind = uniform(random)
         if near.shape[1] > 0 and kind < 0.95:
-            b = near[a, _draw(random, near.shape[1])]
+            b = near[a, draw(random, near.shape[1])]
             u, j = who[b], which[b]
             if not _change(order, counts, v, i, u, j, random, first, second, new):
                 continue
         else:  # anywhere, also to one that has no places
-            u = _draw(random, vehicles)
+            u = draw(random, vehicles)
             if u == v:
                 continue
-            length = min(counts[v] - i, 1 + int(_LONGEST * _random(random) ** 2))
-            j = _draw(random, counts[u] + 1)
+            length = min(counts[v] - i, 1 + int(_LONGEST * uniform(random) ** 2))
+            j = draw(random, counts[u] + 1)
             _move(order, counts, v, i, length, u, j, kind < 0.975, first, second, new)
         after[:] = total
         after[v] = tour_s(crew, v, places, first, new[0])
         if u != v:
             after[u] = tour_s(crew, u, places, second, new[1])
-        rise = _team_s(after, last) - cost
-        if rise >= 0.0 and _random(random) >= math.exp(-rise / temperature):
+        rise = team_s(after, last) - cost
+        if rise >= 0.0 and uniform(random) >= math.exp(-rise / temperature):
             continue
         cost += rise
         total[:] = after

@@ -11,7 +11,6 @@ import contextlib
 import pickle
 import queue
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,7 +25,7 @@ from missions.state import Setting, State
 from uavmap.animation import check_path
 from uavmap.animation.rerun_child import READY
 from uavmap.animation.rerun_recording import SUFFIX, sdk
-from uavmap.child_process import environment
+from uavmap.child_process import Child
 from uavmap.fly.onlooker import Onlooker, Steered
 from uavmap.fly.progress import Progress
 from uavmap.record.flight_plan import FlightPlan
@@ -40,6 +39,7 @@ ROOM_S: Final = 10.0
 """So long a flight that is simulated waits for room, real seconds: nobody is in the air."""
 END_S: Final = 60.0
 """So long its end is waited for, real seconds."""
+ENDED: Final = "its process has ended"
 
 
 def check_recording(path: Path) -> None:
@@ -80,28 +80,16 @@ class FlightRecorder:
         """Of the pictures that wait."""
         self._left_out = 0
         self._dead = self._told = False
-        self._complaint = b""
-        self._process = subprocess.Popen(
-            # -P: a folder `missions` where somebody works must not be taken for ours
-            [sys.executable, "-P", "-m", "uavmap.animation.rerun_child"],
-            env=environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the flight
-        )
-        self._listener = threading.Thread(target=self._listen, name="rerun-errors", daemon=True)
-        self._listener.start()
+        self._child = Child("uavmap.animation.rerun_child", "rerun")
         self._writer = threading.Thread(target=self._write, name="rerun", daemon=True)
         self._writer.start()
         self._put((plan, str(path)))
-        assert self._process.stdout is not None
-        said = self._process.stdout.readline().decode(errors="replace").strip()
+        said = self._child.stdout.readline().decode(errors="replace").strip()
         if said != READY:
             self._queue.put(None)
-            self._process.wait()
-            self._listener.join()
-            raise OutputError(f"the Rerun recording does not begin: {said or self._last_words()}")
+            self._child.process.wait()
+            why = said or self._child.last_words(END_S) or ENDED
+            raise OutputError(f"the Rerun recording does not begin: {why}")
 
     # --- progress --------------------------------------------------------------------------
     def say(self, text: str) -> None:
@@ -162,8 +150,7 @@ class FlightRecorder:
             self._bytes -= size
 
     def _write(self) -> None:
-        pipe = self._process.stdin
-        assert pipe is not None
+        pipe = self._child.stdin
         try:
             while (waiting := self._queue.get()) is not None:
                 item, size = waiting
@@ -177,23 +164,12 @@ class FlightRecorder:
             with contextlib.suppress(OSError, ValueError):
                 pipe.close()
 
-    def _listen(self) -> None:
-        """Take what it complains of, so that it never waits for a reader."""
-        pipe = self._process.stderr
-        assert pipe is not None
-        with contextlib.suppress(OSError, ValueError):
-            while piece := pipe.read1(4096):  # type: ignore[attr-defined]
-                self._complaint = (self._complaint + piece)[-4096:]
-
-    def _last_words(self) -> str:
-        lines = self._complaint.decode(errors="replace").strip().splitlines()
-        return lines[-1].strip() if lines else "its process has ended"
-
     def _tell(self) -> None:
         if not self._told:
             self._told = True
+            why = self._child.last_words() or ENDED
             self._inner.say(
-                f"the Rerun recording has failed ({self._last_words()}); the flight goes on "
+                f"the Rerun recording has failed ({why}); the flight goes on "
                 "without it, and `uavmap animate DIR --rerun FILE.rrd` makes one of its results"
             )
 
@@ -204,14 +180,11 @@ class FlightRecorder:
         try:
             with contextlib.suppress(queue.Full):
                 self._queue.put(None, timeout=END_S)
-            code = self._process.wait(END_S)
+            code = self._child.process.wait(END_S)
         except (subprocess.TimeoutExpired, KeyboardInterrupt):
-            say(f"{path} is still being written, by process {self._process.pid}")
+            say(f"{path} is still being written, by process {self._child.process.pid}")
             return
-        self._listener.join()
-        for pipe in (self._process.stdout, self._process.stderr):
-            if pipe is not None:
-                pipe.close()
+        self._child.close(END_S)
         if self._left_out:
             say(f"{self._left_out} events or pictures are not in {path}: it could not keep up")
         if code or self._dead:

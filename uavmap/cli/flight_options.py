@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 
 from missions.errors import NotFlownError, leaves
+from missions.mission_file import fleet_checks
 from missions.mission_file.checks import STRATEGIES
 from missions.mission_file.schema import Mission
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import DETECTOR_HELP, report, speedup
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.cli.link_options import add_link_options
+from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, add_rerun_option, beside
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.planned import Wanted
 from uavmap.fly.progress import Terminal
 from uavmap.mission_source import shipped_missions
 from uavmap.offline.after_flight import draw_boundary, kept_frames
@@ -43,14 +45,16 @@ def add_camera_option(parser: argparse.ArgumentParser, whose: str) -> None:
     )
 
 
-def add_flight_options(parser: argparse.ArgumentParser) -> None:
-    """Add what every flight may be given."""
-    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(STRATEGIES)}")
+def add_flight_options(parser: argparse.ArgumentParser, *, fleet: bool = False) -> None:
+    """Add what every flight may be given; of a `fleet` the help says what its vehicles can fly."""
+    strategies = fleet_checks.STRATEGIES if fleet else STRATEGIES
+    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(strategies)}")
+    alone = "; with --sim the default is as fast as it goes, with --connect 1"
     parser.add_argument(
         "--speedup",
         metavar="X",
         type=speedup,
-        help="times real time; with --sim the default is as fast as it goes, with --connect 1",
+        help="times real time" + (", for simulators (default 1)" if fleet else alone),
     )
     parser.add_argument(
         "--auto-swap",
@@ -63,7 +67,7 @@ def add_flight_options(parser: argparse.ArgumentParser) -> None:
         choices=DRIVERS,
         default=PYMAVLINK,
         help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
-        "(default), or MAVSDK; not with --sim",
+        "(default), or MAVSDK" + ("" if fleet else "; not with --sim"),
     )
     add_link_options(parser)
     _add_preflight_options(parser)
@@ -98,6 +102,26 @@ def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="leave fence, rally points and return heights of the autopilots as they are; a "
         "mission that leaves such a fence is not flown",
+    )
+
+
+def wanted_of(options: argparse.Namespace, *, sim: bool = False) -> Wanted:
+    """The flight that options ask for which every flight may be given; without a key if simulated.
+
+    Raises `LinkError` for a key without a name.
+    """
+    return Wanted(
+        mission=options.mission,
+        sim=sim,
+        connect=tuple(options.connect),
+        camera=tuple(options.camera),
+        strategy=options.strategy,
+        detector=options.detector,
+        speedup=options.speedup,
+        auto_swap=options.auto_swap,
+        driver=options.driver,
+        key=None if sim else key_file(options),
+        forward=tuple(options.forward or ()),
     )
 
 

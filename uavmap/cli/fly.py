@@ -16,12 +16,12 @@ from uavmap.cli.flight_options import (
     add_mission,
     begin,
     preflight_of,
+    wanted_of,
 )
-from uavmap.cli.link_options import key_file
 from uavmap.cli.page_options import check_beside
 from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.ground_survey import with_ground
-from uavmap.fly.planned import Wanted, planned
+from uavmap.fly.planned import planned
 from uavmap.fly.progress import Terminal
 from uavmap.fly.simulated_fleet import fly_fleet
 from uavmap.record.flight_plan import FleetNetwork, FlightPlan
@@ -109,23 +109,13 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Fly."""
     network = _network(options)
-    wanted = Wanted(
-        mission=options.mission,
-        sim=options.sim,
-        connect=tuple(options.connect),
-        camera=tuple(options.camera),
+    wanted = replace(
+        wanted_of(options, sim=options.sim),
         vehicles=options.vehicles,
-        strategy=options.strategy,
-        detector=options.detector,
         seed=options.seed,
-        speedup=options.speedup,
-        auto_swap=options.auto_swap,
-        driver=options.driver,
         onboard=options.onboard,
         member=0 if options.fleet else None,
         network=network,
-        key=None if options.sim else key_file(options),
-        forward=tuple(options.forward or ()),
     )
     check_beside(options)
     plan, mission = planned(wanted)

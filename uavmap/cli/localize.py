@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -15,8 +13,8 @@ from rich.table import Table
 from missions.arena.roi import Roi
 from missions.localization.methods import Method
 from uavmap.cli.common import print_figures
-from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.localize_options import methods_of, terms_of
+from uavmap.cli.runs import run_all
 from uavmap.offline.localization_trials import (
     LocalizationTrial,
     Terms,
@@ -24,8 +22,6 @@ from uavmap.offline.localization_trials import (
     localization_trials,
 )
 from uavmap.record.results_folder import make_folder
-
-_REPORT_S: Final = 2.0
 
 
 def run_localize(
@@ -37,18 +33,7 @@ def run_localize(
     rois = read()
     if out is not None:
         make_folder(out.parent)  # before anything is computed
-    done: list[LocalizationTrial] = []
-    runs = len(rois) * len(methods)
-    code, last_s = 0, time.monotonic()
-    try:
-        for trial in localization_trials(rois, methods, terms):
-            done.append(trial)
-            if time.monotonic() - last_s > _REPORT_S:
-                last_s = time.monotonic()
-                print(f"{len(done)} of {runs} runs", file=sys.stderr)
-    except KeyboardInterrupt:
-        print(f"uavmap: interrupted after {len(done)} of {runs} runs", file=sys.stderr)
-        code = INTERRUPTED
+    done, code = run_all(localization_trials(rois, methods, terms), len(rois) * len(methods))
     if not print_figures(_figures(done, methods), out, as_json=options.json):
         _table(done, methods, terms)
     return code

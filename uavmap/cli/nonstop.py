@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,16 +16,15 @@ from missions.errors import StrategyError, UavmapError
 from missions.swath.strategies import WithoutStopping
 from uavmap.animation import film_of_nonstop
 from uavmap.cli.common import pair, print_figures
-from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.nonstop_options import DEFAULTS
 from uavmap.cli.pictures import wants_pictures, write_pictures
+from uavmap.cli.runs import run_all
 from uavmap.notices import tell_if_uncompiled
 from uavmap.record.results_folder import make_folder
 
 if TYPE_CHECKING:
     from uavmap.offline.nonstop_trials import FlightTerms, NonstopTrial
 
-_REPORT_S: Final = 2.0
 _SPEED_M_S: Final = 6.0
 _CELL_M: Final = 4.0
 
@@ -44,18 +42,8 @@ def run_nonstop(
     if out is not None:
         make_folder(out.parent)  # before anything is computed
     tell_if_uncompiled((s.name for s in strategies), lambda text: print(text, file=sys.stderr))
-    done: list[NonstopTrial] = []
-    runs = len(rois) * len(strategies)
-    code, last_s = 0, time.monotonic()
-    try:
-        for trial in trials.nonstop_trials(rois, strategies, terms):
-            done.append(trial)
-            if time.monotonic() - last_s > _REPORT_S:
-                last_s = time.monotonic()
-                print(f"{len(done)} of {runs} runs", file=sys.stderr)
-    except KeyboardInterrupt:
-        print(f"uavmap: interrupted after {len(done)} of {runs} runs", file=sys.stderr)
-        code = INTERRUPTED
+    runs = trials.nonstop_trials(rois, strategies, terms)
+    done, code = run_all(runs, len(rois) * len(strategies))
     if not print_figures(_figures(done, strategies), out, as_json=options.json):
         _table(done, strategies, terms)
     if wants_pictures(options) and code == 0:

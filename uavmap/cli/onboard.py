@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from uavmap.cli.common import EXIT_CODES, vehicle_count
@@ -13,11 +14,11 @@ from uavmap.cli.flight_options import (
     add_mission,
     begin,
     preflight_of,
+    wanted_of,
 )
-from uavmap.cli.link_options import key_file
 from uavmap.cli.page_options import check_beside
 from uavmap.comms.fleet_radio import check_network
-from uavmap.fly.planned import Wanted, planned
+from uavmap.fly.planned import planned
 
 _EXAMPLES = """\
 examples:
@@ -64,28 +65,14 @@ def add_parser(commands: Any) -> None:
     )
     add_fleet_options(parser)
     add_camera_option(parser, "this vehicle")
-    add_flight_options(parser)
+    add_flight_options(parser, fleet=True)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
     network = network_of(options)
-    wanted = Wanted(
-        mission=options.mission,
-        connect=tuple(options.connect),
-        camera=tuple(options.camera),
-        strategy=options.strategy,
-        detector=options.detector,
-        speedup=options.speedup,
-        auto_swap=options.auto_swap,
-        driver=options.driver,
-        onboard=True,
-        member=options.vehicle,
-        network=network,
-        key=key_file(options),
-        forward=tuple(options.forward or ()),
-    )
+    wanted = replace(wanted_of(options), onboard=True, member=options.vehicle, network=network)
     check_beside(options)
     check_network(network)
     plan, mission = planned(wanted)

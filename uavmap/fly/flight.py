@@ -20,10 +20,12 @@ from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.comms.fleet_clock import AGREE_S
 from uavmap.comms.fleet_radio import check_network, joined_fleet
-from uavmap.comms.member import AGREE_S, Member, talking
+from uavmap.comms.member import Member
 from uavmap.comms.radio import Radio
 from uavmap.comms.sealing import Seal
+from uavmap.comms.talking import talking
 from uavmap.fly.before_flight import KEEP_FENCE, BeforeFlight, Preflight, kept_fence
 from uavmap.fly.caller import Caller
 from uavmap.fly.cameras_of import cameras_of

@@ -12,14 +12,13 @@ import queue
 import select
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
 from typing import Final
 
 from missions.errors import OutputError
-from uavmap.child_process import environment
+from uavmap.child_process import Child
 from uavmap.page.pipe import Lines, Words, packed
 
 START_S: Final = 60.0
@@ -41,24 +40,11 @@ class Feed:
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._lines = Lines()
         self._dead = self._told = False
-        self._complaint = b""
-        self._process = subprocess.Popen(
-            # -P: a folder `missions` where somebody works must not be taken for ours
-            [sys.executable, "-P", "-m", "uavmap.page.child"],
-            env=environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            pass_fds=(listening.fileno(),),
-            start_new_session=True,  # Ctrl-C is for the flight
-        )
-        assert self._process.stdout is not None
-        os.set_blocking(self._process.stdout.fileno(), False)
+        self._child = Child("uavmap.page.child", "page", (listening.fileno(),))
+        os.set_blocking(self.orders_file, False)
         self.put({"kind": "start", "socket": listening.fileno(), **config})
         self._writer = threading.Thread(target=self._write, name="page", daemon=True)
-        self._listener = threading.Thread(target=self._listen, name="page-errors", daemon=True)
         self._writer.start()
-        self._listener.start()
 
     def wait_ready(self) -> None:
         """Return when it can be looked at. Raises `OutputError` where it does not begin."""
@@ -70,9 +56,8 @@ class Feed:
                 if words.get("ready"):
                     return
                 why = str(words.get("failed", why))
-            if self._process.poll() is not None:
-                self._listener.join(END_S)
-                why = self._last_words() or f"its process ended with {self._process.returncode}"
+            if (code := self._child.process.poll()) is not None:
+                why = self._child.last_words(END_S) or f"its process ended with {code}"
                 break
         raise OutputError(f"the live page does not begin: {why}")
 
@@ -97,8 +82,7 @@ class Feed:
         return True
 
     def _write(self) -> None:
-        pipe = self._process.stdin
-        assert pipe is not None
+        pipe = self._child.stdin
         try:
             while (message := self._messages.get()) is not None:
                 pipe.write(message)
@@ -112,15 +96,14 @@ class Feed:
     def _tell(self) -> None:
         if not self._told:
             self._told = True
-            why = self._last_words() or "its process has ended"
+            why = self._child.last_words() or "its process has ended"
             self._say(f"the live page is gone ({why}); the flight goes on without it")
 
     # --- back ------------------------------------------------------------------------------
     @property
     def orders_file(self) -> int:
         """Readable when there are orders."""
-        assert self._process.stdout is not None
-        return self._process.stdout.fileno()
+        return self._child.stdout.fileno()
 
     def orders(self) -> list[Words]:
         """What has come since it was asked last; none from a page that is gone."""
@@ -142,19 +125,7 @@ class Feed:
     @property
     def pid(self) -> int:
         """The number of its process on this machine."""
-        return self._process.pid
-
-    def _listen(self) -> None:
-        """Take what it complains of, so that it never waits for a reader."""
-        pipe = self._process.stderr
-        assert pipe is not None
-        with contextlib.suppress(OSError, ValueError):
-            while piece := os.read(pipe.fileno(), 4096):
-                self._complaint = (self._complaint + piece)[-4096:]
-
-    def _last_words(self) -> str:
-        lines = self._complaint.decode(errors="replace").strip().splitlines()
-        return lines[-1].strip() if lines else ""
+        return self._child.process.pid
 
     # --- over ------------------------------------------------------------------------------
     def close(self) -> None:
@@ -162,14 +133,11 @@ class Feed:
         with contextlib.suppress(queue.Full):
             self._messages.put(None, timeout=0.0 if self._dead else END_S)
         self._writer.join(END_S)
+        process = self._child.process
         try:
-            self._process.wait(END_S)
+            process.wait(END_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            process.kill()
+            process.wait()
         self._dead = True
-        self._listener.join(END_S)
-        for pipe in (self._process.stdout, self._process.stderr):
-            with contextlib.suppress(OSError):
-                if pipe is not None:
-                    pipe.close()
+        self._child.close(END_S)

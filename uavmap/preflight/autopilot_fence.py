@@ -52,6 +52,8 @@ class FencePlan:
     """How far its polygon lies outside of the mission's."""
     holes_left_out: int
     """Holes of the mission's fence that are too narrow to be made smaller by as much."""
+    columns_left_out: tuple[int, ...] = ()
+    """Other vehicles of a fleet, the air over whose pads is too narrow for that."""
 
 
 def outside_m(speed_m_s: float, accel_m_s2: float) -> float:
@@ -73,11 +75,14 @@ def fence_plan(
     by_m = outside_m(setting.mission.flight.speed_m_s, setting.energy.accel_m_s2)
     rings = [_ring(Polygon(setting.fence.outer.exterior).buffer(
         by_m, join_style="mitre", mitre_limit=MITRE))]  # fmt: skip
-    left_out = 0
-    for hole in setting.fence.outer.interiors:
-        smaller = Polygon(hole).buffer(-by_m, join_style="mitre", mitre_limit=MITRE)
+    holes, columns = 0, list[int]()
+    for ring in setting.fence.outer.interiors:
+        hole = Polygon(ring)
+        smaller = hole.buffer(-by_m, join_style="mitre", mitre_limit=MITRE)
         if smaller.is_empty:
-            left_out += 1
+            pads = _others_inside(setting, hole)
+            columns += pads
+            holes += not pads
         rings += [_ring(part) for part in _parts(smaller)]
     fence = [
         Item(EXCLUSION if index else INCLUSION, setting.grid.position(point), float(len(ring)))
@@ -89,7 +94,15 @@ def fence_plan(
         mav.MAV_CMD_NAV_RALLY_POINT, home, frame=mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m=0.0
     )
     parameters = _parameters(setting, number, home, kind, found)
-    return FencePlan(tuple(fence), (rally,), parameters, by_m, left_out)
+    return FencePlan(tuple(fence), (rally,), parameters, by_m, holes, tuple(sorted(columns)))
+
+
+def _others_inside(setting: Setting, hole: Polygon) -> list[int]:
+    """The other vehicles of a fleet whose pads lie in a hole: it is the air over them."""
+    if not setting.member:
+        return []
+    others = set(range(1, len(setting.mission.vehicles) + 1)) - {setting.member}
+    return [n for n in sorted(others) if hole.contains(shapely.Point(setting.pad_of(n)))]
 
 
 def highest_above_m(setting: Setting, home: LatLon) -> float:

@@ -126,7 +126,7 @@ class AutopilotSetup:
             await self._put(Kind.RALLY, plan.rally)
         except LinkError as error:
             return [bad("fence", str(error), "the mission's fence", _KEEP, binding=True)]
-        found += self._holes(plan)
+        found += _left_out(plan)
         failed = [
             bad(name, "could not be set", f"{value:g}", f"set it by hand, or {_KEEP}", binding=True)
             for name, value in plan.parameters.items()
@@ -137,17 +137,6 @@ class AutopilotSetup:
         values = " ".join(f"{name}={value:g}" for name, value in plan.parameters.items())
         text = f"set and read back, {plan.outside_m:.0f} m outside of the mission's; {values}"
         return [*found, ok("fence", text)]
-
-    def _holes(self, plan: FencePlan) -> list[Finding]:
-        if not plan.holes_left_out:
-            return []
-        return [
-            warn(
-                "fence.holes", f"{plan.holes_left_out} are narrower than "
-                f"{2 * plan.outside_m:.0f} m: the autopilot does not know them", "wider holes",
-                "the mission keeps out of them all the same",
-            )
-        ]  # fmt: skip
 
     def _note(self, before: Before, plan: FencePlan) -> None:
         """What was there goes to disk: once, for later it is what we have set ourselves."""
@@ -226,3 +215,18 @@ class AutopilotSetup:
 
 def _values(parameters: Mapping[str, Parameter]) -> dict[str, float]:
     return {name: parameter.value for name, parameter in parameters.items()}
+
+
+def _left_out(plan: FencePlan) -> list[Finding]:
+    """What the mission keeps out of, and the autopilot does not know."""
+    found, narrow = [], f"narrower than {2 * plan.outside_m:.0f} m: the autopilot does not know"
+    if plan.holes_left_out:
+        said = f"{plan.holes_left_out} are {narrow} them"
+        remedy = "the mission keeps out of them all the same"
+        found.append(warn("fence.holes", said, "wider holes", remedy))
+    if plan.columns_left_out:
+        s = "s" if len(plan.columns_left_out) > 1 else ""
+        whose = f"vehicle{s} {', '.join(map(str, plan.columns_left_out))}"
+        said = f"the air over the pad{s} of {whose} is {narrow} it"
+        found.append(warn("fence", said, "", "the mission keeps out of it all the same"))
+    return found

@@ -14,9 +14,9 @@ from missions import events
 from missions.events import (
     Airborne,
     Event,
+    Fact,
     FrameLost,
     FrameSeen,
-    SharedFrame,
     Tracked,
     Vote,
     from_json,
@@ -31,8 +31,8 @@ finite = st.floats(-1e6, 1e6, allow_nan=False)
 points = st.builds(GridPoint, finite, finite)
 cells = st.builds(Cell, st.integers(-9999, 9999), st.integers(-9999, 9999))
 votes = st.builds(Vote, cells, st.booleans(), st.floats(0, 1))
-shared_frames = st.builds(
-    SharedFrame,
+facts = st.builds(
+    Fact,
     finite,
     st.lists(st.tuples(cells, st.booleans()), max_size=6).map(tuple),
     st.booleans(),
@@ -52,7 +52,7 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         Cell | None: st.none() | cells,
         tuple[float, ...]: st.lists(finite, max_size=6).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
-        tuple[SharedFrame, ...]: st.lists(shared_frames, max_size=4).map(tuple),
+        tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
     }
     hints = typing.get_type_hints(kind)
 

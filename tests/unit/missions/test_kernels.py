@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 from collections import deque
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from missions.kernels import greedy, jit, lattice_walks
+from missions.kernels import annealing, greedy, jit, lattice_walks
 from missions.kernels.lattice_walks import cover
 
 
@@ -23,6 +25,23 @@ def test_without_a_folder_for_compiled_code_every_run_compiles(monkeypatch):
     monkeypatch.setattr(jit, "COMPILED", True)
     monkeypatch.setattr(jit, "njit", njit, raising=False)
     assert jit.kernel(abs) == ("compiled", abs)
+
+
+def test_what_kernels_of_other_modules_call_never_changes():
+    """What is compiled already would go on with what it was."""
+    state = np.array([7], np.int64)
+    assert [annealing.draw(state, 1000) for _ in range(6)] == [0, 595, 209, 241, 775, 327]
+    assert annealing.uniform(state) == 0.6048307691723251
+    assert annealing.team_s(np.array([1.0, 2.0, 6.0]), 0.75) == 0.75 * 6.0 + 0.25 * 9.0 / 3.0
+
+
+def test_kernels_call_no_others_outside_of_their_module():
+    for path in sorted(Path(jit.__file__).parent.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("missions"):
+                names = {alias.name for alias in node.names}
+                shared = node.module == annealing.__name__
+                assert shared or names <= {"kernel", "Floats", "Ints"}, f"{path.name}: {names}"
 
 
 # --- greedy ----------------------------------------------------------------------------------

@@ -53,6 +53,14 @@ def test_a_line_names_what_is_wrong(
     assert not out.exists()
 
 
+def test_the_help_names_what_a_fleet_can_fly(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["onboard", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "--strategy NAME one of: swath, survey --speedup" in told
+    assert "--sim" not in told
+
+
 def test_a_flight_of_no_fleet_has_no_network(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -120,6 +120,7 @@ def test_a_shell_completes_commands_missions_strategies_and_files(
         "fly runw": ["runway", "runway-field"],
         "fly runway --strategy sw": ["swath"],
         "fly runway --sp": ["--speedup"],
+        "onboard bay --strategy s": ["swath", "survey"],
         "fly uav": ["uavmap.bash"],
     }
     for words, answers in asked.items():

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import SharedFrame
+from missions.events import Fact
 from missions.fleet.bits import BytesError, Reader, Writer, inflated
 from missions.fleet.codec import DOES, ORDERS, Ask, Batch, Message, Presence, Word, decode, encode
 from missions.units import Cell, GridPoint
@@ -18,8 +18,8 @@ halves = st.integers(-4000, 4000).map(lambda k: k / 2)
 places = st.builds(GridPoint, halves, halves)
 numbers = st.integers(0, 100_000)
 cells = st.builds(Cell, st.integers(-40, 40), st.integers(-40, 40))
-frames = st.builds(
-    SharedFrame,
+facts = st.builds(
+    Fact,
     numbers.map(lambda ms: ms / 1000),
     st.dictionaries(cells, st.booleans(), min_size=1, max_size=8).map(
         lambda said: tuple(sorted(said.items()))
@@ -42,7 +42,7 @@ messages = st.builds(
     st.none() | presences,
     st.dictionaries(st.integers(0, 30), numbers, max_size=5),
     st.lists(
-        st.builds(Batch, st.integers(0, 30), numbers, st.lists(frames, max_size=3).map(tuple)),
+        st.builds(Batch, st.integers(0, 30), numbers, st.lists(facts, max_size=3).map(tuple)),
         max_size=3,
     ).map(tuple),
     st.lists(st.builds(Word, numbers, st.integers(0, 9), st.sampled_from(ORDERS)), max_size=3).map(
@@ -118,7 +118,7 @@ def test_a_minute_of_frames_fits_in_a_narrow_radio() -> None:
     told = []
     for k in range(300):
         column = int(k * 0.2 * 6 / 4)
-        told.append(SharedFrame(k / 5, tuple((Cell(column, row), row > 2) for row in range(5))))
+        told.append(Fact(k / 5, tuple((Cell(column, row), row > 2) for row in range(5))))
     batches = [Batch(1, k, tuple(told[k : k + 15])) for k in range(0, 300, 15)]
     size = sum(len(encode(Message(1.0, batches=(batch,)))) for batch in batches)
     assert size < 3000

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Event, FrameSeen, Shared, SharedFrame, Vote
+from missions.events import Event, Fact, FrameSeen, Shared, Vote
 from missions.fleet.knowledge import Knowledge
 from missions.fleet.own_cells import OwnCells
 from missions.flight.joined import joined
@@ -34,8 +34,8 @@ def seen_by(frames: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
     ]
 
 
-def facts_of(vehicle: int, seen: list[FrameSeen]) -> list[SharedFrame]:
-    own, told = OwnCells(Belief(5, 3), Belief(5, 3)), list[SharedFrame]()
+def facts_of(vehicle: int, seen: list[FrameSeen]) -> list[Fact]:
+    own, told = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
     for event in seen:
         if event.vehicle == vehicle:
             told.extend(own.take(event))
@@ -118,14 +118,14 @@ def test_who_decides_first_by_facts_errs_no_more_often_than_one_that_is_alone() 
 
 
 facts = st.lists(st.booleans(), max_size=30).map(
-    lambda says: [SharedFrame(float(k), ((Cell(k, 0), v),)) for k, v in enumerate(says)]
+    lambda says: [Fact(float(k), ((Cell(k, 0), v),)) for k, v in enumerate(says)]
 )
 
 
 @CHECKED
 @given(st.lists(facts, min_size=2, max_size=4), st.randoms(use_true_random=False))
 def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
-    logs: list[list[SharedFrame]], chance: random.Random
+    logs: list[list[Fact]], chance: random.Random
 ) -> None:
     batches = []
     for origin, log in enumerate(logs, start=1):
@@ -143,7 +143,7 @@ def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
 @CHECKED
 @given(st.lists(facts, min_size=3, max_size=3), st.data())
 def test_whoever_compares_what_they_have_ends_with_the_same(
-    logs: list[list[SharedFrame]], data: st.DataObject
+    logs: list[list[Fact]], data: st.DataObject
 ) -> None:
     """Any history of meetings, of any pairs, with messages lost; then one round in contact."""
     members = {number: Knowledge() for number in (1, 2, 3)}

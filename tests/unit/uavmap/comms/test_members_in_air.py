@@ -10,7 +10,7 @@ import random
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
-from missions.events import Asked, Event, SharedFrame
+from missions.events import Asked, Event, Fact
 from missions.fleet.codec import Ask, Message, encode
 from missions.flight.deconfliction import SEPARATION_BUFFER_M, is_clear
 from missions.flight.transitions import apply
@@ -167,7 +167,7 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
             dies.member.knowledge = known
         if k % 20 == 0 and k < 360:
             mind, fact = minds[k % 3], fact + 1
-            mine = SharedFrame(float(fact), ((Cell(fact, mind.number), True),))
+            mine = Fact(float(fact), ((Cell(fact, mind.number), True),))
             first = mind.member.knowledge.have.get(mind.number, 0)
             mind.member.knowledge.take(mind.number, first, [mine])
         for one, other in itertools.combinations(minds, 2):

@@ -7,18 +7,16 @@ from typing import Any, cast
 
 import pytest
 
-from uavmap.comms.member import Member, talking
+from uavmap.comms.member import Member
+from uavmap.comms.talking import talking
 
 
 class Waits:
     """A member whose others never come down."""
 
-    level = False
+    level = all_done = False
 
     async def run(self) -> None:
-        await asyncio.Event().wait()
-
-    async def settle(self) -> None:
         await asyncio.Event().wait()
 
     def end(self) -> None:

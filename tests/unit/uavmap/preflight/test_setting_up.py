@@ -9,7 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point, Polygon
 
+from missions.mission_file.checks import parse_mission
+from missions.state import Setting
 from missions.units import GridPoint, LatLon
+from tests.fleet_rig import field_text
 from tests.unit.uavmap.preflight.field import BOTH, Field, mission_of, on_field
 from uavmap.link.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.preflight.autopilot_fence import shapes_of
@@ -91,6 +94,16 @@ def test_in_a_team_each_returns_in_its_own_layer(autopilot: str, tmp_path: Path)
         assert [field.parameter(i, name) / scale for i in range(3)] == [found_m] * 3
 
     on_field(body, mission_of(autopilot, 3))
+
+
+def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know(tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        field.setting = Setting.of(field.setting.mission, 2)
+        (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
+        assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
+        assert "fence.holes" not in line
+
+    on_field(body, parse_mission(field_text(), "field"))
 
 
 def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots(tmp_path: Path) -> None:
