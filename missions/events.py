@@ -282,9 +282,6 @@ class Fact(NamedTuple):
     """Whether from the height of a search."""
 
 
-SharedFrame = Fact  # as some modules still call it
-
-
 @dataclass(frozen=True, slots=True)
 class Shared:
     """What another member of a fleet has decided, in facts numbered from `first` on."""

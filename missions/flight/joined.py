@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from missions.events import Event, FrameSeen, Shared, SharedFrame, Tracked
+from missions.events import Event, Fact, FrameSeen, Shared, Tracked
 from missions.fleet.own_cells import OwnCells, as_frames
 from missions.flight.lane_passes import still_open
 from missions.flight.two_heights import with_plain
@@ -29,7 +29,7 @@ class _Layer:
 
     decided: dict[Cell, Decision] = field(default_factory=dict)
 
-    def take(self, vehicle: int, fact: SharedFrame) -> None:
+    def take(self, vehicle: int, fact: Fact) -> None:
         for cell, says in fact.votes:
             new = (fact.t_s, vehicle, says)
             self.decided[cell] = min(new, self.decided.get(cell, new))
@@ -46,7 +46,7 @@ class Facts:
         self._own: dict[int, OwnCells] = {}
         self._layers = {False: _Layer(), True: _Layer()}
 
-    def take(self, event: Event) -> list[SharedFrame]:
+    def take(self, event: Event) -> list[Fact]:
         """Take in what an event says of cells; returns the facts that it adds."""
         if isinstance(event, Shared):
             for fact in event.frames:
@@ -104,7 +104,7 @@ class Facts:
             if vehicle in beliefs and beliefs[vehicle].verdict(cell) is says:
                 put(cell, ballots[vehicle][cell])
                 continue
-            fact = SharedFrame(t_s, ((cell, says),), overview)
+            fact = Fact(t_s, ((cell, says),), overview)
             for seen in as_frames(vehicle, fact, self._none.frames, self._none.positive):
                 put(cell, ((FrameId(vehicle, seen.t_s), says),))
         return _with_frames(self._none, found)

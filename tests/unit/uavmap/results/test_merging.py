@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from missions.errors import JournalError
-from missions.events import Event, FrameSeen, LiftedOff, Shared, SharedFrame, Tracked, Vote
+from missions.events import Event, Fact, FrameSeen, LiftedOff, Shared, Tracked, Vote
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission_text, square
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
@@ -38,7 +38,7 @@ def votes(number: int) -> list[Event]:
 
 def told(number: int) -> Shared:
     """The same, as another tells it."""
-    facts = [SharedFrame(10.0 * number + 2.0, ((CELLS[number], True),))]
+    facts = [Fact(10.0 * number + 2.0, ((CELLS[number], True),))]
     return Shared(number, 40.0, 0, tuple(facts))
 
 
