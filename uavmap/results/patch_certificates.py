@@ -58,6 +58,7 @@ class Team:
         if not overview and above_m is not None:
             heights_m = [*low_m, above_m]
         height_m = max(heights_m) + max(0.0, *(-v.home_level_m for v in vehicles.values()))
+        height_m += mission.ground_span_m  # downhill a picture shows more, but never more than so
         speed_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s
         if setting.nonstop:
             layers_m = (*low_m, *(mission.top_altitude_m(number - 1) for number in vehicles))
