@@ -75,5 +75,5 @@ def lines(found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any]) -> Iter
             f"all {len(found)} patches: {in_all['area_m2']:,.0f} sq m, {state_in_words(in_all)} "
             f"({time_in_words(in_all)})"
         )
-    missed = "" if in_all["box"]["whole"] else "; a patch may be missing"
+    missed = "" if in_all["box"]["whole"] else "; a patch may be missing there"
     yield f"search box: {box_in_words(in_all['box'])}{missed}"

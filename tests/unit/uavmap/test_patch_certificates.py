@@ -89,7 +89,7 @@ def test_two_patches_and_all_of_them() -> None:
     told = list(lines(*certificates(setting(), state_of(*frames), 10.0)))
     assert "open at 1 cell: 1 in no frame" in told[1]
     assert told[2].startswith("all 2 patches: 48 sq m, open at 1 cell")
-    assert told[3].endswith("a patch may be missing")
+    assert told[3].endswith("a patch may be missing there")
 
 
 def test_the_lower_bound_is_of_the_ground_that_was_judged_later() -> None:

@@ -43,7 +43,7 @@ def box_told(flown: Flown) -> str:
         return ""
     box = flown.values["patches_in_all"]["box"]
     proof = "no patch that begins in it is missing, if the verdicts are right"
-    return f"{box_in_words(box)}: {proof if box['whole'] else 'a patch may be missing'}"
+    return f"{box_in_words(box)}: {proof if box['whole'] else 'a patch may be missing there'}"
 
 
 def _row(name: str, one: Mapping[str, Any]) -> PatchRow:
