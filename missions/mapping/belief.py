@@ -190,6 +190,11 @@ class Belief:
         """The open ballot of every cell that has one, in the order of their first votes."""
         return self._ballots.get(None, PersistentMap())
 
+    @property
+    def ballots(self) -> Mapping[Vantage, Mapping[Cell, Ballot]]:
+        """Every ballot, the open ones under None."""
+        return self._ballots
+
     def first_seen_s(self) -> dict[Cell, float]:
         """When each cell was seen first, of the frames whose votes count."""
         first: dict[Cell, float] = {}

@@ -54,6 +54,18 @@ def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path: Path) -> None:
     assert sum(patch["cells"] for patch in found) == summary["cells_roi"]
     assert found[0]["lat_deg"] == pytest.approx(48.00050, abs=4e-5)
     assert summary["cells_missed"] == summary["false_positives"] == summary["fence_breaches"] == 0
+    in_all = summary["patches_in_all"]
+    for patch in (*found, in_all):
+        assert patch["complete"]
+        assert patch["open"] == {}
+        assert 0.0 < patch["found_s"] < patch["decided_s"] < summary["makespan_s"]
+        assert patch["took_s"] == pytest.approx(patch["decided_s"] - patch["found_s"], abs=0.11)
+        assert 0.0 <= patch["lower_bound_s"] <= patch["took_s"]
+    assert all(0.0 < patch["root"]["seen_s"] <= patch["found_s"] for patch in found)
+    assert in_all["decided_s"] == max(patch["decided_s"] for patch in found)
+    assert in_all["box"]["no_frames"] == in_all["box"]["beyond_fence"] == 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"<td>all</td><td>{in_all['area_m2']:,.0f}</td>" in page
     features = json.loads((tmp_path / "out" / "map.geojson").read_text())["features"]
     states = [feature["properties"].get("state") for feature in features]
     assert states.count("explored") == summary["cells_roi"]
@@ -110,6 +122,7 @@ def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(tmp_pa
     summary = done.summary
     assert summary["completed"]
     assert len(summary["patches"]) == 2
+    assert summary["patches_in_all"]["complete"]
     assert summary["cells_missed"] == summary["fence_breaches"] == 0
     assert summary["reserve_violations"] == 0
     assert summary["min_separation_m"] > 3.0

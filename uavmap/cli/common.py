@@ -19,6 +19,7 @@ from missions.errors import OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.fly.progress import PipeConsole
+from uavmap.results import patches_told
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 
@@ -212,6 +213,15 @@ def _table(summary: Mapping[str, Any]) -> None:
         if value is not None:
             shown = {True: "yes", False: "no"}.get(value) if isinstance(value, bool) else None
             table.add_row(label, shown or f"{value:,}".replace(",", " "))
+    found, in_all = summary.get("patches"), summary.get("patches_in_all")
+    if found is not None and in_all is not None:  # of a flight; a replay knows nothing of the kind
+        complete = sum(patch["complete"] for patch in found)
+        table.add_row("patches complete", f"{complete} of {len(found)}")
+        box = in_all["box"]
+        table.add_row("cells of the box decided", f"{box['decided']} of {box['cells']}")
     PipeConsole().print(table)
+    if found is not None and in_all is not None:
+        for line in patches_told.lines(found, in_all):
+            print(line)
     for number, note in summary.get("notes", {}).items():
         print(f"vehicle {number}: {note}")

@@ -19,6 +19,7 @@ from missions.state import Setting, State
 from missions.step import step
 from missions.units import GridPoint
 from uavmap.results.counting import Counter
+from uavmap.results.patch_certificates import certificates
 from vision.look import SEEN_SHARE
 
 
@@ -45,6 +46,8 @@ class Figures:
     tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
     navigation: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     """Of vehicles whose satellites were lost or wrong: how well they knew where they were."""
+    lift_off_s: float = 0.0
+    """The mission time of the first lift-off that the journal knows."""
 
     @property
     def ratio(self) -> float | None:
@@ -93,6 +96,7 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
             for number, c in counter.vehicles.items()
             if (told := c.navigation.figures())
         },
+        lift_off_s=counter.first_s or 0.0,
     )
 
 
@@ -220,24 +224,6 @@ def _patches_found(state: State, frames: int, left_m: float) -> str:
     return f"{text}, explored to {'its end' if count == 1 else 'their ends'}; the whole box is seen"
 
 
-def _patches(setting: Setting, state: State) -> list[dict[str, Any]]:
-    """Each patch of the region, the largest first: its cells, its area, its middle."""
-    grid, told = setting.grid, []
-    for patch in patches(state.belief.roi):
-        east = sum(cell.east for cell in patch) / len(patch) * grid.cell_m
-        north = sum(cell.north for cell in patch) / len(patch) * grid.cell_m
-        place = grid.position(grid.to_fixed(GridPoint(east, north), state.t_s))
-        told.append(
-            {
-                "cells": len(patch),
-                "area_m2": round(len(patch) * grid.cell_m**2, 1),
-                "lat_deg": round(place.lat_deg, 7),
-                "lon_deg": round(place.lon_deg, 7),
-            }
-        )
-    return told
-
-
 def aircraft_down(setting: Setting, state: State) -> list[str]:
     """The aircraft that somebody has to look after, each with its place."""
     lines = []
@@ -257,6 +243,7 @@ _OF_ONE_SERVICE: Final = (
 def summary(setting: Setting, state: State, found: Figures, seed: int | None) -> dict[str, Any]:
     """The part of summary.json that needs no truth."""
     mission, tree = setting.mission, state.tree
+    of_patches, in_all = certificates(setting, state, found.lift_off_s)
     told = {
         "mission": mission.name,
         "strategy": mission.strategy,
@@ -276,7 +263,8 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "vertices": len(tree) if tree is not None else 0,
         "tree_depth": tree.depth if tree is not None else 0,
         "cells_roi": len(state.belief.roi),
-        "patches": _patches(setting, state),
+        "patches": of_patches,
+        "patches_in_all": in_all,
         "cells_abandoned": len(state.abandoned),
         "cells_undecided": len(state.undecided),
         "detections": len(state.belief.detections()),

@@ -200,3 +200,6 @@ def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch: pytest.Mo
     # 100 cells, and what is beside them, at 5 m/s, less what the first frame may have shown
     assert 5.0 < found.lower_bound_s < found.exploration_s
     assert found.ratio is not None
+    (patch,) = summary(flight.setting, state, found, None)["patches"]
+    assert patch["complete"]
+    assert 1.0 < patch["lower_bound_s"] < patch["took_s"]

@@ -14,6 +14,7 @@ from uavmap.results.flown import Flown
 from uavmap.results.report import facts
 from uavmap.results.report.kept_pictures import boundary_frames
 from uavmap.results.report.map_drawing import draw_map
+from uavmap.results.report.patch_rows import box_told, patch_rows
 from uavmap.results.report.timeline import draw_timeline, minutes
 
 _TEMPLATE: Final = "page.html"
@@ -45,6 +46,7 @@ def _template() -> Template:
 def _told(flown: Flown, boundary: BoundaryTold | None) -> dict[str, Any]:
     """What the template shows."""
     judged, missing = facts.certificate(flown, boundary)
+    patches, more_patches = patch_rows(flown)
     troubles, more = facts.trouble_rows(flown)
     calendar, data = flown.calendar, flown.data
     mission = flown.setting.mission
@@ -64,6 +66,9 @@ def _told(flown: Flown, boundary: BoundaryTold | None) -> dict[str, Any]:
         "extent": facts.extent_facts(flown, boundary),
         "judged": judged,
         "missing": missing,
+        "patches": patches,
+        "more_patches": more_patches,
+        "box": box_told(flown),
         "truth": facts.truth_facts(flown),
         "flight": facts.flight_facts(flown),
         "timeline": draw_timeline(flown),

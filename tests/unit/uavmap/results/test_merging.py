@@ -73,6 +73,10 @@ def test_the_order_of_the_folders_changes_nothing(pair: list[Path], tmp_path: Pa
     merged_results(pair[::-1], tmp_path / "b", said.append)
     assert summary["cells_roi"] == 2
     assert summary["vehicles"] == 2
+    assert [patch["root"]["column"] for patch in summary["patches"]] == [0, 2]
+    assert summary["patches_in_all"]["open"] == {"no_frames": 7}  # one lies beside both
+    assert summary["patches_in_all"]["took_s"] == 10.0
+    assert summary["exploration_s"] is None
     assert files(tmp_path / "a") == files(tmp_path / "b")
     assert events_in(tmp_path / "a") == events_in(tmp_path / "b") == [*votes(1), *votes(2)]
 

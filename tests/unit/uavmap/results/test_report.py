@@ -91,6 +91,8 @@ def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path: Path) -> 
         "40 m along the sides of cells",
         "Frames judged 34",
         "6 region, 15 not region",
+        "1 96 47.300108, 8.500105 19.4 109.0 89.5 0.0 complete",
+        "Search box: 11 of 12 cells decided, 1 in too few frames: a patch may be missing there.",
         "of these false positives 0",
         "vehicle 1",
         "Faults and refusals None.",

@@ -1,0 +1,79 @@
+"""The certificates of patches in words, for a terminal and for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+MOST_PATCHES: Final = 20
+"""So many are told one by one."""
+_WHY: Final = {
+    "beyond_fence": "beyond the fence",
+    "few_frames": "in too few frames",
+    "given_up": "given up",
+    "no_frames": "in no frame",
+    "out_of_reach": "out of reach",
+    "skipped": "skipped by the operator",
+}
+
+
+def state_in_words(one: Mapping[str, Any]) -> str:
+    """Whether a patch, or all of them, are complete, or how many cells are open, and why.
+
+    >>> state_in_words({"complete": True, "open": {}})
+    'complete'
+    >>> state_in_words({"complete": False, "open": {"no_frames": [[0, 1], [0, 2]], "skipped": 1}})
+    'open at 3 cells: 2 in no frame, 1 skipped by the operator'
+    """
+    if one["complete"]:
+        return "complete"
+    counts = {
+        why: found if isinstance(found, int) else len(found) for why, found in one["open"].items()
+    }
+    parts = [f"{count} {_WHY[why]}" for why, count in counts.items()]
+    cells = sum(counts.values())
+    return f"open at {cells} {'cell' if cells == 1 else 'cells'}: {', '.join(parts)}"
+
+
+def time_in_words(one: Mapping[str, Any]) -> str:
+    """How long it took, and how long it takes at least.
+
+    >>> time_in_words({"took_s": 73.04, "lower_bound_s": 7.3, "ratio": 10.0})
+    '73.0 s, at least 7.3 s, ratio 10.00'
+    >>> time_in_words({"took_s": 8.8, "lower_bound_s": 0.0, "ratio": None})
+    '8.8 s, at least 0.0 s'
+    """
+    ratio = "" if one["ratio"] is None else f", ratio {one['ratio']:.2f}"
+    return f"{one['took_s']:,.1f} s, at least {one['lower_bound_s']:,.1f} s{ratio}"
+
+
+def box_in_words(box: Mapping[str, Any]) -> str:
+    """How much of the search box is decided.
+
+    >>> told = {"cells": 9, "decided": 6, "few_frames": 0, "no_frames": 2, "beyond_fence": 1}
+    >>> box_in_words({**told, "whole": False})
+    '6 of 9 cells decided, 2 in no frame, 1 beyond the fence'
+    """
+    counts = [f"{box['decided']:,} of {box['cells']:,} cells decided"]
+    kinds = ("few_frames", "no_frames", "beyond_fence")
+    return ", ".join([*counts, *(f"{box[why]:,} {_WHY[why]}" for why in kinds if box[why])])
+
+
+def lines(found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any]) -> Iterator[str]:
+    """A line a patch, one for all where there are several, and one for the box."""
+    for number, one in enumerate(found[:MOST_PATCHES], start=1):
+        root = one["root"]
+        yield (
+            f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}; decided from "
+            f"{one['found_s']:,.1f} s on, at {root['lat_deg']:.6f}, {root['lon_deg']:.6f} first, "
+            f"to {one['decided_s']:,.1f} s ({time_in_words(one)})"
+        )
+    if len(found) > MOST_PATCHES:
+        yield f"... and {len(found) - MOST_PATCHES} more patches"
+    if len(found) > 1:
+        yield (
+            f"all {len(found)} patches: {in_all['area_m2']:,.0f} sq m, {state_in_words(in_all)} "
+            f"({time_in_words(in_all)})"
+        )
+    missed = "" if in_all["box"]["whole"] else "; a patch may be missing there"
+    yield f"search box: {box_in_words(in_all['box'])}{missed}"
