@@ -8,8 +8,9 @@ import math
 from missions.errors import MissionFileError
 from missions.ground.columns import PAD_M, column_radius_m
 from missions.ground.grid import Grid
+from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import Mission
+from missions.mission_file.schema import AUTO, Mission
 from missions.units import GridPoint
 
 STRATEGIES = ("swath", "survey")
@@ -22,10 +23,11 @@ def check_fleet(mission: Mission, source: str) -> None:
             f"{source}: strategy = {mission.strategy!r} needs one service for all vehicles; with "
             f"a service on each aircraft set it to {' or '.join(map(repr, STRATEGIES))}"
         )
-    if key := _shared_layers(mission):
+    if (lowest_m := mission.altitude_m(0)) < LEAST_HEIGHT_M:
         raise MissionFileError(
-            f"{source}: {key} has vehicles share a layer, and needs one service for all; with "
-            "a service on each aircraft leave it out"
+            f"{source}: with a service on each aircraft everybody has a layer of its own; of "
+            f"{len(mission.vehicles)} that lie team.layer_m = {mission.team.layer_m:g} apart the "
+            f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles"
         )
     grid = Grid.at(mission.home, mission.grid.cell_m)
     pads = [grid.fixed(place) for place in homes(mission)]
@@ -37,6 +39,31 @@ def check_fleet(mission: Mission, source: str) -> None:
                 f"apart; with a service on each aircraft they need {least_m:.0f} m, for each "
                 "keeps the air over its pad to itself: set vehicles[].home"
             )
+
+
+def with_own_air(mission: Mission) -> Mission:
+    """A mission as a fleet flies it: with pads apart, and a layer of its own for everybody.
+
+    Vehicles that share a layer (`vehicles.layer`, `search.layer_m`) are known to one service, which
+    keeps them apart in it; members of a fleet that do not hear each other cannot. Their layers lie
+    below the highest one of the mission.
+    """
+    return _with_own_layers(with_pads_apart(mission))
+
+
+def _with_own_layers(mission: Mission) -> Mission:
+    last, apart_m = len(mission.vehicles) - 1, mission.team.layer_m
+    changes: dict[str, object] = {}
+    if mission.layer_number(last) != last:
+        vehicles = tuple(v.model_copy(update={"layer": None}) for v in mission.vehicles)
+        changes["vehicles"] = vehicles
+        if mission.flight.altitude_m != AUTO:
+            lowest_m = round(mission.altitude_m(last) - last * apart_m, 6)
+            changes["flight"] = mission.flight.model_copy(update={"altitude_m": lowest_m})
+    search_m = mission.search.layer_m
+    if mission.search.altitude_m is not None and search_m is not None and search_m < apart_m:
+        changes["search"] = mission.search.model_copy(update={"layer_m": None})
+    return mission.model_copy(update=changes)
 
 
 def with_pads_apart(mission: Mission) -> Mission:
@@ -56,14 +83,3 @@ def with_pads_apart(mission: Mission) -> Mission:
 
 def _least_apart_m(mission: Mission) -> float:
     return column_radius_m(mission.team.separation_m) + mission.fence.margin_m + PAD_M
-
-
-def _shared_layers(mission: Mission) -> str:
-    """The key by which two vehicles of a mission fly in one layer; empty if there is none."""
-    count = len(mission.vehicles)
-    if mission.layer_number(count - 1) != count - 1:
-        return "vehicles.layer"
-    apart_m = mission.search.layer_m
-    if mission.search.altitude_m is None or apart_m is None or count < 2:
-        return ""
-    return "search.layer_m" if apart_m < mission.team.layer_m else ""

@@ -134,12 +134,6 @@ def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path)
     assert not outcome.forbidden, outcome.said
 
 
-def test_a_layer_that_several_would_share_is_refused(tmp_path: Path) -> None:
-    done = uavmap("fly", "bay", "--sim", "--comms", "free", "--out", tmp_path / "out")
-    assert done.code == 2
-    assert "has vehicles share a layer" in done.err
-
-
 def test_pads_without_a_place_lie_far_enough_apart() -> None:
     mission = with_pads_apart(load_source("burn").parse().model_copy(
         update={"vehicles": (VehicleSection(),) * 4}

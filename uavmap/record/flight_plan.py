@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from missions.errors import JournalError, LinkError, MissionFileError
 from missions.mission_file.checks import check
-from missions.mission_file.fleet_checks import check_fleet, with_pads_apart
+from missions.mission_file.fleet_checks import check_fleet, with_own_air
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
 from uavmap import __version__
@@ -135,8 +135,11 @@ class FlightPlan:
                 # its detector was looked at when the file was read
                 check(mission, self.mission_source, detectors=(mission.detector.name,))
         if self.member is not None:
-            mission = with_pads_apart(mission)
+            given, mission = mission, with_own_air(mission)
             if self.member:
+                if mission.vehicles != given.vehicles or mission.search != given.search:
+                    # other heights, speeds and lanes than those that the file was checked for
+                    check(mission, self.mission_source, detectors=(mission.detector.name,))
                 check_fleet(mission, self.mission_source)
                 self._check_one(mission, self.member)
             return mission

@@ -10,8 +10,8 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from missions.errors import MissionFileError
 from missions.ground.grid import Grid
-from missions.mission_file.checks import parse_mission
-from missions.mission_file.fleet_checks import check_fleet
+from missions.mission_file.checks import check, parse_mission
+from missions.mission_file.fleet_checks import check_fleet, with_own_air
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
 
@@ -137,16 +137,16 @@ def test_the_film_in_the_bay_is_wide_and_in_three_pieces() -> None:
     pads = [grid.fixed(place) for place in homes(mission)]
     assert min(a.distance_to(b) for a, b in combinations(pads, 2)) >= 20.0
     heights = [(mission.altitude_m(k), mission.search_altitude_m(k)) for k in range(len(pads))]
-    assert heights == [(34.0, 100.0), (34.0, 100.0), (37.0, 100.0), (37.0, 100.0), (40.0, 100.0)]
+    assert heights == [(37.0, 100.0)] * 2 + [(40.0, 100.0)] * 3
 
 
-def test_vehicles_that_share_layers_need_one_service() -> None:
-    mission = shipped("bay")
-    with pytest.raises(MissionFileError, match=r"vehicles\.layer has vehicles share a layer"):
-        check_fleet(mission, "bay.toml")
-    apart = tuple(v.model_copy(update={"layer": None}) for v in mission.vehicles)
-    mission = mission.model_copy(update={"vehicles": apart})
-    with pytest.raises(MissionFileError, match=r"search\.layer_m has vehicles share a layer"):
-        check_fleet(mission, "bay.toml")
-    search = mission.search.model_copy(update={"layer_m": None})
-    check_fleet(mission.model_copy(update={"search": search}), "bay.toml")
+def test_in_a_fleet_vehicles_share_no_layer() -> None:
+    mission = with_own_air(shipped("bay"))
+    check_fleet(mission, "bay.toml")
+    check(mission, "bay.toml")
+    heights = [(mission.altitude_m(k), mission.search_altitude_m(k)) for k in range(5)]
+    assert heights == [(28.0 + 3.0 * k, 88.0 + 3.0 * k) for k in range(5)]
+    assert with_own_air(mission) == mission
+    many = shipped("bay").model_copy(update={"vehicles": shipped("bay").vehicles[:1] * 15})
+    with pytest.raises(MissionFileError, match=r"the lowest is at -5 m.*fly fewer vehicles"):
+        check_fleet(with_own_air(many), "bay.toml")
