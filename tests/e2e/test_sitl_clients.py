@@ -63,9 +63,7 @@ def run_client(script, address):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize(
-    ("autopilot", "tcp"), [("ardupilot", False), ("ardupilot", True), ("px4", False)]
-)
+@pytest.mark.parametrize(("autopilot", "tcp"), [("ardupilot", True), ("px4", False)])
 def test_mavsdk_flies_by_hand(autopilot, tcp):
     with vehicle(tcp=tcp, autopilot=autopilot) as sitl:
         seen = run_client("mavsdk_client.py", sitl.url)
@@ -74,9 +72,8 @@ def test_mavsdk_flies_by_hand(autopilot, tcp):
     assert seen["back_m"] == pytest.approx(0.0, abs=1.5)
 
 
-@pytest.mark.parametrize("tcp", [False, True])
-def test_mavsdk_flies_a_mission(tcp):
-    with vehicle(tcp=tcp) as sitl:
+def test_mavsdk_flies_a_mission():
+    with vehicle(tcp=False) as sitl:
         seen = run_client("mavsdk_mission_client.py", sitl.url)
         assert sitl.truth.landed
         assert not sitl.truth.armed
@@ -88,9 +85,8 @@ def test_mavsdk_flies_a_mission(tcp):
     assert seen["back_m"] < 1.5
 
 
-@pytest.mark.parametrize("tcp", [False, True])
-def test_mavsdk_on_a_px4(tcp):
-    with vehicle(tcp=tcp, autopilot="px4") as sitl:
+def test_mavsdk_on_a_px4():
+    with vehicle(tcp=True, autopilot="px4") as sitl:
         seen = run_client("mavsdk_px4_client.py", sitl.url)
         assert sitl.truth.landed
         assert not sitl.truth.armed
@@ -103,9 +99,8 @@ def test_mavsdk_on_a_px4(tcp):
     assert seen["back_m"] < 1.5
 
 
-@pytest.mark.parametrize("tcp", [False, True])
-def test_pymavlink_on_a_px4(tcp):
-    with vehicle(tcp=tcp, autopilot="px4") as sitl:
+def test_pymavlink_on_a_px4():
+    with vehicle(tcp=False, autopilot="px4") as sitl:
         seen = run_client("pymavlink_px4_client.py", pymavlink_address(sitl.url))
         assert sitl.truth.landed
         assert not sitl.truth.armed
@@ -119,9 +114,8 @@ def test_pymavlink_on_a_px4(tcp):
     assert seen["back_m"] < 1.5
 
 
-@pytest.mark.parametrize("tcp", [False, True])
-def test_pymavlink(tcp):
-    with vehicle(tcp=tcp) as sitl:
+def test_pymavlink():
+    with vehicle(tcp=True) as sitl:
         seen = run_client("pymavlink_client.py", pymavlink_address(sitl.url))
         assert sitl.truth.landed
         assert not sitl.truth.armed
@@ -198,12 +192,11 @@ MISSION = """QGC WPL 110
 
 
 @needs_mavproxy
-@pytest.mark.parametrize("tcp", [False, True])
-def test_mavproxy(tcp, tmp_path):
+def test_mavproxy(tmp_path):
     (tmp_path / "mission.txt").write_text(MISSION)
     # a client that a slow machine holds up sees much of the vehicle's time go by
     with (
-        vehicle(tcp=tcp, battery_wh=5000.0) as sitl,
+        vehicle(tcp=False, battery_wh=5000.0) as sitl,
         contextlib.closing(MavProxy(sitl.url, tmp_path)) as proxy,
     ):
         proxy.hear("Detected vehicle 1:1")
