@@ -1,0 +1,138 @@
+"""How the time of a flight over `bay`, and what is said on the air, grow with the team.
+
+    python -m tests.benchmarks.fleet_growth                       1, 2, 5, 10, 20 by one service
+    python -m tests.benchmarks.fleet_growth --comms free --vehicles 2,5
+    python -m tests.benchmarks.fleet_growth --picture FILE        the picture of docs/fleet.md
+
+The vehicles stand in a row on the pier, 15 m apart, by turns of the lower and of the higher layer.
+With `--comms` each has a service and a layer of its own. A line of JSON is printed for each team;
+`--picture` draws such lines, read from standard input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from missions.ground.grid import Grid
+from missions.units import GridPoint
+from tests.benchmarks.height_and_speed_picture import BLUE, INK, PALE, RED, line, words
+from uavmap.fly.flight import fly
+from uavmap.fly.progress import Silent
+from uavmap.fly.simulated_fleet import fly_fleet
+from uavmap.mission_source import MissionSource, load_source
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+
+GAP_M = 15.0
+TEAMS = (1, 2, 5, 10, 20)
+FIGURES = (
+    "makespan_s", "completed", "cells_missed", "false_positives", "fence_breaches",
+    "reserve_violations", "min_separation_m", "sorties",
+)  # fmt: skip
+
+
+def text_for(vehicles: int) -> str:
+    """The text of `bay` for a team of this size."""
+    source = load_source("bay")
+    mission = source.parse()
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    numbers = sorted(range(vehicles), key=lambda k: (k % 2, k))
+    pads = [GridPoint(round((k - (vehicles - 1) / 2) * GAP_M, 1), 0.0) for k in numbers]
+    layers = [k % 2 for k in numbers]
+    if vehicles == 1:  # alone it flies in the higher one
+        layers = [0]
+    sections = []
+    for pad, layer in zip(pads, layers, strict=True):
+        place = grid.position(pad)
+        home = f"home = [{place.lat_deg:.7f}, {place.lon_deg:.7f}]"
+        sections.append(f"[[vehicles]]\n{home}\nlayer = {layer}\n")
+    before, _, rest = source.text.partition("[[vehicles]]")
+    after = rest[re.search(r"(?m)^\[sim\]", rest).start() :]  # type: ignore[union-attr]
+    return before + "\n".join(sections) + "\n" + after
+
+
+def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
+    """What a flight came to."""
+    source = MissionSource("bay", text_for(vehicles))
+    plan = FlightPlan(source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S)
+    begun_s = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        if comms is None:
+            found = fly(plan, Path(folder), Silent())
+        else:
+            plan = FlightPlan(
+                source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S,
+                comms=comms,
+            )  # fmt: skip
+            found = fly_fleet(plan, Path(folder), Silent())
+    result = {"vehicles": vehicles, "comms": comms, "seed": seed}
+    result |= {name: found[name] for name in FIGURES}
+    result["patches"] = len(found["patches"])
+    result["cpu_s"] = round(time.process_time() - begun_s)
+    if "bytes_on_air" in found:
+        most = max(found["bytes_on_air"].values())
+        result["most_kb_min"] = round(most / 1000.0 / (found["makespan_s"] / 60.0), 2)
+    return result
+
+
+def picture(rows: list[dict[str, Any]]) -> str:
+    """Time over the size of the team, as SVG; both axes are logarithmic."""
+    width, height, left, right, top, low = 520, 330, 60.0, 490.0, 40.0, 280.0
+    parts = [words(width / 2, 22, "bay: from the first lift-off to the last landing, minutes")]
+
+    def x(vehicles: float) -> float:
+        return left + (right - left) * math.log(vehicles / 1.0) / math.log(20.0)
+
+    def y(minutes: float) -> float:
+        return low - (low - top) * math.log(minutes / 4.0) / math.log(64.0 / 4.0)
+
+    for minutes in (4, 8, 16, 32, 64):
+        parts.append(line([(left, y(minutes)), (right, y(minutes))], PALE, 1.0))
+        parts.append(words(left - 6, y(minutes) + 4, f"{minutes}", anchor="end"))
+    for vehicles in TEAMS:
+        parts.append(words(x(vehicles), low + 18, f"{vehicles}"))
+    parts.append(words((left + right) / 2, low + 40, "vehicles", colour=INK))
+    kinds = ((False, BLUE, "one service for all"), (True, RED, "a service on each"))
+    for fleet, colour, name in kinds:
+        mine = sorted(
+            (row["vehicles"], row["makespan_s"] / 60.0)
+            for row in rows
+            if (row["comms"] is not None) is fleet
+        )
+        points = [(x(vehicles), y(minutes)) for vehicles, minutes in mine]
+        parts.append(line(points, colour))
+        parts += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}"/>' for a, b in points]
+        if points:
+            at_x, at_y = points[0]
+            parts.append(words(at_x + 10, at_y - 8, name, anchor="start", colour=colour))
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+        'font-family="sans-serif" font-size="13">\n' + "\n".join(parts) + "\n</svg>\n"
+    )
+
+
+def main() -> int:
+    """Fly the teams, or draw what was flown."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--vehicles", default=",".join(map(str, TEAMS)), help="such as 2,5")
+    parser.add_argument("--comms", help="a service on each, and what becomes of what they say")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--picture", type=Path, help="draw the lines of standard input")
+    asked = parser.parse_args()
+    if asked.picture is not None:
+        asked.picture.write_text(picture([json.loads(text) for text in sys.stdin if text.strip()]))
+        return 0
+    for vehicles in map(int, asked.vehicles.split(",")):
+        print(json.dumps(flown(vehicles, asked.comms, asked.seed)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
