@@ -19,8 +19,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missions.arena.certificate import promised_moves
+from missions.arena.minds import look
 from missions.arena.roi import component, eden, thin
-from missions.arena.run import Comms, Run, look, patience_of, run
+from missions.arena.run import Comms, Run, patience_of, run
 from missions.errors import StrategyError
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.explorers.metric import Metric
