@@ -54,13 +54,14 @@ class Mind:
         for cell, bit in news:
             if not looked & bit:
                 tree, looked = look(tree, cell, roi), looked | bit
-        newest = {
-            r: max(mine, heard[r]) if heard[r][1] in tree else mine
-            for r, mine in self.heard.items()
+        newer = {
+            robot: heard[robot]
+            for robot, mine in self.heard.items()
+            if heard[robot] is not mine and heard[robot][0] > mine[0] and heard[robot][1] in tree
         }
-        if looked == self.looked and newest == self.heard:
+        if looked == self.looked and not newer:
             return self
-        return replace(self, tree=tree, heard=newest, looked=looked)
+        return replace(self, tree=tree, heard={**self.heard, **newer}, looked=looked)
 
     def done(self, at: Cell) -> bool:
         """Whether a robot that knows this has nothing to do."""
