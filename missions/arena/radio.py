@@ -117,19 +117,9 @@ class Radio:
         `places` are those of all robots, 0, 1, ...; `at` the vertices of those that stand at one.
         """
         links, robots = self.links, len(places)
-        east, north = np.array([places[r] for r in range(robots)]).T
-        away = np.hypot(east[:, None] - east[None, :], north[:, None] - north[None, :])
-        reach = away <= links.range_cells + _NEAR
-        for apart in links.apart:
-            if apart.begin <= t < apart.end:
-                for one in range(robots):
-                    for other in range(one):
-                        if apart.parts(one, other, t):
-                            reach[one, other] = reach[other, one] = False
-        kept = np.ones_like(reach)
-        if links.loss >= 1.0:
-            kept[:] = False
-        elif links.loss > 0.0:
+        reach = self._in_reach(t, places)
+        kept = np.full_like(reach, links.loss < 1.0)
+        if 0.0 < links.loss < 1.0:
             kept = np.tril(self._random.random((robots, robots)) >= links.loss)
             kept |= kept.T
         here = np.array([at.get(r, Cell(0, 0)) for r in range(robots)])
@@ -143,6 +133,17 @@ class Radio:
             self._spare[robot] = min(spare, most) if math.isfinite(links.rate) else math.inf
         self._t = t
         self.touch = {r: group for group in self._groups() for r in group}
+
+    def _in_reach(self, t: float, places: Mapping[int, tuple[float, float]]) -> Pairs:
+        """Who is in range of each other, and not parted."""
+        robots = range(len(places))
+        east, north = np.array([places[r] for r in robots]).T
+        away = np.hypot(east[:, None] - east[None, :], north[:, None] - north[None, :])
+        reach = np.asarray(away <= self.links.range_cells + _NEAR)
+        for apart in self.links.apart:
+            if apart.begin <= t < apart.end:
+                reach &= [[not apart.parts(one, other, t) for one in robots] for other in robots]
+        return reach
 
     def _groups(self) -> Iterator[tuple[int, ...]]:
         left = np.ones(len(self._hear), dtype=np.bool_)
