@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from missions.arena.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.arena.radio import Links
 from missions.arena.run import Comms, Run
 from missions.explorers import Explorer
 from missions.explorers.metric import Metric
@@ -49,13 +50,14 @@ def certify(
     robots: int,
     metric: Metric,
     static: LowerBounds,
-    comms: Comms = Comms.SHARED,
+    comms: Comms | Links = Comms.SHARED,
 ) -> Certificate:
     """The certificate of a run in the arena that explored the whole ROI.
 
     `static` holds the bounds of its ROI from its start. They are for steps to neighbours; straight
     flight has its own. The promises of the strategies are for teams that share what they know:
-    robots that talk only where they meet walk into what others have explored, and have no bound.
+    robots that talk only where they meet, or over a radio with limits, walk into what others have
+    explored, and have no bound.
     Nor is one stated where the strategy does not stand by it (`promised_moves`).
     """
     tree = run.tree

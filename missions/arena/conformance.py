@@ -5,9 +5,10 @@
 
 A strategy that passes explores every ROI and brings everybody home: alone and in a team, in step
 and one robot at a time, on a resting and on a drifting ROI, cell by cell and in straight flight,
-with robots that talk always or only where they meet, that drop out and come back; it goes on after
-a restart, and when a cell turns out to be ROI late; it is a pure function of what it is given; and
-it keeps the bound that it states. The ROIs are small, so that a check takes seconds.
+with robots that talk always, only where they meet, or over a poor radio, that drop out and come
+back; it goes on after a restart, and when a cell turns out to be ROI late; it is a pure function of
+what it is given; and it keeps the bound that it states. The ROIs are small, so that a check takes
+seconds.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missions.arena.certificate import promised_moves
+from missions.arena.minds import look
+from missions.arena.radio import Links
 from missions.arena.roi import component, eden, thin
-from missions.arena.run import Comms, Run, look, patience_of, run
+from missions.arena.run import Comms, Run, patience_of, run
 from missions.errors import StrategyError
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
 from missions.explorers.metric import Metric
@@ -121,6 +124,12 @@ def _meeting(explorer: Explorer, rois: Rois) -> Iterator[str]:
         yield from _runs(explorer, rois, robots, comms=Comms.MEETING)
 
 
+def _radio(explorer: Explorer, rois: Rois) -> Iterator[str]:
+    """News comes late, in pieces or not at all, also to who is on its way."""
+    for links in (Links(range_cells=2.0, loss=0.3, seed=1), Links(delay=2.0, rate=1.0)):
+        yield from _runs(explorer, rois, 3, comms=links)
+
+
 def _runs(explorer: Explorer, rois: Rois, robots: int, **how: object) -> Iterator[str]:
     for kind, roi in rois.items():
         try:
@@ -211,6 +220,7 @@ CHECKS: Mapping[str, _Check] = {
     "a drifting ROI": _drift,
     "straight flight, one decision at a time": _straight_flight,
     "talk only where robots meet": _meeting,
+    "talk over a poor radio": _radio,
     "robots drop out and join": _dropouts,
     "the same mission twice": _repeats,
     "a pure function of the situation": _pure,

@@ -6,14 +6,20 @@ unit speed the instants are the rounds of the synchronous model of Sung and Toke
 
 With shared communication there is one tree for all. When robots talk only where they meet (the
 paper's assumption), each has a tree of its own, and those that stand at one vertex join theirs.
+Over a radio (`missions.arena.radio`) they besides tell each other what it lets through. Those that
+hear each other at once know the same and decide together. With a delay, or a limit to what can be
+told, everybody decides from what has reached it, and together only with those at its vertex.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from missions.arena.minds import Mind, look
+from missions.arena.radio import Links, Radio
 from missions.errors import StrategyError
 from missions.explorers import Decision, Explorer, Situation
 from missions.explorers.interface import refuse_impossible
@@ -56,15 +62,6 @@ Team = Callable[[float, Tree], Collection[int]]
 """Who takes part at an instant: from the time and what is known."""
 
 
-def look(tree: Tree, cell: Cell, roi: Collection[Cell]) -> Tree:
-    """The tree after a noise-free look from a cell.
-
-    >>> len(look(Tree.rooted(Cell(0, 0)), Cell(0, 0), {Cell(0, 0), Cell(0, 1), Cell(5, 5)}))
-    2
-    """
-    return tree.looked(cell, [c for c in cell.neighbours() if c in roi])
-
-
 def run(
     explorer: Explorer,
     roi: Collection[Cell],
@@ -72,7 +69,7 @@ def run(
     robots: int,
     *,
     metric: Metric | None = None,
-    comms: Comms = Comms.SHARED,
+    comms: Comms | Links = Comms.SHARED,
     tree: Tree | None = None,
     team: Team | None = None,
     limit: float | None = None,
@@ -85,7 +82,7 @@ def run(
         start: where all robots are at first; they are named 0, 1, ...
         robots: how many.
         metric: what a move costs, by default 1.
-        comms: who knows what the others saw.
+        comms: who knows what the others saw, or the radio by which they tell each other.
         tree: what is known beforehand, by default nothing but the start.
         team: who takes part, by default everybody. Who is left out stays at the vertex that it
             reaches and is not told to the explorer, as a vehicle that failed; back again it goes
@@ -102,9 +99,10 @@ def run(
     metric = metric if metric is not None else Metric()
     known = look(tree if tree is not None else Tree.rooted(start), start, roi)
     slowest = 1.0 / (metric.speed - metric.drift_speed) + metric.look
-    arena = _Arena(explorer, roi, metric, comms, team)
+    radio = Radio(comms, known.vertices.keys() | set(roi)) if isinstance(comms, Links) else None
+    arena = _Arena(explorer, roi, metric, comms, team, radio)
     arena.minds = dict.fromkeys(
-        range(robots), _Mind(known, dict.fromkeys(range(robots), (0.0, start)))
+        range(robots), Mind(known, dict.fromkeys(range(robots), (0.0, start)))
     )
     arena.at = dict.fromkeys(range(robots), start)
     arena.ready = set(range(robots))
@@ -119,58 +117,44 @@ def patience_of(explorer: Explorer) -> float:
     return float(getattr(explorer, "patience", 1.0))
 
 
-@dataclass(frozen=True, slots=True)
-class _Mind:
-    """What a robot, or all of them, know: the tree, where everybody was last heard to be, and what
-    the strategy remembers."""
-
-    tree: Tree
-    heard: Mapping[int, tuple[float, Cell]]
-    memory: object = None
-
-    def meet(self, other: _Mind) -> _Mind:
-        """What two know together; the strategy's memory is this one's."""
-        if other is self:
-            return self
-        tree = self.tree if other.tree is self.tree else self.tree.join(other.tree)
-        heard = {r: max(self.heard[r], other.heard[r]) for r in self.heard}
-        return _Mind(tree, heard, self.memory)
-
-    def done(self, at: Cell) -> bool:
-        """Whether a robot that knows this has nothing to do."""
-        return at == self.tree.root and self.tree.is_explored(self.tree.root)
-
-
 @dataclass(slots=True)
 class _Arena:
     explorer: Explorer
     roi: Collection[Cell]
     metric: Metric
-    comms: Comms
+    comms: Comms | Links
     team: Team | None
+    radio: Radio | None
     t: float = 0.0
-    minds: dict[int, _Mind] = field(default_factory=dict)
+    minds: dict[int, Mind] = field(default_factory=dict)
     at: dict[int, Cell] = field(default_factory=dict)
     ready: set[int] = field(default_factory=set)
     flying: dict[int, Leg] = field(default_factory=dict)
     legs: list[Leg] = field(default_factory=list)
+    told: dict[int, Mind] = field(default_factory=dict)
+    """From what each robot decided last, where it did not move then."""
 
     def play(self, limit: float) -> None:
         """Instant after instant, until everybody is done."""
+        self._hear()
+        anew = True
         while True:
             present = self._present()
-            moved = self._decide(present)
+            moved = self._decide(present, anew=anew)
+            if self.radio is not None and self.radio.links.delay:
+                self.radio.tell(self.minds)
             if not self.flying:
                 if all(self.minds[r].done(self.at[r]) for r in self.at):
                     return
-                if not moved and self.team is None:
+                if not moved and self.team is None and self.radio is None:
                     raise StrategyError(
                         f"{self.explorer.name}: everybody waits at t = {self.t:g}, and ROI cells "
                         "are left"
                     )
-                self.t += 1.0  # for those who come back
-            else:
-                self._arrive()
+                if self.radio is None:
+                    self.t += 1.0  # for those who come back
+            if self.flying or self.radio is not None:
+                anew = self._arrive()
             if self.t > limit:
                 raise StrategyError(
                     f"{self.explorer.name}: not done after {limit:g}; it does not come to an end"
@@ -189,32 +173,41 @@ class _Arena:
             return set(self.at)
         return set(self.team(self.t, self.everything()))
 
-    def _decide(self, present: set[int]) -> bool:
-        """Ask the explorer for everybody who is at a vertex and has something to do."""
+    def _decide(self, present: set[int], *, anew: bool) -> bool:
+        """Ask the explorer for everybody who is at a vertex and has something to do; unless `anew`,
+        only those who have heard something since."""
         moved = False
         for group in self._groups(self.ready & present):
             mind = self.minds[group[0]]
             asked = tuple(r for r in group if not mind.done(self.at[r]))
-            if not asked:
+            if not asked or not (anew or any(self.minds[r] is not self.told.get(r) for r in group)):
                 continue
             at = {r: mind.heard[r][1] for r in sorted(mind.heard) if r in present}
             situation = Situation(mind.tree, at, asked, mind.memory, self.metric)
             decision = self.explorer.decide(situation)
             refuse_impossible(self.explorer.name, situation, decision)
             moved |= self._go(mind, group, decision)
+            self.told.update((r, self.minds[r]) for r in group)
         return moved
 
     def _groups(self, ready: Iterable[int]) -> list[list[int]]:
-        """Those who decide together: all, or those at one vertex."""
+        """Those who decide together: all, those who hear each other, or those at one vertex."""
         ordered = sorted(ready)
         if self.comms is Comms.SHARED:
             return [ordered] if ordered else []
-        places: dict[Cell, list[int]] = {}
+        together: dict[object, list[int]] = {}
         for robot in ordered:
-            places.setdefault(self.at[robot], []).append(robot)
-        return list(places.values())
+            key = () if self.radio is None else self.radio.together(robot)
+            together.setdefault(key or self.at[robot], []).append(robot)
+        return list(together.values())
 
-    def _go(self, mind: _Mind, group: list[int], decision: Decision) -> bool:
+    def _audience(self, here: Sequence[int]) -> Iterable[int]:
+        """Who knows at once what those at one vertex, or who decide together, see and do."""
+        if self.comms is Comms.SHARED:
+            return self.minds
+        return here if self.radio is None else self.radio.together(here[0]) or here
+
+    def _go(self, mind: Mind, group: list[int], decision: Decision) -> bool:
         heard = dict(mind.heard)
         moves = {r: cell for r, cell in decision.moves.items() if cell is not None}
         for robot, cell in moves.items():
@@ -228,26 +221,56 @@ class _Arena:
             self.legs.append(leg)
             self.ready.discard(robot)
         after = replace(mind, heard=heard, memory=decision.memory)
-        for robot in self.minds if self.comms is Comms.SHARED else group:
+        for robot in self._audience(group):
             self.minds[robot] = after
+        if self.radio is not None:
+            self.radio.tell_places(group[0], self.minds)
         return bool(moves)
 
-    def _arrive(self) -> None:
-        """Let time pass until somebody arrives; who arrives looks, and tells who is there."""
-        self.t = min(leg.end_t for leg in self.flying.values())
+    def _arrive(self) -> bool:
+        """Let time pass until somebody arrives; who arrives looks, and tells who is there. With a
+        radio until the next whole unit of time at most. Returns whether anybody has arrived."""
+        self.t = self._next_instant()
         arrived = sorted(r for r, leg in self.flying.items() if leg.end_t <= self.t + _SAME_INSTANT)
         for robot in arrived:
             self.at[robot] = self.flying.pop(robot).end
             self.ready.add(robot)
         if self.comms is Comms.MEETING:
             self._meet({self.at[r] for r in arrived})
+        self._hear()
         for cell in self._in_order(arrived):
-            here = [r for r in self.ready if self.at[r] == cell]
-            mind = self.minds[min(here)]
+            here = sorted(r for r in self.ready if self.at[r] == cell)
+            mind = self.minds[here[0]]
             if not mind.tree.has_looked(cell):
-                seen = replace(mind, tree=look(mind.tree, cell, self.roi))
-                for robot in self.minds if self.comms is Comms.SHARED else here:
+                looked = 0 if self.radio is None else mind.looked | self.radio.bit(cell)
+                seen = replace(mind, tree=look(mind.tree, cell, self.roi), looked=looked)
+                for robot in self._audience(here):
                     self.minds[robot] = seen
+        if self.radio is not None and not self.radio.links.delay:
+            self.radio.tell(self.minds)
+            self._meet({self.at[r] for r in self.ready})
+        return bool(arrived)
+
+    def _next_instant(self) -> float:
+        arrival_t = min((leg.end_t for leg in self.flying.values()), default=math.inf)
+        if self.radio is None:
+            return arrival_t
+        unit_t = math.floor(self.t + _SAME_INSTANT) + 1.0
+        return arrival_t if arrival_t <= unit_t + _SAME_INSTANT else unit_t
+
+    def _hear(self) -> None:
+        """Let be known what the radio brings at this instant."""
+        if self.radio is None:
+            return
+        places = {r: (float(cell.east), float(cell.north)) for r, cell in self.at.items()}
+        for robot, leg in self.flying.items():
+            flown = min((self.t - leg.start_t) / self.metric.leg(leg.start, leg.end), 1.0)
+            east, north = leg.end.east - leg.start.east, leg.end.north - leg.start.north
+            places[robot] = (leg.start.east + flown * east, leg.start.north + flown * north)
+        self.radio.tune(self.t, places, {r: self.at[r] for r in self.ready})
+        self._meet({self.at[r] for r in self.ready})
+        self.radio.hear(self.minds, {r for r in self.ready if self.minds[r].done(self.at[r])})
+        self._meet({self.at[r] for r in self.ready})
 
     def _in_order(self, arrived: list[int]) -> list[Cell]:
         """The cells of those who arrived, by depth, at one depth the outermost first: who is first

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from missions.arena.run import look, run
+from missions.arena.minds import look
+from missions.arena.run import run
 from missions.explorers import Situation
 from missions.explorers.horizon import Horizon
 from missions.mapping.tree import Tree

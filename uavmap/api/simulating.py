@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from missions.arena.roi import Roi
-from missions.arena.run import Comms
-from missions.errors import RoiError, StrategyError, UavmapError
+from missions.errors import LinkError, RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS
 from missions.explorers.metric import Metric
 from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
-from uavmap.api.arguments import Paths, choice, number, path_text, whole
+from uavmap.api.arguments import Paths, number, path_text, whole
 from uavmap.offline.roi_files import load_rois
+from uavmap.offline.simulated_links import simulated_links
 from uavmap.offline.trials import Terms, means, trials
 
 if TYPE_CHECKING:
@@ -85,7 +85,8 @@ def simulate(
             in m/s (default 6).
         drift: Of the region, for strategies that stop: its speed, as `speed` is, and the bearing
             in degrees that it moves towards.
-        comms: `"shared"`, or `"meeting"`: robots share what they know only where they meet.
+        comms: `"shared"`; `"meeting"`: robots share what they know only where they meet; or a
+            radio, in cells and in the unit of time: `"range:8,loss:0.2,delay:1,rate:5"`.
         cell_m: Edge of a cell in metres, for GeoJSON, `swath` and `survey`.
         start: Latitude and longitude where everybody starts, for GeoJSON.
         footprint_m: What a frame shows, east and north, in metres (`swath`, `survey`).
@@ -93,9 +94,10 @@ def simulate(
         frame_s: Seconds from frame to frame (`swath`, `survey`).
         error_rate: The share of votes that are wrong, 0 to 0.4 (`swath`, `survey`).
         loss_rate: The share of frames that are lost, 0 to 0.4 (`swath`, `survey`).
-        seed: Of these errors.
+        seed: Of these errors, and of what a radio loses.
 
     Raises:
+        LinkError: A radio that is none.
         RoiError: A file or a growth that is no region.
         StrategyError: A strategy that is not known, or that cannot do what is asked.
 
@@ -117,7 +119,11 @@ def simulate(
         )
     if not fast:
         metric = _metric(1.0 if speed is None else speed, drift)
-        terms = Terms(count, metric, Comms(choice("comms", comms, [c.value for c in Comms])))
+        try:
+            links = simulated_links(str(comms), count, whole("seed", seed, 0, 2**63 - 1))
+        except ValueError as error:
+            raise LinkError(f"comms = {comms!r}: {error}") from None
+        terms = Terms(count, metric, links)
         done = list(trials(rois, [EXPLORERS[name] for name in names], terms))
         by_name = {name: means([t for t in done if t.strategy == name]) for name in names}
         rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)

@@ -62,7 +62,11 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
 
     for name, why in (
         ("drift", "these strategies are simulated on resting regions only"),
-        ("comms", "these vehicles always share what they know"),
+        (
+            "comms",
+            "these vehicles always share what they know; with a radio between them they are flown: "
+            "uavmap fly MISSION --sim --comms HOW",
+        ),
         ("tree", "these strategies have no tree"),
     ):
         if getattr(options, name) is not None:

@@ -13,8 +13,8 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
+from missions.arena.radio import Links
 from missions.arena.roi import KINDS, MAX_CELLS, Roi, grown
-from missions.arena.run import Comms
 from missions.errors import OutputError, RoiError, StrategyError, UavmapError
 from missions.explorers import EXPLORERS, Explorer
 from missions.explorers.metric import Metric
@@ -22,6 +22,7 @@ from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.animation import film_of_run
 from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
+from uavmap.cli.comms_option import add_comms_option, comms_of, team_told
 from uavmap.cli.cooperation_options import add_cooperation_options, refuse_cooperation_options
 from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.localize_options import add_localize_options, refuse_localize_options
@@ -34,6 +35,7 @@ from uavmap.cli.pictures import (
 )
 from uavmap.notices import tell_if_uncompiled
 from uavmap.offline.roi_files import load_rois
+from uavmap.offline.simulated_links import draws
 from uavmap.offline.trials import Terms, Trial, explored, means, trials
 from uavmap.record.results_folder import make_folder
 
@@ -48,6 +50,7 @@ examples:
   uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
   uavmap simulate --roi lake.geojson --cell-m 10 --start 46.7,-92.0 --robots 3
   uavmap simulate --roi eden:120:7 --drift 0.4,90 --speed 1 --comms meeting
+  uavmap simulate --generate eden --count 10 --robots 4 --comms range:8,loss:0.2
   uavmap simulate --roi eden:300:2 --robots 5 --animate five.gif --tree five.svg
 
   uavmap simulate --generate ragged --strategy swath,survey --robots 3 --footprint 20,15
@@ -90,7 +93,7 @@ def add_parser(commands: Any) -> None:
         "--seed",
         metavar="S",
         type=seed_number,
-        help=f"of the first (default {_SEED}); then S + 1; of swath's errors",
+        help=f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss",
     )
     cell_m = number_type(float, 0.01, 10_000.0)
     add(
@@ -115,11 +118,7 @@ def add_parser(commands: Any) -> None:
     speed = number_type(float, 1e-3, 1e3)
     add("--speed", metavar="V", type=speed, help="default 1; of swath and survey m/s, default 6")
     add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
-    add(
-        "--comms",
-        choices=[c.value for c in Comms],
-        help="who knows what the others saw: all at once, or only who meets (default shared)",
-    )
+    add_comms_option(parser)
     add_nonstop_options(parser)
     add_localize_options(parser)
     add_cooperation_options(parser)
@@ -169,8 +168,10 @@ def run(options: argparse.Namespace) -> int:
     refuse_nonstop_options(options)
     explorers = [EXPLORERS[name] for name in names]
     metric = _metric(options.speed or 1.0, options.drift)
-    terms = Terms(options.robots, metric, Comms(options.comms or Comms.SHARED))
-    rois = _rois(options)
+    comms = comms_of(options, _SEED if options.seed is None else options.seed)
+    radio = options.comms if isinstance(comms, Links) else None
+    terms, team = Terms(options.robots, metric, comms), team_told(options.robots, radio)
+    rois = _rois(options, seeded=draws(comms))
     if out is not None:
         make_folder(out.parent)  # before anything is computed
     tell_if_uncompiled((e.name for e in explorers), lambda text: print(text, file=sys.stderr))
@@ -184,10 +185,10 @@ def run(options: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         code = INTERRUPTED
-    if not print_figures(_figures(done, explorers), out, as_json=options.json):
-        _table(done, explorers, terms)
+    if not print_figures(_figures(done, explorers, radio), out, as_json=options.json):
+        _table(done, explorers, team)
     if wants_pictures(options) and code == 0:
-        _pictures(options, rois[options.index], explorers[0], terms)
+        _pictures(options, rois[options.index], explorers[0], terms, team)
     return code
 
 
@@ -198,11 +199,12 @@ def _localize(options: argparse.Namespace) -> int:
     return run_localize(options, lambda: _rois(options, nonstop=True), _free(options.out))
 
 
-def _pictures(options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms) -> None:
+def _pictures(
+    options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms, team: str
+) -> None:
     """One run again, to be looked at."""
     shown = explored(roi, explorer, terms)
-    robots = f"{terms.robots} robot" + "s" * (terms.robots > 1)
-    film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {robots}")
+    film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
     write_pictures(options, film, shown.tree, lambda text: print(text, file=sys.stderr))
 
 
@@ -237,14 +239,14 @@ def _metric(speed: float, drift: str | None) -> Metric:
     return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
 
 
-def _rois(options: argparse.Namespace, *, nonstop: bool = False) -> list[Roi]:
-    found = _read_or_grown(options, nonstop=nonstop)
+def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = False) -> list[Roi]:
+    found = _read_or_grown(options, nonstop=nonstop, seeded=nonstop or seeded)
     if options.index >= len(found):
         raise RoiError(f"--index {options.index}: there are {len(found)} ROIs, counted from 0")
     return found
 
 
-def _read_or_grown(options: argparse.Namespace, *, nonstop: bool) -> list[Roi]:
+def _read_or_grown(options: argparse.Namespace, *, nonstop: bool, seeded: bool) -> list[Roi]:
     if options.generate is not None:
         _refuse(
             options, ("start",) if nonstop else ("cell_m", "start"), "is for --roi with GeoJSON"
@@ -252,8 +254,9 @@ def _read_or_grown(options: argparse.Namespace, *, nonstop: bool) -> list[Roi]:
         seed = _SEED if options.seed is None else options.seed
         cells = options.cells or _CELLS
         return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]
-    refused = ("cells", "count") if nonstop else ("cells", "count", "seed")
-    _refuse(options, refused, "is for --generate")
+    _refuse(options, ("cells", "count"), "is for --generate")
+    if not seeded:
+        _refuse(options, ("seed",), "is for --generate, or for --comms with a loss")
     start = None
     if options.start is not None:
         start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
@@ -276,21 +279,24 @@ def _free(out: str | None) -> Path | None:
     return Path(out) / _SUMMARY
 
 
-def _figures(done: Sequence[Trial], explorers: Sequence[Explorer]) -> dict[str, Any]:
-    """The figures of one strategy, or of several by name."""
+def _figures(
+    done: Sequence[Trial], explorers: Sequence[Explorer], comms: str | None
+) -> dict[str, Any]:
+    """The figures of one strategy, or of several by name; with the radio where there is one."""
     every = {}
+    told = {} if comms is None else {"comms": comms}
     for explorer in explorers:
         mine = [trial for trial in done if trial.strategy == explorer.name]
-        every[explorer.name] = {"rois": [trial.figures() for trial in mine], "means": means(mine)}
+        rows = [trial.figures() for trial in mine]
+        every[explorer.name] = {**told, "rois": rows, "means": means(mine)}
     return every if len(explorers) > 1 else every[explorers[0].name]
 
 
-def _table(done: Sequence[Trial], explorers: Sequence[Explorer], terms: Terms) -> None:
+def _table(done: Sequence[Trial], explorers: Sequence[Explorer], team: str) -> None:
     """The certificates for people: of a ROI, or the means of several."""
     runs = len(done) // len(explorers)
-    robots = f"{terms.robots} robot" + "s" * (terms.robots > 1)
     table = Table(
-        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {robots}" if done else "",
+        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {team}" if done else "",
         title_justify="left",
     )
     table.add_column("strategy", no_wrap=True)

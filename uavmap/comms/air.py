@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from missions.units import GridPoint
+from uavmap.comms.link_words import RANGE, link_words
 
 OVERHEAD_BYTES: Final = 28
 """Of IPv4 and UDP: what a datagram takes on the air besides itself."""
@@ -51,36 +52,23 @@ MEETING_M: Final = 20.0
 def link_model(text: str) -> LinkModel:
     """A model by its name and values, as on the command line.
 
-    Raises ValueError for anything else.
+    Raises ValueError for anything else, with what to write.
 
     >>> link_model("range:200,loss:0.1").range_m
     200.0
     >>> link_model("meeting").range_m
     20.0
     """
-    name, _, rest = text.partition(",")
-    kind, _, number = name.partition(":")
-    if kind == "range":
-        values: dict[str, float] = {"range_m": float(number)}
-    elif name in ("free", "meeting"):
-        values = {"range_m": MEETING_M if name == "meeting" else math.inf}
-    else:
-        raise ValueError(f"{name!r} is none of free, meeting, range:METRES")
-    keys = {"loss": "loss", "delay": "delay_s", "jitter": "jitter_s", "rate": "bytes_per_s"}
-    for part in filter(None, rest.split(",")):
-        key, _, number = part.partition(":")
-        if key not in keys:
-            raise ValueError(f"{key!r} is none of {', '.join(keys)}")
-        values[keys[key]] = float(number)
-    if not all(value >= 0.0 for value in values.values()) or values.get("loss", 0.0) > 1.0:
-        raise ValueError(f"{text!r}: no number may be negative, and no loss above 1")
+    words = link_words(text, ("free", "meeting"), "METRES", ("loss", "delay", "jitter", "rate"))
+    values = words.numbers
+    far_m = MEETING_M if words.kind == "meeting" else values.get(RANGE, math.inf)
     none = LinkModel()
     return LinkModel(
-        range_m=values.get("range_m", none.range_m),
+        range_m=far_m,
         loss=values.get("loss", none.loss),
-        delay_s=values.get("delay_s", none.delay_s),
-        jitter_s=values.get("jitter_s", none.jitter_s),
-        bytes_per_s=values.get("bytes_per_s", none.bytes_per_s),
+        delay_s=values.get("delay", none.delay_s),
+        jitter_s=values.get("jitter", none.jitter_s),
+        bytes_per_s=values.get("rate", none.bytes_per_s),
     )
 
 

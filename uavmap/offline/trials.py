@@ -11,6 +11,7 @@ from typing import Any
 from missions.arena.certificate import Certificate, certify
 from missions.arena.fast import run_rdfs_legs
 from missions.arena.lower_bounds import LowerBounds
+from missions.arena.radio import Links
 from missions.arena.roi import Roi
 from missions.arena.run import Comms, Run, run
 from missions.explorers import EXPLORERS, Explorer
@@ -35,7 +36,7 @@ class Terms:
 
     robots: int
     metric: Metric
-    comms: Comms = Comms.SHARED
+    comms: Comms | Links = Comms.SHARED
 
 
 @dataclass(frozen=True, slots=True)

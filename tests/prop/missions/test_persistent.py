@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.arena.minds import look
 from missions.arena.roi import KINDS
-from missions.arena.run import look
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.persistent import PersistentMap
 from missions.mapping.tree import Tree

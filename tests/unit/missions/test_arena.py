@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from missions.arena.minds import look
 from missions.arena.roi import component, grown
-from missions.arena.run import Comms, Leg, look, patience_of, run
+from missions.arena.run import Comms, Leg, patience_of, run
 from missions.errors import StrategyError
 from missions.explorers import EXPLORERS, Decision, Situation
 from missions.explorers.metric import Metric

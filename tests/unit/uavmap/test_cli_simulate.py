@@ -80,6 +80,40 @@ def test_several_strategies_on_grown_rois(capsys: pytest.CaptureFixture[str], co
     assert once == again
 
 
+def test_a_radio_is_stated_and_bounds_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--comms", "range:3,loss:0.5"]
+    once, again, other = (
+        printed(capsys, *arguments, "--json", "--strategy", "rdfs,greedy", "--seed", seed)
+        for seed in (1, 1, 2)
+    )
+    for name in ("rdfs", "greedy"):
+        assert once[name]["comms"] == "range:3,loss:0.5"
+        assert once[name]["means"]["bound"] is None
+    moves = [
+        [values[name]["rois"][0]["moves"] for name in values] for values in (once, again, other)
+    ]
+    assert moves[0] == moves[1] != moves[2]
+    assert main([str(a) for a in arguments]) == 0
+    assert "eden:40:3, 3 robots, range:3,loss:0.5" in capsys.readouterr().out
+
+
+def test_free_is_shared(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--json", "--comms"]
+    free, shared = (printed(capsys, *arguments, comms) for comms in ("free", "shared"))
+    for values in (free, shared):
+        for row in (*values["rois"], values["means"]):
+            assert all(row.pop(key) > 0.0 for key in TIMES)
+    assert free == shared
+    assert shared["means"]["bound_held"]
+
+
+def test_a_film_of_robots_with_a_radio(tmp_path: Path) -> None:
+    film = tmp_path / "film.gif"
+    arguments = ["simulate", "--roi", "eden:12:3", "--robots", "2", "--comms", "range:1,delay:2"]
+    assert main([*arguments, "--animate", str(film)]) == 0
+    assert film.read_bytes().startswith(b"GIF8")
+
+
 def test_the_table_names_strategies_and_bounds(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "--generate", "thin", "--cells", "20", "--count", "2"]) == 0
     shown = capsys.readouterr().out
@@ -129,6 +163,16 @@ def test_an_interruption_prints_what_is_done(
         (["--roi", "eden:9:1", "--drift", "nan,0"], "V,DEG"),
         (["--roi", "eden:9:1", "--drift", "0.1"], "V,DEG"),
         (["--roi", "x.json", "--start", "here"], "LAT,LON"),
+        (["--roi", "eden:9:1", "--comms", "radio"], "'radio' is none of shared, free, meeting"),
+        (["--roi", "eden:9:1", "--comms", "range:far"], "a distance in cells"),
+        (["--roi", "eden:9:1", "--comms", "free,loss:2"], "--comms free,loss:2: loss:2 is above 1"),
+        (["--roi", "eden:9:1", "--comms", "meeting,loss:0.1"], "write meeting alone"),
+        (["--roi", "eden:9:1", "--comms", "free,apart:1-2:3"], "robot 3 is none of 1 to 1"),
+        (["--roi", "eden:9:1", "--comms", "range:3", "--seed", "2"], "or for --comms with a loss"),
+        (
+            ["--roi", "eden:9:1", "--comms", "range:3", "--strategy", "swath"],
+            "uavmap fly MISSION --sim --comms HOW",
+        ),
         (["--roi", "eden:9:1", "--out", ""], "choose another"),
         (["--roi", "eden:9:1", "--out", __file__], "choose another"),
         (["--roi", "eden:9:1", "--out", f"{__file__}/new"], "cannot be made: Not a directory"),
@@ -153,7 +197,6 @@ def test_what_is_wrong_is_said_in_a_line(
         ["--generate", "eden", "--robots", "0"],
         ["--generate", "eden", "--cells", "nan"],
         ["--generate", "eden", "--speed", "inf"],
-        ["--generate", "eden", "--comms", "radio"],
     ],
 )
 def test_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from missions.arena.minds import look
 from missions.arena.roi import eden
-from missions.arena.run import Comms, Run, look, run
+from missions.arena.run import Comms, Run, run
 from missions.explorers import EXPLORERS
 from missions.mapping.tree import Tree
 from missions.units import Cell
