@@ -10,15 +10,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.deconfliction import hold
-from missions.flight.path_orders import NOTICE_S, brake, give_path, through
+from missions.flight.deconfliction import give_if_clear, hold
+from missions.flight.path_orders import NOTICE_S, allowed, brake, give_path, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.strip import Strip
 from missions.flight.two_heights import searched
 from missions.ground.lanes import Lane, point_on, unseen
 from missions.mission_file.views import beside_rows_m, path_speed_m_s, seen_whole_m
-from missions.motion.trajectory import LANE_CUTS_M
-from missions.orders import FlyPath
+from missions.motion.trajectory import LANE_CUTS_M, Trajectory
+from missions.orders import FlyPath, FlyTo
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 
@@ -52,11 +52,39 @@ def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         first = setting.grid.to_fixed(first, state.t_s)
     if not has_energy_for(setting, vehicle, first, REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
-    path = through(
+    path = _lane_path(setting, state, vehicle, points, corners)
+    if any(corners) and not allowed(setting.fence, path):
+        # what drifts on its way round a corner may miss the rim of the fence by a little
+        round_at = corners.index(True)
+        if round_at == 0:
+            start = points[corners.index(False)]
+            return _to_first_lane(setting, state, vehicle, over_ground(setting, start, state.t_s))
+        path = _lane_path(setting, state, vehicle, points[:round_at], corners[:round_at])
+    return give_path(setting, state, replace(vehicle, on_lane=True), path)
+
+
+def _lane_path(
+    setting: Setting,
+    state: State,
+    vehicle: VehicleState,
+    points: list[GridPoint],
+    corners: list[bool],
+) -> Trajectory:
+    return through(
         setting, vehicle, points, corners, state.t_s + NOTICE_S,
         drifts=setting.lanes_drift, cuts_m=_cuts_m(setting),
     )  # fmt: skip
-    return give_path(setting, state, replace(vehicle, on_lane=True), path)
+
+
+def _to_first_lane(
+    setting: Setting, state: State, vehicle: VehicleState, start: GridPoint
+) -> State:
+    """Fly over ground, round the corners of the fence, to where a lane begins."""
+    route = setting.fence.route(vehicle.position, start)
+    if route is None:
+        return hold(state, vehicle)
+    order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
+    return give_if_clear(setting, state, replace(vehicle, on_lane=False), order)
 
 
 def to_lanes(setting: Setting, place: GridPoint, t_s: float) -> GridPoint:
@@ -80,18 +108,25 @@ def _way_along(
     points: list[GridPoint] = []
     corners: list[bool] = []
     speed_m_s = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
+    pause_s = speed_m_s / setting.energy.accel_m_s2  # at a corner it nearly stops
     t_s = state.t_s + NOTICE_S
     at = to_lanes(setting, vehicle.position, t_s)
     for lane in vehicle.lanes:
         start, end = flown_along(setting, state, vehicle, lane)
         legs = []
         for a, b in ((at, start), (start, end)):
-            t_s += a.distance_to(b) / speed_m_s
-            ends = over_ground(setting, a, t_s), over_ground(setting, b, t_s)
-            route = setting.fence.route(*ends)
+            end_s = t_s + a.distance_to(b) / speed_m_s
+            here = over_ground(setting, a, t_s)
+            route = setting.fence.route(here, over_ground(setting, b, end_s))
             if route is None:
                 return points, corners
-            legs.append([to_lanes(setting, place, t_s) for place in route[:-1]] + [b])
+            leg = []
+            for place in route[:-1]:
+                t_s += here.distance_to(place) / speed_m_s
+                leg.append(to_lanes(setting, place, t_s))
+                t_s, here = t_s + pause_s, place
+            t_s = max(end_s, t_s + here.distance_to(over_ground(setting, b, end_s)) / speed_m_s)
+            legs.append([*leg, b])
         for leg in legs:
             points.extend(leg)
             corners.extend([True] * (len(leg) - 1) + [False])

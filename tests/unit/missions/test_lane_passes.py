@@ -8,12 +8,15 @@ from dataclasses import replace
 import pytest
 
 from missions.events import FrameSeen, Vote
-from missions.flight.lane_passes import flown_along, still_open, turned
-from missions.orders import FlyPath
-from missions.state import Phase, State, VehicleState
+from missions.flight.lane_passes import flown_along, search_passes, still_open, turned
+from missions.flight.path_orders import allowed
+from missions.mission_file.fleet_checks import with_own_air
+from missions.orders import FlyPath, FlyTo
+from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
 from tests.unit.missions.test_step import Service
+from uavmap.mission_source import load_source
 
 BOX, FENCE = square(-10, 16, 90, 40), square(-60, -60, 200, 200)
 
@@ -126,3 +129,21 @@ def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
     stop = made.order(1)
     assert isinstance(stop, FlyPath)
     assert stop.trajectory.end_s < path.trajectory.end_s - 20.0
+
+
+@pytest.mark.parametrize("t_s", [20.0, 90.0, 300.0])
+def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(t_s: float) -> None:
+    flown = with_own_air(load_source("bay").parse())
+    for number in range(1, 6):
+        setting = Setting.of(flown, number)
+        state = replace(State.initial(setting), t_s=t_s)
+        vehicle = replace(
+            state.vehicles[number], phase=Phase.AIRBORNE, landed=False, order=None, height_m=90.0,
+            position=setting.pad_of(number), remaining_wh=60.0, lanes=setting.shares[number - 1],
+        )  # fmt: skip
+        after = search_passes(setting, state.with_vehicle(vehicle), vehicle).vehicles[number]
+        if isinstance(after.order, FlyPath):
+            assert allowed(setting.fence, after.order.trajectory)
+        else:
+            assert isinstance(after.order, FlyTo)
+            assert after.order.route[-1].distance_to(after.lanes[0][0]) < 120.0
