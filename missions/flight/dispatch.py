@@ -129,6 +129,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if setting.searches_high:
         vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     target = _first_target(setting, state, vehicle)
+    if target is None and setting.searches_high:
+        target = _nearest_to_map(setting, state, vehicle)
     if target is None and setting.sees_box and not any(v.lanes for v in state.vehicles.values()):
         target = _nearest_open(setting, state, vehicle)
         if target is None:
@@ -192,6 +194,16 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
         return None
     lanes_s = setting.lane_time_s(state.t_s)
     return setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
+
+
+def _nearest_to_map(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
+    """The nearest cell beside a patch that nobody has decided: who has no lane maps at once."""
+    belief = state.belief
+    beside = {near for cell in belief.roi for near in cell.neighbours()}
+    open_ = (cell for cell in beside if belief.verdict(cell) is None)
+    places = ((where(setting, state, cell), cell) for cell in open_)
+    near = min(places, key=lambda at: (vehicle.position.distance_to(at[0]), at[1]), default=None)
+    return None if near is None else near[0]
 
 
 def _nearest_open(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:

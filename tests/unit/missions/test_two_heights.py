@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.flight.dispatch import assign
 from missions.flight.two_heights import with_plain
 from missions.mapping.belief import Belief, FrameId
+from missions.orders import TakeOff
+from missions.state import Phase, Setting, State
 from missions.units import Cell
+from uavmap.mission_source import load_source
 
 BOX = frozenset(Cell(east, north) for east in range(6) for north in range(5))
 FRAMES = st.lists(st.dictionaries(st.sampled_from(sorted(BOX)), st.booleans()), max_size=25)
@@ -47,3 +53,24 @@ def test_looking_at_what_a_frame_has_decided_is_as_good_as_looking_at_all(
         quick = with_plain(quick, before, overview, BOX, votes)
         slow = with_plain(slow, nothing, overview, BOX, BOX)
     assert quick == slow
+
+
+def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> None:
+    mission = load_source("bay").parse()
+    setting = Setting.of(mission)
+    region = frozenset(Cell(east, north) for east in range(10, 20) for north in range(20, 30))
+    state = State.initial(setting)
+    for number, vehicle in state.vehicles.items():
+        lanes = vehicle.lanes[:1] if number < 5 else ()
+        grounded = replace(
+            vehicle, phase=Phase.GROUNDED, landed=True, lanes=lanes,
+            position=setting.pad_of(number), home=setting.pad_of(number),
+            remaining_wh=100.0,
+        )  # fmt: skip
+        state = state.with_vehicle(grounded)
+    assert assign(setting, state).vehicles[5].order is None
+    belief = state.belief
+    for k in range(3):
+        belief = belief.with_frame(None, FrameId(1, float(k)), dict.fromkeys(region, True))
+    order = assign(setting, replace(state, belief=belief)).vehicles[5].order
+    assert order == TakeOff(mission.altitude_m(4))
