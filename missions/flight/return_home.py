@@ -16,11 +16,16 @@ from missions.flight.deconfliction import (
 )
 from missions.flight.lane_progress import lane_left
 from missions.ground.fence import route_length_m
+from missions.ground.lanes import point_on
 from missions.motion.braking import braked
 from missions.orders import FlyPath, FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 
+NEARER_SHARES = (0.75, 0.5, 0.25)
+"""Of a way home that is blocked farther on, so much is tried, ..."""
+NEARER_M = 40.0
+"""... unless that is too short to be worth it."""
 REACTION_S = 3.0
 """Between two reports of the battery, and until a vehicle has turned round."""
 HEARD_S = 1.0
@@ -135,7 +140,41 @@ def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
     if waits and not vehicle.over_home and _waits_in_vain(setting, state, vehicle):
         return _by_its_autopilot(state, vehicle)
+    if waits and not vehicle.over_home:
+        return _come_nearer(setting, state, after, vehicle)
     return after
+
+
+def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: VehicleState) -> State:
+    """Fly a part of a way home that is claimed farther on.
+
+    Who waited where it is for another that comes home before it in the same layer would use up
+    there what it needs for its own way.
+    """
+    route = way_home(setting, vehicle.position, vehicle.pad)
+    length_m = route_length_m(vehicle.position, route)
+    for share in NEARER_SHARES:
+        if share * length_m < NEARER_M:
+            break
+        part = _first_of(vehicle.position, route, share * length_m)
+        order = FlyTo(part, None, stop=True, height_m=vehicle.cruise_height_m)
+        if is_clear(setting, state, vehicle, order):
+            return give_if_clear(setting, state, vehicle, order)
+    return waiting
+
+
+def _first_of(
+    start: GridPoint, route: tuple[GridPoint, ...], length_m: float
+) -> tuple[GridPoint, ...]:
+    """The beginning of a route."""
+    part: list[GridPoint] = []
+    for place in route:
+        leg_m = start.distance_to(place)
+        if leg_m >= length_m:
+            return (*part, point_on((start, place), length_m))
+        part.append(place)
+        start, length_m = place, length_m - leg_m
+    return tuple(part)
 
 
 def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> bool:
