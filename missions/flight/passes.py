@@ -130,10 +130,10 @@ def explore_passes(setting: Setting, state: State) -> State:
     tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
     memory = replace(memory, tour=tour)
     plan = _plan(setting, known, flyers, memory, begin_s, tours)
-    if others and (plan.work == 0 or all(map(_nowhere, plan.paths))):
+    if others and waiting == ours and all(map(_nowhere, plan.paths)):
         known.chart.closed[:] = open_  # what others are thought to do is not what they said
         plan = _plan(setting, known, flyers, memory, begin_s, ())
-    if others and plan.work == 0:
+    if others and plan.work == 0 and open_cells(setting, state):  # they see to the rest
         return replace(state, memory=replace(memory, waiting=waiting))
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
