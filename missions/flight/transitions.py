@@ -69,6 +69,9 @@ MOST_BEHIND = 3
 """A vehicle that its path has left behind goes on from where it is, so often in a row..."""
 BEHIND_S = 30.0
 """... if it was not for so long between."""
+BESIDE_PAD_M = 5.0
+"""Who was sent home and has arrived farther from its pad has flown a part of its way. Nearer is a
+pad that has moved a little since."""
 MOST_EMPTY_PASSES = 2
 """After so many lanes in a row without a judged frame the vehicle comes home."""
 
@@ -192,6 +195,11 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     )
 
 
+def _ends_m(order: FlyTo, vehicle: VehicleState) -> float:
+    """How far from its pad a leg of a vehicle ends."""
+    return order.route[-1].distance_to(vehicle.pad)
+
+
 @_changed.register
 def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
@@ -205,7 +213,9 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
         if abs(vehicle.height_m - layer_m) > OFF_LAYER_M:
             arrived = replace(arrived, height_m=layer_m)
     if vehicle.return_reason is not None:
-        return replace(arrived, over_home=True)
+        # the way home may have been claimed, and a part of it flown
+        part = isinstance(vehicle.order, FlyTo) and _ends_m(vehicle.order, vehicle) > BESIDE_PAD_M
+        return replace(arrived, over_home=not part)
     if on_path and not vehicle.on_lane:
         return arrived
     near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from missions.events import Arrived
 from missions.flight.return_home import fly_home
-from missions.orders import FlyTo
+from missions.flight.transitions import apply
+from missions.orders import FlyTo, Hold, Land
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
 from uavmap.mission_source import load_source
@@ -32,8 +34,17 @@ def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() ->
     assert isinstance(order, FlyTo)
     nearer_m = order.route[-1].distance_to(behind.pad)
     assert 200.0 < nearer_m < 500.0
+    # there it is not over its pad: it flies on as soon as it may, and does not land
+    state = fly_home(setting, state, behind)
+    arrived = apply(setting, state, Arrived(5, 60.0, order.route[-1])).vehicles[5]
+    assert not arrived.over_home
+    assert isinstance(fly_home(setting, state, arrived).vehicles[5].order, FlyTo | Hold)
     # alone it flies all the way at once
     alone = state.with_vehicle(replace(first, order=None, position=GridPoint(600.0, 300.0)))
     order = fly_home(setting, alone, behind).vehicles[5].order
     assert isinstance(order, FlyTo)
     assert order.route[-1] == behind.pad
+    alone = fly_home(setting, alone, behind)
+    arrived = apply(setting, alone, Arrived(5, 160.0, behind.pad)).vehicles[5]
+    assert arrived.over_home
+    assert isinstance(fly_home(setting, alone, arrived).vehicles[5].order, Land)
