@@ -26,6 +26,7 @@ def fleet_key(key: bytes, mission: Mission) -> bytes:
 
 def meaning_of(mission: Mission) -> bytes:
     """What has to be the same in the missions of all members: 32 bytes."""
-    told = mission.model_dump(mode="json", include=set(_MEANING))
+    # a height may be a word, "auto", which is no number to warn of
+    told = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
     told["pads"] = [vehicle.home for vehicle in mission.vehicles]
     return blake2s(json.dumps(told, sort_keys=True).encode()).digest()
