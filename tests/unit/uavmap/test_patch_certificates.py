@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.arena.passing_bound import passing_bound_s
-from missions.events import FrameSeen, Shared, SharedFrame, Vote
+from missions.events import Fact, FrameSeen, Shared, Vote
 from missions.fleet.own_cells import OwnCells
 from missions.flight.joined import joined
 from missions.ground.grid import Grid
@@ -202,7 +202,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(
 ) -> None:
     told = list[Shared]()
     for vehicle in (1, 2, 3):
-        own, facts = OwnCells(Belief(5, 3), Belief(5, 3)), list[SharedFrame]()
+        own, facts = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
         for frame in frames_of(drawn):
             if frame.vehicle == vehicle:
                 facts.extend(own.take(frame))
