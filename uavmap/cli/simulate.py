@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -24,7 +23,6 @@ from uavmap.animation import film_of_run
 from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
 from uavmap.cli.comms_option import add_comms_option, comms_of, team_told
 from uavmap.cli.cooperation_options import add_cooperation_options, refuse_cooperation_options
-from uavmap.cli.endings import INTERRUPTED
 from uavmap.cli.localize_options import add_localize_options, refuse_localize_options
 from uavmap.cli.nonstop_options import add_nonstop_options, refuse_nonstop_options
 from uavmap.cli.pictures import (
@@ -33,6 +31,7 @@ from uavmap.cli.pictures import (
     wants_pictures,
     write_pictures,
 )
+from uavmap.cli.runs import run_all
 from uavmap.notices import tell_if_uncompiled
 from uavmap.offline.roi_files import load_rois
 from uavmap.offline.simulated_links import draws
@@ -40,7 +39,6 @@ from uavmap.offline.trials import Terms, Trial, explored, means, trials
 from uavmap.record.results_folder import make_folder
 
 MAX_ROBOTS: Final = 1000
-REPORT_S: Final = 2.0
 _SUMMARY: Final = "summary.json"
 _CELLS, _COUNT, _SEED = 120, 1, 1
 
@@ -175,16 +173,7 @@ def run(options: argparse.Namespace) -> int:
     if out is not None:
         make_folder(out.parent)  # before anything is computed
     tell_if_uncompiled((e.name for e in explorers), lambda text: print(text, file=sys.stderr))
-    done: list[Trial] = []
-    code = 0
-    try:
-        _run(rois, explorers, terms, done)
-    except KeyboardInterrupt:
-        print(
-            f"uavmap: interrupted after {len(done)} of {len(rois) * len(explorers)} runs",
-            file=sys.stderr,
-        )
-        code = INTERRUPTED
+    done, code = run_all(trials(rois, explorers, terms), len(rois) * len(explorers))
     if not print_figures(_figures(done, explorers, radio), out, as_json=options.json):
         _table(done, explorers, team)
     if wants_pictures(options) and code == 0:
@@ -206,18 +195,6 @@ def _pictures(
     shown = explored(roi, explorer, terms)
     film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
     write_pictures(options, film, shown.tree, lambda text: print(text, file=sys.stderr))
-
-
-def _run(
-    rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms, done: list[Trial]
-) -> None:
-    """Collect the trials in `done`; tell how far they are where it takes longer."""
-    last_s = time.monotonic()
-    for trial in trials(rois, explorers, terms):
-        done.append(trial)
-        if time.monotonic() - last_s > REPORT_S:
-            last_s = time.monotonic()
-            print(f"{len(done)} of {len(rois) * len(explorers)} runs", file=sys.stderr)
 
 
 def _names(wanted: Sequence[str] | None) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 
 from missions.explorers import EXPLORERS
 from missions.swath.strategies import ON_PATHS
-from uavmap.cli import main, simulate
+from uavmap.cli import main, runs, simulate
 from uavmap.offline.trials import Trial, trials
 
 KEYS = {"makespan", "lower_bound", "bound", "bound_held", "moves", "tree_depth"}
@@ -141,7 +141,7 @@ def test_an_interruption_prints_what_is_done(
             yield trial
 
     monkeypatch.setattr(simulate, "trials", interrupted)
-    monkeypatch.setattr(simulate, "REPORT_S", 0.0)
+    monkeypatch.setattr(runs, "_REPORT_S", 0.0)
     code = main(["simulate", "--generate", "eden", "--cells", "9", "--count", "5", "--json"])
     streams = capsys.readouterr()
     assert code == 130
