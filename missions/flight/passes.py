@@ -23,7 +23,6 @@ from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of
 from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
 from missions.flight.sightings import grown
-from missions.flight.told import mapping_others, seen_by_others
 from missions.flight.touring import TourMemory, shared_out
 from missions.flight.two_heights import in_layer
 from missions.flight.whole_box import open_cells
@@ -118,11 +117,6 @@ def explore_passes(setting: Setting, state: State) -> State:
     if memory.tried and waiting == ours:
         return _fetch(setting, state, memory, known, waiting)
     paths, routes = memory.paths, memory.routes
-    others = mapping_others(setting, state) if setting.finds_all else {}
-    if others:  # they fly what they have told
-        team = {n: vehicle for n, vehicle in team.items() if n in ours}
-        known.chart.closed |= seen_by_others(setting, state, known.chart, begin_s)
-    open_ = known.chart.closed.copy()
     flyers = {
         n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
         for n, vehicle in team.items()
@@ -130,17 +124,12 @@ def explore_passes(setting: Setting, state: State) -> State:
     tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
     memory = replace(memory, tour=tour)
     plan = _plan(setting, known, flyers, memory, begin_s, tours)
-    if others and waiting == ours and all(map(_nowhere, plan.paths)):
-        known.chart.closed[:] = open_  # what others are thought to do is not what they said
-        plan = _plan(setting, known, flyers, memory, begin_s, ())
-    if others and plan.work == 0 and open_cells(setting, state):  # they see to the rest
-        return replace(state, memory=replace(memory, waiting=waiting))
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
         return state if lanes_left else give_up_rest(setting, state)
     state, memory, blocked = _fly(setting, state, team, plan, memory)
     idle = frozenset(n for n in ours if state.vehicles[n].idle)
-    others_can = bool(others) or any(
+    others_can = any(
         n not in ours and not _nowhere(path) for n, path in zip(team, plan.paths, strict=True)
     )
     if idle != ours or blocked or others_can:

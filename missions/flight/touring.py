@@ -13,15 +13,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.flyers import flyer_of
-from missions.flight.told import mapping_others
 from missions.flight.two_heights import at_map_height
 from missions.orders import FlyPath
 from missions.state import Setting, State, VehicleState
 from missions.swath.chart import Known
 from missions.units import Cell
-
-LEAST_WORK: Final = 24
-"""Cells; less is left to annealing alone."""
 
 if TYPE_CHECKING:
     from missions.swath.team import Flyer
@@ -79,11 +75,9 @@ def shared_out(
         votes = setting.mission.votes
         numbered = (*team, *(number for number, _, _ in later))
         before = tuple(memory.tours.get(number, ()) for number in numbered)
-        least = 1 if setting.member is not None else LEAST_WORK  # each has its own plan to make
         tours = tours_once(
-            known, flyers, delays_s, votes.frames, votes.positive, begin_s, decision, before, least,
-            len(team),
-        )  # fmt: skip
+            known, flyers, delays_s, votes.frames, votes.positive, begin_s, decision, before
+        )
         laid = {} if tours is None else dict(zip(numbered, tours.waypoints, strict=True))
         others: frozenset[Cell] = frozenset()
         if tours is not None:
@@ -99,17 +93,12 @@ def shared_out(
 def _later(
     setting: Setting, state: State, team: frozenset[int], begin_s: float
 ) -> list[tuple[int, Flyer, float]]:
-    """Those who will map once their lanes are flown, or of a fleet what they have told, and how
-    much later than `begin_s`."""
+    """Those who will map once their lanes are flown, and how much later than `begin_s`."""
     found = []
-    told = mapping_others(setting, state)
     for number, vehicle in sorted(state.vehicles.items()):
-        flies_lanes = vehicle.lanes and vehicle.return_reason is None
-        if number in team or not (flies_lanes or number in told):
+        if number in team or not vehicle.lanes or vehicle.return_reason is not None:
             continue
         if not isinstance(vehicle.order, FlyPath):
-            if number in told:
-                found.append((number, _flyer(setting, vehicle, begin_s), 0.0))
             continue
         delay_s = max(vehicle.order.trajectory.end_s - begin_s, 0.0)
         found.append((number, _flyer(setting, vehicle, begin_s), delay_s))

@@ -71,18 +71,12 @@ def tours_once(
     begin_s: float,
     decision: int,
     before: Waypoints,
-    least: int,
-    planned: int,
 ) -> Tours | None:
-    """Tours of a team past all that is to be seen; None where that is less than `least` cells."""
-    key = _key(
-        known, team, tuple(delays_s), frames, majority, begin_s, decision, before, (least, planned)
-    )
+    """Tours of a team past all that is to be seen; None where there is too little of it."""
+    key = _key(known, team, tuple(delays_s), frames, majority, begin_s, decision, before)
     if key not in _tours:
         worth = valued(Planner(Tuning()), known, frames, majority)
-        _tours[key] = lay_tours(
-            known.chart, team, delays_s, worth, begin_s, decision, before, least, planned
-        )
+        _tours[key] = lay_tours(known.chart, team, delays_s, worth, begin_s, decision, before)
         while len(_tours) > REMEMBERED:
             _tours.popitem(last=False)
     return _tours[key]

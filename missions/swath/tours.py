@@ -21,6 +21,8 @@ from missions.swath.chart import Chart
 from missions.swath.paths import Floats, Ints
 from missions.swath.team import Flyer, Valued
 
+LEAST_WORK: Final = 24
+"""Cells; less is left to annealing alone."""
 MOST_PLACES: Final = 600
 MOVES: Final = 30_000
 HOT_S: Final = 2.0
@@ -54,8 +56,7 @@ def lay_tours(
     begin_s: float,
     seed: int,
     before: Waypoints = (),
-    least: int = 1,
-    planned: int | None = None,
+    least: int = LEAST_WORK,
 ) -> Tours | None:
     """Tours for a team past all work; None where there is too little of it.
 
@@ -69,8 +70,6 @@ def lay_tours(
         before: The tours of the same team that were laid last; empty where there are none. They are
             gone on with unless others take less time by `KEEP_S`.
         least: How many cells of work are worth it.
-        planned: So many of the team, from the first on, are planned for by whoever asks: a place
-            is one from which they see all of its cells. All by default.
     """
     _, _, cells, work = valued
     if work < least or not team:
@@ -78,9 +77,8 @@ def lay_tours(
     size = chart.columns * chart.rows
     flags = np.zeros(size, np.uint8)
     flags[cells[:work]] = 1
-    who_asks = team[:planned]
-    wide = min(_seen_cells(f.kinematics.half_east_m, chart.cell_m) for f in who_asks)
-    high = min(_seen_cells(f.kinematics.half_north_m, chart.cell_m) for f in who_asks)
+    wide = min(_seen_cells(f.kinematics.half_east_m, chart.cell_m) for f in team)
+    high = min(_seen_cells(f.kinematics.half_north_m, chart.cell_m) for f in team)
     places, of = np.zeros((MOST_PLACES, 2)), np.zeros(size, np.int64)
     count = kernels.look_from(flags, chart.columns, chart.rows, wide, high, places, of)
     places = (places[:count] + np.array([chart.west, chart.south])) * chart.cell_m

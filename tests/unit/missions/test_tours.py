@@ -83,8 +83,7 @@ def test_a_plan_from_tours_is_shorter_than_one_from_nothing() -> None:
 def test_little_work_needs_no_tours_and_places_see_all_of_it() -> None:
     chart, wanted = rectangle(3)
     valued = Planner(Tuning()).worth_of_all(chart, wanted, 5, 3)
-    team = [Flyer(FLOWN, HOME, HOME)]
-    assert lay_tours(chart, team, [0.0], valued, 0.0, seed=1, least=24) is None
+    assert lay_tours(chart, [Flyer(FLOWN, HOME, HOME)], [0.0], valued, 0.0, seed=1) is None
     places, of = np.zeros((100, 2)), np.zeros(chart.columns * chart.rows, np.int64)
     count = kernels.look_from(wanted, chart.columns, chart.rows, 3, 2, places, of)
     assert set(of[wanted == 1].tolist()) == set(range(count))
