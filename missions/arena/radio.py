@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.arena.minds import Mind
+from missions.partition import Partition
 from missions.units import Cell
 
 _SAME_INSTANT: Final = 1e-9
@@ -26,28 +27,6 @@ _NEAR: Final = 1e-9
 """Cells: places are computed."""
 
 Pairs = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True)
-class Apart:
-    """For some time only robots of the same group hear each other by radio; without groups, nobody
-    hears anybody.
-
-    >>> Apart(10.0, 20.0, (frozenset({0, 1}),)).parts(0, 1, 15.0)
-    False
-    >>> Apart(10.0, 20.0).parts(0, 1, 15.0)
-    True
-    """
-
-    begin: float
-    end: float
-    groups: tuple[frozenset[int], ...] = ()
-
-    def parts(self, one: int, other: int, t: float) -> bool:
-        """Whether two cannot hear each other at a time."""
-        if not self.begin <= t < self.end:
-            return False
-        return not any(one in group and other in group for group in self.groups)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +43,7 @@ class Links:
     """From what is told to what is known: until the first instant after it."""
     rate: float = math.inf
     """How many cells of news a robot can tell in a unit of time, to all that hear it at once."""
-    apart: tuple[Apart, ...] = ()
+    apart: tuple[Partition, ...] = ()
     seed: int = 0
 
     @property

@@ -129,7 +129,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if setting.searches_high:
         vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     target = _first_target(setting, state, vehicle)
-    if target is None and setting.searches_high:
+    # some milliseconds over a large region: once a report of the vehicle is soon enough
+    if target is None and setting.searches_high and vehicle.tracked_s == state.t_s:
         target = _nearest_to_map(setting, state, vehicle)
     if target is None and setting.sees_box and not any(v.lanes for v in state.vehicles.values()):
         target = _nearest_open(setting, state, vehicle)

@@ -159,7 +159,7 @@ def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: Vehicl
         part = _first_of(vehicle.position, route, share * length_m)
         order = FlyTo(part, None, stop=True, height_m=vehicle.cruise_height_m)
         if is_clear(setting, state, vehicle, order):
-            return give_if_clear(setting, state, vehicle, order)
+            return state.with_vehicle(replace(vehicle, order=order))
     return waiting
 
 

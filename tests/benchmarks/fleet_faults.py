@@ -21,8 +21,9 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from missions.partition import Partition
 from tests.fleet_rig import Death, Mishaps, field_text, flown
-from uavmap.comms.air import LinkModel, Partition
+from uavmap.comms.air import LinkModel
 
 KINDS = ("parted", "dies", "falls", "late", "clock")
 HOUR_S = 3_600.0

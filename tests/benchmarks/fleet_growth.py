@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.fleet_growth                       1, 2, 5, 10, 20 by one service
     python -m tests.benchmarks.fleet_growth --comms free --vehicles 2,5
-    python -m tests.benchmarks.fleet_growth --picture FILE        the picture of docs/fleet.md
+    python -m tests.benchmarks.fleet_growth --picture FILE        the same as a picture
 
 The vehicles stand in a row on the pier, 15 m apart, by turns of the lower and of the higher layer.
 With `--comms` each has a service and a layer of its own. A line of JSON is printed for each team;
@@ -45,14 +45,11 @@ def text_for(vehicles: int) -> str:
     grid = Grid.at(mission.home, mission.grid.cell_m)
     numbers = sorted(range(vehicles), key=lambda k: (k % 2, k))
     pads = [GridPoint(round((k - (vehicles - 1) / 2) * GAP_M, 1), 0.0) for k in numbers]
-    layers = [k % 2 for k in numbers]
-    if vehicles == 1:  # alone it flies in the higher one
-        layers = [0]
     sections = []
-    for pad, layer in zip(pads, layers, strict=True):
+    for pad, k in zip(pads, numbers, strict=True):
         place = grid.position(pad)
         home = f"home = [{place.lat_deg:.7f}, {place.lon_deg:.7f}]"
-        sections.append(f"[[vehicles]]\n{home}\nlayer = {layer}\n")
+        sections.append(f"[[vehicles]]\n{home}\nlayer = {k % 2}\n")
     before, _, rest = source.text.partition("[[vehicles]]")
     after = rest[re.search(r"(?m)^\[sim\]", rest).start() :]  # type: ignore[union-attr]
     return before + "\n".join(sections) + "\n" + after
@@ -61,17 +58,12 @@ def text_for(vehicles: int) -> str:
 def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
     """What a flight came to."""
     source = MissionSource("bay", text_for(vehicles))
-    plan = FlightPlan(source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S)
+    plan = FlightPlan(
+        source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S, comms=comms
+    )
     begun_s = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
-        if comms is None:
-            found = fly(plan, Path(folder), Silent())
-        else:
-            plan = FlightPlan(
-                source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S,
-                comms=comms,
-            )  # fmt: skip
-            found = fly_fleet(plan, Path(folder), Silent())
+        found = (fly if comms is None else fly_fleet)(plan, Path(folder), Silent())
     result = {"vehicles": vehicles, "comms": comms, "seed": seed}
     result |= {name: found[name] for name in FIGURES}
     result["patches"] = len(found["patches"])

@@ -9,26 +9,12 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from missions.partition import Partition
 from missions.units import GridPoint
 from uavmap.comms.link_words import RANGE, link_words
 
 OVERHEAD_BYTES: Final = 28
 """Of IPv4 and UDP: what a datagram takes on the air besides itself."""
-
-
-@dataclass(frozen=True, slots=True)
-class Partition:
-    """For some time only members of the same group hear each other."""
-
-    begin_s: float
-    end_s: float
-    groups: tuple[frozenset[int], ...]
-
-    def parts(self, one: int, other: int, t_s: float) -> bool:
-        """Whether two cannot hear each other at a time."""
-        if not self.begin_s <= t_s < self.end_s:
-            return False
-        return not any(one in group and other in group for group in self.groups)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ import math
 import re
 from typing import Final
 
-from missions.arena.radio import Apart, Links
+from missions.arena.radio import Links
 from missions.arena.run import Comms
+from missions.partition import Partition
 from uavmap.comms.link_words import RANGE, LinkWords, link_words
 
 KINDS: Final = ("shared", "free", "meeting")
@@ -28,7 +29,7 @@ def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
     >>> simulated_links("meeting", 3, 1)
     <Comms.MEETING: 'meeting'>
     >>> simulated_links("range:8,loss:0.2,apart:10-30:1+2", 3, 1).apart
-    (Apart(begin=10.0, end=30.0, groups=(frozenset({0, 1}),)),)
+    (Partition(begin=10.0, end=30.0, groups=(frozenset({0, 1}),)),)
     """
     words = link_words(text, KINDS, "CELLS", _KEYS, ("apart",))
     if words.kind == Comms.MEETING and (words.numbers or words.others):
@@ -56,11 +57,11 @@ def draws(comms: Comms | Links) -> bool:
     return isinstance(comms, Links) and 0.0 < comms.loss < 1.0
 
 
-def _aparts(words: LinkWords, robots: int) -> tuple[Apart, ...]:
+def _aparts(words: LinkWords, robots: int) -> tuple[Partition, ...]:
     return tuple(_apart(text, robots) for _, text in words.others)
 
 
-def _apart(text: str, robots: int) -> Apart:
+def _apart(text: str, robots: int) -> Partition:
     """A partition; robots are numbered from 1."""
     found = _APART.fullmatch(text)
     if found is None:
@@ -75,4 +76,4 @@ def _apart(text: str, robots: int) -> Apart:
             raise ValueError(f"apart:{text}: robot {number} is none of 1 to {robots}")
         if flat.count(number) > 1:
             raise ValueError(f"apart:{text}: robot {number} stands there twice; leave one out")
-    return Apart(begin, end, tuple(frozenset(n - 1 for n in group) for group in numbers))
+    return Partition(begin, end, tuple(frozenset(n - 1 for n in group) for group in numbers))

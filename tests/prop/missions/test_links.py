@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.radio import Apart, Links
+from missions.arena.radio import Links
 from missions.arena.roi import Roi, component, grown
 from missions.arena.run import Comms, Run, run
 from missions.explorers import EXPLORERS, Explorer
 from missions.explorers.metric import Metric
+from missions.partition import Partition
 
 RESTING, DRIFTING = Metric(), Metric(1.0, 0.3, -0.2)
 
@@ -27,7 +28,7 @@ metrics = st.sampled_from([RESTING, DRIFTING])
 explorers = st.sampled_from([EXPLORERS[name] for name in EXPLORERS])
 groups = st.sampled_from([(), (frozenset({0, 1}),), (frozenset({0, 2}), frozenset({1, 3, 4}))])
 aparts = st.builds(
-    lambda begin, lasting, named: Apart(begin, begin + lasting, named),
+    lambda begin, lasting, named: Partition(begin, begin + lasting, named),
     st.integers(0, 20),
     st.integers(1, 60),
     groups,
@@ -80,7 +81,7 @@ def test_a_radio_without_limits_is_shared_communication(
         [
             Links(loss=1.0),
             Links(range_cells=0.0),
-            Links(apart=(Apart(0.0, math.inf),)),
+            Links(apart=(Partition(0.0, math.inf),)),
             Links(loss=1.0, delay=2.0),
             Links(range_cells=0.0, rate=1.0),
         ]

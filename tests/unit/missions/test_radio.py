@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from missions.arena.minds import Mind, look
-from missions.arena.radio import Apart, Links, Radio
+from missions.arena.radio import Links, Radio
 from missions.mapping.tree import Tree
+from missions.partition import Partition
 from missions.units import Cell
 
 START = Cell(0, 0)
@@ -97,7 +98,7 @@ def test_the_loss_is_of_pairs_at_instants() -> None:
 def test_a_partition_lasts_from_its_beginning_to_its_end(
     named: tuple[frozenset[int], ...], touch: set[tuple[int, ...]]
 ) -> None:
-    radio = Radio(Links(apart=(Apart(2.0, 4.0, named),)), ROW)
+    radio = Radio(Links(apart=(Partition(2.0, 4.0, named),)), ROW)
     places = dict.fromkeys(range(3), (0.0, 0.0))
     found = []
     for t in (1.9, 2.0, 3.9, 4.0):
@@ -107,7 +108,7 @@ def test_a_partition_lasts_from_its_beginning_to_its_end(
 
 
 def test_who_stands_at_one_vertex_hears_whatever_the_radio_does() -> None:
-    radio = Radio(Links(loss=1.0, apart=(Apart(0.0, 9.0),)), ROW)
+    radio = Radio(Links(loss=1.0, apart=(Partition(0.0, 9.0),)), ROW)
     places = dict.fromkeys(range(3), (2.0, 0.0))
     radio.tune(1.0, places, {0: Cell(2, 0), 2: Cell(2, 0)})  # 1 flies by
     assert radio.touch == {0: (0, 2), 1: (1,), 2: (0, 2)}

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.arena.radio import Apart, Links
+from missions.arena.radio import Links
 from missions.arena.run import Comms
+from missions.partition import Partition
 from uavmap.comms.air import LinkModel, link_model
 from uavmap.offline.simulated_links import simulated_links
 
@@ -51,8 +52,8 @@ def test_in_flight(text: str, model: LinkModel) -> None:
             "free,apart:0-4,apart:6.5-9:1+2/4",
             Links(
                 apart=(
-                    Apart(0.0, 4.0),
-                    Apart(6.5, 9.0, (frozenset({0, 1}), frozenset({3}))),
+                    Partition(0.0, 4.0),
+                    Partition(6.5, 9.0, (frozenset({0, 1}), frozenset({3}))),
                 ),
                 seed=7,
             ),

@@ -17,11 +17,12 @@ from missions.flight.transitions import apply
 from missions.flight.volumes import Volume
 from missions.mission_file.checks import parse_mission
 from missions.orders import FlyTo
+from missions.partition import Partition
 from missions.state import Column, Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 from tests.fleet_rig import field_text
 from uavmap.clock import VirtualClock, run
-from uavmap.comms.air import Air, LinkModel, Partition
+from uavmap.comms.air import Air, LinkModel
 from uavmap.comms.member import Member
 from uavmap.comms.sealing import Seal
 
