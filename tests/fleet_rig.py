@@ -96,7 +96,7 @@ class Mishaps:
         words = []
         for parted in model.partitions:
             groups = "|".join("".join(map(str, sorted(g))) for g in parted.groups)
-            words.append(f"parted {parted.begin_s:.0f}-{parted.end_s:.0f} {groups}")
+            words.append(f"parted {parted.begin:.0f}-{parted.end:.0f} {groups}")
         words += [f"late {n} {s:.0f}" for n, s in self.starts_s.items()]
         words += [f"clock {n} {s:+.0f}" for n, s in self.ahead_s.items()]
         words += [
@@ -295,7 +295,7 @@ def _of_the_maps(fleet: Beset, outcome: Outcome) -> None:
         outcome.settings[number], outcome.events[number] = setting, list(source.events)
         state = joined(setting, State.initial(setting), source.events)
         regions[number] = frozenset(state.belief.roi)
-    parted_s = max((part.end_s for part in fleet.mishaps.model.partitions), default=0.0)
+    parted_s = max((part.end for part in fleet.mishaps.model.partitions), default=0.0)
     for one, other in itertools.combinations(regions, 2):
         begun_s = max(parted_s, fleet.begun_s.get(one, 9e9), fleet.begun_s.get(other, 9e9))
         ended_s = min(fleet.ended_s.get(one, 0.0), fleet.ended_s.get(other, 0.0))
