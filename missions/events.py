@@ -293,6 +293,24 @@ class Shared:
     kind: Literal["shared"] = "shared"
 
 
+class Part(NamedTuple):
+    """What one vehicle of a fleet is to map: places to see it from, in order, as the region lies at
+    mission time 0."""
+
+    vehicle: int
+    places: tuple[GridPoint, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Allotted:
+    """A member of a fleet has said who is to map what: what lies near to its places."""
+
+    vehicle: int
+    t_s: float
+    parts: tuple[Part, ...]
+    kind: Literal["allotted"] = "allotted"
+
+
 @dataclass(frozen=True, slots=True)
 class Apart:
     """Another member of a fleet has not been heard for some time: it goes on alone, as we do."""
@@ -422,6 +440,7 @@ VehicleEvent = (
     | Told
     | Heard
     | Shared
+    | Allotted
     | Apart
     | Asked
     | Leased

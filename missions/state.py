@@ -91,6 +91,16 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
+class Allotment:
+    """Who of a fleet is to map what, as one member has laid it out for all that it heard."""
+
+    by: int
+    made_s: float
+    parts: Mapping[int, tuple[GridPoint, ...]]
+    """By vehicle the places to see it from, in order, as the region lies at mission time 0."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleState:
     """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
 
@@ -157,6 +167,8 @@ class VehicleState:
     """The air that it asks the others of its fleet for..."""
     leased_until_s: float = float("-inf")
     """... and until when they have closed it to themselves."""
+    held_until_s: float = float("-inf")
+    """Out of contact: until then it is taken to do what it was to do."""
     note: str = ""
 
     @property
@@ -224,6 +236,8 @@ class Setting:
     """What layers are above; None: flat ground at the height of the start."""
     member: int | None = None
     """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
+    whole_fence: Fence | None = None
+    """Of such a fleet: the fence without the columns over others' pads, which are holes of ours."""
     _shares: list[tuple[tuple[Lane, ...], ...]] = field(default_factory=list)
     _box_cells: list[Cell] = field(default_factory=list)
     _in_box: list[frozenset[Cell]] = field(default_factory=list)
@@ -240,7 +254,7 @@ class Setting:
         )
         ring = [grid.fixed(p) for p in positions(mission.fence.polygon)]
         holes = [[grid.fixed(p) for p in positions(hole)] for hole in mission.fence.holes]
-        fence = common = Fence.of(ring, holes, mission.fence.margin_m)
+        fence = common = whole = Fence.of(ring, holes, mission.fence.margin_m)
         if member:  # 0 flies nothing, and needs no air
             pads = [grid.fixed(place) for place in homes(mission)]
             columns = columns_over(pads, mission.team.separation_m)
@@ -270,6 +284,7 @@ class Setting:
             likely_lanes(flown, box, prior, mission.grid.cell_m, rows) if prior else (),
             mission.ground,
             member,
+            whole if member else None,
         )
 
     @property
@@ -481,6 +496,8 @@ class State:
     """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     closed: Mapping[int, Column] = field(default_factory=dict)
     """The air that others of a fleet have asked for, which ours keeps out of."""
+    allotment: Allotment | None = None
+    """Of a fleet that maps: who is to map what."""
 
     @classmethod
     def initial(cls, setting: Setting) -> State:

@@ -2,7 +2,7 @@
 
 A message is one datagram. A fact is told as the rectangle in which its cells lie, which of them
 they are, and what is decided of each; a batch of facts is deflated. Times are whole milliseconds of
-mission time, places half metres.
+mission time, places half metres, and those of who maps what 4 m.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, get_args
 
-from missions.events import Fact
+from missions.events import Fact, Part
 from missions.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
 from missions.units import Cell, GridPoint
 
 Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
 DOES: Final[tuple[Does, ...]] = get_args(Does)
 STEP_M: Final = 0.5
+PART_M: Final = 4.0
+"""Places to see something from are told to such steps: a step of up to 250 m is one byte."""
 MOST_BYTES: Final = 1 << 20
 _MOST: Final = 10_000
 
@@ -87,6 +89,8 @@ class Message:
     ask: Ask | None = None
     promised: dict[int, int] = field(default_factory=dict)
     """Whose air the sender keeps out of, by vehicle: the number of the question."""
+    parts: tuple[Part, ...] = ()
+    """Who is to map what, as the sender has laid it out."""
 
 
 def encode(message: Message) -> bytes:
@@ -99,7 +103,8 @@ def encode(message: Message) -> bytes:
     out = Writer()
     out.signed(_ms(message.t_s))
     does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
-    out.count(4 * does + 2 * (message.ask is not None) + message.begun)
+    flags = 4 * bool(message.parts) + 2 * (message.ask is not None) + message.begun
+    out.count(8 * does + flags)
     if message.presence is not None:
         _put_presence(out, message.presence)
     out.count(len(message.have))
@@ -117,6 +122,8 @@ def encode(message: Message) -> bytes:
     for vehicle, number in sorted(message.promised.items()):
         out.count(vehicle)
         out.count(number)
+    if message.parts:
+        _put_parts(out, message.parts)
     for batch in message.batches:
         out.count(batch.origin)
         out.count(batch.first)
@@ -128,7 +135,7 @@ def decode(data: bytes) -> Message:
     """The inverse of `encode`. Raises `BytesError` for anything else."""
     inp = Reader(data)
     t_s = inp.signed() / 1000
-    does, flags = divmod(inp.count(), 4)
+    does, flags = divmod(inp.count(), 8)
     if does > len(DOES):
         raise BytesError("nobody does that")
     presence = _presence(inp, DOES[does - 1]) if does else None
@@ -136,11 +143,14 @@ def decode(data: bytes) -> Message:
     words = tuple(_word(inp) for _ in range(_few(inp.count())))
     ask = _ask(inp) if flags & 2 else None
     promised = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
+    parts = _parts(inp) if flags & 4 else ()
     batches = []
     while not inp.at_end:
         origin, first = inp.count(), inp.count()
         batches.append(Batch(origin, first, bytes_to_facts(inflated(inp.raw(), MOST_BYTES))))
-    return Message(t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised)
+    return Message(
+        t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised, parts
+    )
 
 
 def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
@@ -236,6 +246,33 @@ def _ask(inp: Reader) -> Ask:
     number, east, north = inp.count(), inp.signed(), inp.signed()
     low_m, high_m = inp.signed() * STEP_M, inp.signed() * STEP_M
     return Ask(number, GridPoint(east * STEP_M, north * STEP_M), low_m, high_m, float(inp.count()))
+
+
+def _put_parts(out: Writer, parts: Sequence[Part]) -> None:
+    out.count(len(parts))
+    east, north = 0, 0
+    for part in parts:
+        out.count(part.vehicle)
+        out.count(len(part.places))
+        for place in part.places:
+            there_east, there_north = round(place.east_m / PART_M), round(place.north_m / PART_M)
+            out.signed(there_east - east)
+            out.signed(there_north - north)
+            east, north = there_east, there_north
+
+
+def _parts(inp: Reader) -> tuple[Part, ...]:
+    parts = []
+    east, north = 0, 0
+    for _ in range(_few(inp.count())):
+        vehicle, places = inp.count(), []
+        for _ in range(_few(inp.count())):
+            east, north = east + inp.signed(), north + inp.signed()
+            places.append(GridPoint(east * PART_M, north * PART_M))
+        parts.append(Part(vehicle, tuple(places)))
+    if not parts:
+        raise BytesError("a share-out among nobody")
+    return tuple(parts)
 
 
 def _word(inp: Reader) -> Word:

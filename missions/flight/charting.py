@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from missions.flight.optics import kinematics
 from missions.flight.strip import Strip
@@ -18,6 +19,7 @@ from missions.state import Setting, State, VehicleState
 from missions.swath.chart import Chart, Flags, Known
 from missions.units import Cell
 
+Metres = NDArray[np.float64]
 LONGEST_S: Final = 300.0
 """A path that ends later, of a search, is not flown to its end."""
 
@@ -28,10 +30,12 @@ def chart_of(
     root: Cell | None,
     begin_s: float,
     team: Mapping[int, VehicleState],
+    home_s: float | None = None,
 ) -> Known:
     """What is known, around the region, as it lies at a time; without a `root` all of the box.
 
-    What lies on a lane that is still to be flown is nobody's.
+    `home_s` is when our own vehicle of a fleet will be over its pad, between those of others. What
+    lies on a lane that is still to be flown is nobody's.
     """
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     ballots = belief.open_ballots
@@ -45,7 +49,7 @@ def chart_of(
     for cell in belief.roi:
         chart.yes[chart.index(cell)] = belief.positive
         chart.no[chart.index(cell)] = 0
-    _fence(setting, chart, begin_s, team)
+    _fence(setting, chart, begin_s, begin_s if home_s is None else home_s, team)
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
@@ -90,15 +94,32 @@ def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) ->
 
 
 def _fence(
-    setting: Setting, chart: Chart, begin_s: float, team: Mapping[int, VehicleState]
+    setting: Setting,
+    chart: Chart,
+    begin_s: float,
+    home_s: float,
+    team: Mapping[int, VehicleState],
 ) -> None:
-    """Close what lies outside: half a cell inside the margin a vehicle may be."""
-    grid, cell_m = setting.grid, chart.cell_m
-    east = (np.arange(chart.columns) + chart.west) * cell_m + grid.drift_east_m_s * begin_s
-    north = (np.arange(chart.rows) + chart.south) * cell_m + grid.drift_north_m_s * begin_s
-    x, y = np.meshgrid(east, north)
-    inner = setting.fence.shrunk(cell_m / 2.0)
-    allowed = shapely.contains_xy(inner, x, y).astype(np.uint8)
+    """Close what lies outside: half a cell inside the margin a vehicle may be.
+
+    The chart drifts with the region, and the fence does not. It is taken as it lies now; the
+    columns over the pads of others as they will lie when ours comes home, for there it meets them.
+    """
+    cell_m = chart.cell_m
+    whole = setting.fence if setting.whole_fence is None else setting.whole_fence
+    inner = whole.shrunk(cell_m / 2.0)
+    allowed = shapely.contains_xy(inner, *_over_ground(setting, chart, begin_s)).astype(np.uint8)
+    if setting.whole_fence is not None:
+        x, y = _over_ground(setting, chart, home_s)
+        column = shapely.contains_xy(inner, x, y)
+        column &= ~shapely.contains_xy(setting.fence.shrunk(cell_m / 2.0), x, y)
+        allowed[column] = 0
+        ours = team.get(setting.member or 0)
+        if ours is not None:  # its own column is free, wherever the middle of a cell lies
+            end = setting.grid.to_moving(ours.pad, home_s)
+            cell = Cell(round(end.east_m / cell_m), round(end.north_m / cell_m))
+            if chart.holds(cell):
+                allowed[cell.north - chart.south, cell.east - chart.west] = 1
     chart.allowed = allowed.ravel()
     chart.fenced = not bool(allowed.all())
     if not chart.fenced:
@@ -110,6 +131,15 @@ def _fence(
         reach_n = math.floor(flown.half_north_m / cell_m)
         seen |= _dilated(np.asarray(allowed), reach_e, reach_n)
     chart.closed = (1 - seen).astype(np.uint8).ravel()
+
+
+def _over_ground(setting: Setting, chart: Chart, t_s: float) -> tuple[Metres, Metres]:
+    """Where the middle of each cell of a chart lies at a time, east and north."""
+    grid = setting.grid
+    east = (np.arange(chart.columns) + chart.west) * chart.cell_m + grid.drift_east_m_s * t_s
+    north = (np.arange(chart.rows) + chart.south) * chart.cell_m + grid.drift_north_m_s * t_s
+    x, y = np.meshgrid(east, north)
+    return x, y
 
 
 def _dilated(flags: Flags, columns: int, rows: int) -> Flags:

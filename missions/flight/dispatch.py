@@ -18,14 +18,16 @@ from missions.flight.deconfliction import give_if_clear, give_way, hold, revise,
 from missions.flight.exploring import explore, explore_moves
 from missions.flight.lane_passes import drop_seen, end_searched, search_passes
 from missions.flight.leapfrogging import both_ready, take_turns
-from missions.flight.passes import explore_passes, give_up_rest
+from missions.flight.passes import awaits_others, explore_passes, give_up_rest
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.searching import find_work, idle_in_search, search
 from missions.flight.two_heights import (
     back_to_layer,
     change_layer,
+    is_over_pad,
     layer_of,
+    over_own_pad,
     strays_from_layer,
     take_off_height_m,
 )
@@ -108,6 +110,8 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
         return search_passes(setting, state, vehicle)
     if state.tree is None and not setting.sees_box:
         return search(setting, state, vehicle)  # others have lanes left, or it waits over its pad
+    if awaits_others(setting, state, vehicle) and not is_over_pad(vehicle):
+        return over_own_pad(setting, state, vehicle)  # where everybody comes, and is heard again
     return hold(state, vehicle)
 
 

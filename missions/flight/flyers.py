@@ -50,10 +50,7 @@ def flyer_of(
             moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
         )
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
-    # the path of a search may end minutes later than the plan that replaces it
-    over_home_s = max(begin_s, path.end_s) if path is not None and mine else begin_s
-    over_home_s = min(over_home_s, begin_s + LONGEST_S)
-    end = grid.to_moving(_over_pad(setting, vehicle), over_home_s)
+    end = grid.to_moving(_over_pad(setting, vehicle), over_home_s(vehicle, planned, begin_s))
     return Flyer(
         flown,
         grid.to_moving(place, begin_s),
@@ -62,6 +59,17 @@ def flyer_of(
         route if mine else None,
         _blind_s(setting, vehicle),
     )
+
+
+def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: float) -> float:
+    """When a vehicle will be over its pad, by the path that was planned for it last.
+
+    The path of a search may end minutes later than the plan that replaces it.
+    """
+    path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
+    mine = path is not None and planned is path
+    end_s = max(begin_s, path.end_s) if path is not None and mine else begin_s
+    return min(end_s, begin_s + LONGEST_S)
 
 
 def _blind_s(setting: Setting, vehicle: VehicleState) -> float:

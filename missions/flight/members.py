@@ -1,9 +1,10 @@
 """What members of a fleet tell each other: a reducer for each, that commands one vehicle.
 
 Each member runs the same rules on what it knows: its own events, and what it has heard. Another's
-vehicle stands in the state as its member tells it (`Heard`): the planner plans for all who are
-heard, and the path of our own is flown. Nobody is obeyed and nobody is waited for, so a member
-that is out of contact (`Apart`) goes on with its own share and then with what others have left.
+vehicle stands in the state as its member tells it (`Heard`). Who maps what is laid out by one of
+those who hear each other (`missions.flight.parts`), and nobody is obeyed in anything else. A member
+out of contact (`Apart`) goes on with its own share, leaves to others what they were to do for as
+long as that should take them, and then does what they have left.
 What others have decided (`Shared`) counts as votes for what is done next; the map of the results is
 made of all facts (`missions.flight.joined`).
 
@@ -15,14 +16,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.events import Apart, Asked, Heard, Leased, Shared
+from missions.events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.fleet.own_cells import as_frames
 from missions.flight.deconfliction import clear_of
 from missions.flight.lane_numbers import lane_number
+from missions.flight.parts import held_until_s
 from missions.flight.sightings import frame_seen
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.state import Column, Phase, ReturnReason, Setting, State
+from missions.state import Allotment, Column, Phase, ReturnReason, Setting, State
 
 LEAST_STEP_M: Final = 1.0
 """Places of a path that lie nearer to each other are one."""
@@ -65,12 +67,21 @@ def heard(setting: Setting, state: State, event: Heard) -> State:
     return _share_lanes(setting, state.with_vehicle(vehicle), event)
 
 
-def apart(state: State, event: Apart) -> State:
-    """The state without word of another member: what it holds may be taken when ours is done."""
+def apart(setting: Setting, state: State, event: Apart) -> State:
+    """The state without word of another member: what it holds may be taken when it should be done,
+    and ours is."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
-    return state.with_vehicle(replace(vehicle, phase=Phase.APART, order=None, on_lane=False))
+    until_s = round(held_until_s(setting, state, vehicle, event.t_s), 1)
+    gone = replace(vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s)
+    return state.with_vehicle(gone)
+
+
+def allotted(state: State, event: Allotted) -> State:
+    """The state after another member has laid out who is to map what."""
+    parts = {part.vehicle: part.places for part in event.parts}
+    return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
 
 def asked(state: State, event: Asked) -> State:

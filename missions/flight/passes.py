@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Final
 from missions.flight.charting import chart_of
 from missions.flight.fallback import fall_back, patience_s
 from missions.flight.fetching import fetch
-from missions.flight.flyers import flyer_of
+from missions.flight.flyers import flyer_of, over_home_s
+from missions.flight.parts import own_part, share_parts, want_told
 from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
 from missions.flight.sightings import grown
 from missions.flight.touring import TourMemory, shared_out
@@ -107,7 +108,8 @@ def explore_passes(setting: Setting, state: State) -> State:
         return state
     begin_s = round(state.t_s + NOTICE_S, 3)
     able = {n: v for n, v in state.vehicles.items() if _able(v)}
-    known = chart_of(setting, state, None if tree is None else tree.root, begin_s, able)
+    home_s = max(over_home_s(team[n], memory.paths.get(n), begin_s) for n in ours)
+    known = chart_of(setting, state, None if tree is None else tree.root, begin_s, able, home_s)
     memory = replace(memory, frames=frames, pressing=0 if fresh else memory.pressing)
     memory = _gone_on(memory, state, team)
     if tree is not None and memory.flown_s > patience_s(setting, state):
@@ -121,9 +123,23 @@ def explore_passes(setting: Setting, state: State) -> State:
         n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
         for n, vehicle in team.items()
     }
-    tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
+    others_part = None
+    if setting.finds_all and setting.member is not None:
+        state = share_parts(setting, state, known, flyers, memory.decisions)
+        others_part, tour, tours = own_part(setting, state, known.chart, memory.tour)
+    else:
+        tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
     memory = replace(memory, tour=tour)
+    if others_part is not None:  # they plan for themselves
+        team = {n: team[n] for n in sorted(ours)}
+        flyers = {n: flyers[n] for n in team}
     plan = _plan(setting, known, flyers, memory, begin_s, tours)
+    if plan.work == 0 and others_part is not None and want_told(setting, state, known):
+        plan = _plan(setting, known, flyers, memory, begin_s, tours)
+    if plan.work == 0 and others_part is not None:
+        known.chart.closed[others_part] = 0
+        if _work(setting, known) > 0:  # others see to it: nothing is in vain yet
+            return replace(state, memory=replace(memory, waiting=waiting, vain_s=0.0))
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
         return state if lanes_left else give_up_rest(setting, state)
@@ -166,6 +182,14 @@ def _fetch(
             longest_s=max(memory.longest_s, found.path.end_s - state.t_s),
         )
     return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
+
+
+def awaits_others(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether a vehicle has nothing to do but to hear of some who are out of contact."""
+    memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
+    away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
+    waits = setting.finds_all and vehicle.vehicle in memory.waiting
+    return waits and any(state.t_s < v.held_until_s for v in away)
 
 
 def _able(vehicle: VehicleState) -> bool:
@@ -223,6 +247,16 @@ def _plan(
         Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames, votes.positive,
         begin_s, memory.decisions, tours,
     )  # fmt: skip
+
+
+def _work(setting: Setting, known: Known) -> int:
+    """How many cells have to be decided still."""
+    from missions.swath.memo import valued  # noqa: PLC0415 - numba takes a second to load
+    from missions.swath.planner import Planner  # noqa: PLC0415, as above
+    from missions.swath.team import Tuning  # noqa: PLC0415, as above
+
+    votes = setting.mission.votes
+    return valued(Planner(Tuning()), known, votes.frames, votes.positive)[3]
 
 
 def _fly(

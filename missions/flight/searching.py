@@ -75,6 +75,8 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
     def spare(other: VehicleState) -> int:
         if setting.sees_box and other.on_lane and isinstance(other.order, FlyPath):
             return 0
+        if other.phase is Phase.APART and state.t_s < other.held_until_s:
+            return 0  # out of contact: it should still be at it
         active = other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
         return len(other.lanes) - (1 if active else 0)
 

@@ -7,6 +7,7 @@ from functools import singledispatch
 
 from missions.events import (
     Airborne,
+    Allotted,
     Apart,
     Arrived,
     Asked,
@@ -44,7 +45,7 @@ from missions.flight.connections import (
 from missions.flight.deconfliction import OFF_LAYER_M
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
-from missions.flight.members import apart, asked, heard, leased, shared
+from missions.flight.members import allotted, apart, asked, heard, leased, shared
 from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.guardian import corners_home
@@ -94,7 +95,9 @@ def apply(setting: Setting, state: State, event: Event) -> State:
     if isinstance(event, Shared):
         return shared(setting, state, event)
     if isinstance(event, Apart):
-        return apart(state, event)
+        return apart(setting, state, event)
+    if isinstance(event, Allotted):
+        return allotted(state, event)
     if isinstance(event, Asked):
         return asked(state, event)
     if isinstance(event, Leased):

@@ -121,7 +121,7 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
     """
     if in_layer(setting, state, vehicle):
         return None
-    if setting.member is not None and vehicle.position.distance_to(vehicle.pad) > OVER_PAD_M:
+    if setting.member is not None and not is_over_pad(vehicle):
         return _change_among_others(setting, state, vehicle)
     moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     if moved != vehicle and in_layer(setting, state, moved):  # on the way
@@ -134,10 +134,22 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
     return hold(state, vehicle)
 
 
+def is_over_pad(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is in the column over its pad."""
+    return vehicle.position.distance_to(vehicle.pad) <= OVER_PAD_M
+
+
+def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
+    way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+    order = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
+    return state.with_vehicle(replace(vehicle, order=order, at_target=False))
+
+
 def strays_from_layer(vehicle: VehicleState) -> bool:
     """Whether a vehicle is in a layer that may be another's, and not over its pad."""
     off_m = abs(vehicle.level_m - vehicle.cruise_altitude_m)
-    return off_m > OFF_LAYER_M and vehicle.position.distance_to(vehicle.pad) > OVER_PAD_M
+    return off_m > OFF_LAYER_M and not is_over_pad(vehicle)
 
 
 def back_to_layer(state: State, vehicle: VehicleState) -> State:
@@ -166,9 +178,7 @@ def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) 
     nobody_to_ask = any(v.phase in (Phase.APART, Phase.OFFLINE, Phase.YIELDED) for v in others)
     waited_s = 0.0 if asks is None else state.t_s - asks.asked_s
     if nobody_to_ask or waited_s > ASK_S:
-        way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
-        over: Order = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
-        return state.with_vehicle(replace(vehicle, order=over, at_target=False, asks=None))
+        return over_own_pad(setting, state, replace(vehicle, asks=None))
     if asks is None:
         until_s = round(state.t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
         asks = Column(vehicle.position, low_m, high_m, state.t_s, until_s)

@@ -16,7 +16,7 @@ from missions.kernels.jit import COMPILED
 from missions.swath.chart import Known
 from missions.swath.planner import Plan, Planner
 from missions.swath.team import Flyer, Tuning, Valued
-from missions.swath.tours import Tours, Waypoints, lay_tours
+from missions.swath.tours import KEEP_S, LEAST_WORK, Tours, Waypoints, lay_tours
 
 REMEMBERED: Final = 4096
 UNCOMPILED_MOVES: Final = 20
@@ -71,12 +71,18 @@ def tours_once(
     begin_s: float,
     decision: int,
     before: Waypoints,
+    least: int = LEAST_WORK,
+    keep_s: float = KEEP_S,
 ) -> Tours | None:
-    """Tours of a team past all that is to be seen; None where there is too little of it."""
-    key = _key(known, team, tuple(delays_s), frames, majority, begin_s, decision, before)
+    """Tours of a team past all that is to be seen; None where that is less than `least` cells."""
+    key = _key(
+        known, team, tuple(delays_s), frames, majority, begin_s, decision, before, (least, keep_s)
+    )
     if key not in _tours:
         worth = valued(Planner(Tuning()), known, frames, majority)
-        _tours[key] = lay_tours(known.chart, team, delays_s, worth, begin_s, decision, before)
+        _tours[key] = lay_tours(
+            known.chart, team, delays_s, worth, begin_s, decision, before, least, keep_s
+        )
         while len(_tours) > REMEMBERED:
             _tours.popitem(last=False)
     return _tours[key]

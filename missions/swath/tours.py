@@ -57,6 +57,7 @@ def lay_tours(
     seed: int,
     before: Waypoints = (),
     least: int = LEAST_WORK,
+    keep_s: float = KEEP_S,
 ) -> Tours | None:
     """Tours for a team past all work; None where there is too little of it.
 
@@ -68,8 +69,9 @@ def lay_tours(
         begin_s: When the plan begins.
         seed: Of the random numbers; the same arguments give the same tours.
         before: The tours of the same team that were laid last; empty where there are none. They are
-            gone on with unless others take less time by `KEEP_S`.
+            gone on with unless others take less time by `keep_s`.
         least: How many cells of work are worth it.
+        keep_s: As said.
     """
     _, _, cells, work = valued
     if work < least or not team:
@@ -93,7 +95,7 @@ def lay_tours(
     kept, kept_counts = order.copy(), counts.copy()
     kept_s = kernels.anneal(crew, places, kept, kept_counts, 0, HOT_S, COLD_S, LAST_SHARE, random)
     cost_s = kernels.anneal(crew, places, order, counts, MOVES, HOT_S, COLD_S, LAST_SHARE, random)
-    if any(before) and cost_s > kept_s - KEEP_S:
+    if any(before) and cost_s > kept_s - keep_s:
         order, counts, cost_s = kept, kept_counts, kept_s
     who = np.full(count + 1, -1, np.int64)  # the last for cells of no place
     for k in range(len(team)):

@@ -16,11 +16,13 @@ from dataclasses import replace
 from typing import Final
 
 from missions.events import (
+    Allotted,
     Apart,
     Continued,
     Event,
     FrameSeen,
     LiftedOff,
+    Part,
     Paused,
     Recalled,
     Shared,
@@ -54,6 +56,8 @@ BURST_BYTES: Final = 900
 """So much may be saved up; a datagram stays below what any network carries whole."""
 HEADER_BYTES: Final = CODE_BYTES + 12
 """Of a seal."""
+PARTS_EVERY_S: Final = 6.0
+"""Who maps what is told at most so often."""
 SOON_S: Final = 0.5
 """What somebody waits for is said at most so often."""
 
@@ -96,6 +100,8 @@ class Member:
         self._urgent = False
         self._soon: asyncio.TimerHandle | None = None
         self._failed = False
+        self._parts_s = (-math.inf, -math.inf)
+        """Of when what was told last of who maps what is, and when it was told."""
         self.damaged = 0
 
     def remember(self, events: Iterable[Event]) -> None:
@@ -198,6 +204,8 @@ class Member:
         if spare < 0 and not self._urgent and now_s - self._beaten_s < QUIET_S - 1e-6:
             return
         self._beaten_s, self._urgent = now_s, False
+        if message.parts and self._state is not None and self._state.allotment is not None:
+            self._parts_s = (self._state.allotment.made_s, now_s)
         self._messages += 1
         message = replace(message, batches=self._telling.batches(self.knowledge, now_s, spare))
         self._send(self._seal.sealed(encode(message)))
@@ -212,7 +220,17 @@ class Member:
             begun=self._clock.begun or self._clock.agreed,
             ask=self._airspace.question,
             promised=self._airspace.promises(self._state),
+            parts=self._parts(now_s),
         )
+
+    def _parts(self, now_s: float) -> tuple[Part, ...]:
+        """Who is to map what, if our service has laid that out anew."""
+        found = None if self._state is None else self._state.allotment
+        if found is None or found.by != self._number or found.made_s == self._parts_s[0]:
+            return ()
+        if now_s < self._parts_s[1] + PARTS_EVERY_S:
+            return ()
+        return tuple(Part(number, places) for number, places in sorted(found.parts.items()))
 
     def _send(self, datagram: bytes) -> None:
         self._budget -= len(datagram) + self._radio.overhead_bytes
@@ -257,6 +275,8 @@ class Member:
                 self._post(Shared(batch.origin, round(now_s, 3), first, tuple(new)))
         if latest and message.presence is not None and self._is_vehicle(sender):
             self._post(heard_of(self._setting, sender, now_s, message.presence))
+            if message.parts:
+                self._post(Allotted(sender, round(now_s, 3), message.parts))
 
     def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
         """What another is, knows, asks for and has promised now."""

@@ -16,6 +16,7 @@ from typing import Any, Final
 
 from missions.errors import JournalError, OutputError
 from missions.events import (
+    Allotted,
     Apart,
     Asked,
     Continued,
@@ -42,7 +43,7 @@ from uavmap.results.write_results import write_results
 
 MERGED: Final = "merged"
 """In the journal's meta: the folders whose journals it was made of."""
-NOT_OWN: Final = (Heard, Shared, Apart, Asked, Leased)
+NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from missions.events import (
     Fact,
     FrameLost,
     FrameSeen,
+    Part,
     Tracked,
     Vote,
     from_json,
@@ -36,6 +37,7 @@ facts = st.builds(
     finite,
     st.lists(st.tuples(cells, st.booleans()), max_size=6).map(tuple),
     st.booleans(),
+    st.booleans(),
 )
 texts = st.text(max_size=20).map(lambda s: s.encode("utf-8", "ignore").decode())
 
@@ -53,6 +55,9 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         tuple[float, ...]: st.lists(finite, max_size=6).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
         tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
+        tuple[Part, ...]: st.lists(
+            st.builds(Part, st.integers(1, 50), st.lists(points, max_size=4).map(tuple)), max_size=4
+        ).map(tuple),
     }
     hints = typing.get_type_hints(kind)
 

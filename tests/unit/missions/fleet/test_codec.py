@@ -8,14 +8,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Fact
+from missions.events import Fact, Part
 from missions.fleet.bits import BytesError, Reader, Writer, inflated
-from missions.fleet.codec import DOES, ORDERS, Ask, Batch, Message, Presence, Word, decode, encode
+from missions.fleet.codec import (
+    DOES,
+    ORDERS,
+    PART_M,
+    Ask,
+    Batch,
+    Message,
+    Presence,
+    Word,
+    decode,
+    encode,
+)
 from missions.units import Cell, GridPoint
 
 CHECKED = settings(max_examples=60, deadline=None)
 halves = st.integers(-4000, 4000).map(lambda k: k / 2)
 places = st.builds(GridPoint, halves, halves)
+steps = st.integers(-500, 500).map(lambda k: k * PART_M)
+far_places = st.builds(GridPoint, steps, steps)
 numbers = st.integers(0, 100_000)
 cells = st.builds(Cell, st.integers(-40, 40), st.integers(-40, 40))
 facts = st.builds(
@@ -51,6 +64,9 @@ messages = st.builds(
     st.booleans(),
     st.none() | st.builds(Ask, numbers, places, halves, halves, st.integers(0, 9_000).map(float)),
     st.dictionaries(st.integers(0, 30), numbers, max_size=3),
+    st.lists(
+        st.builds(Part, st.integers(0, 30), st.lists(far_places, max_size=9).map(tuple)), max_size=4
+    ).map(tuple),
 )
 
 
