@@ -280,6 +280,9 @@ class Fact(NamedTuple):
     votes: tuple[tuple[Cell, bool], ...]
     overview: bool = False
     """Whether from the height of a search."""
+    seen: bool = False
+    """Whether nothing is decided: all frames took these cells for no region, too few of them for a
+    decision, and the vehicle has passed."""
 
 
 @dataclass(frozen=True, slots=True)

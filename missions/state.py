@@ -496,6 +496,8 @@ class State:
     """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     closed: Mapping[int, Column] = field(default_factory=dict)
     """The air that others of a fleet have asked for, which ours keeps out of."""
+    shown: frozenset[Cell] = frozenset()
+    """Of a fleet: what others' frames have shown, and took for no region without a decision."""
     allotment: Allotment | None = None
     """Of a fleet that maps: who is to map what."""
 

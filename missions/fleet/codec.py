@@ -164,14 +164,15 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
         west, south = min(c.east for c in cells), min(c.north for c in cells)
         columns = max(c.east for c in cells) - west + 1
         rows = max(c.north for c in cells) - south + 1
-        out.count(2 * columns + fact.overview)
+        out.count(4 * columns + 2 * fact.seen + fact.overview)
         out.count(rows)
         out.signed(west - anchor.east)
         out.signed(south - anchor.north)
         says = dict(fact.votes)
         inside = [Cell(west + i, south + j) for j in range(rows) for i in range(columns)]
         out.flags([cell in says for cell in inside])
-        out.flags([says[cell] for cell in inside if cell in says])
+        if not fact.seen:
+            out.flags([says[cell] for cell in inside if cell in says])
         t_ms, anchor = now_ms, Cell(west, south)
     return out.data
 
@@ -183,7 +184,7 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
     facts = []
     while not inp.at_end:
         t_ms += inp.signed()
-        columns, overview = divmod(inp.count(), 2)
+        columns, kind = divmod(inp.count(), 4)
         rows = inp.count()
         if not 0 < columns * rows <= MOST_CELLS:
             raise BytesError("no fact is of so many cells")
@@ -195,9 +196,10 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
         ]
         if t_ms < 0 or not cells:
             raise BytesError("a fact of nothing")
-        says = inp.flags(len(cells))
+        seen = bool(kind & 2)
+        says = [False] * len(cells) if seen else inp.flags(len(cells))
         votes = tuple(sorted(zip(cells, says, strict=True)))
-        facts.append(Fact(t_ms / 1000, votes, bool(overview)))
+        facts.append(Fact(t_ms / 1000, votes, bool(kind & 1), seen))
     return tuple(facts)
 
 

@@ -23,8 +23,8 @@ class Knowledge:
     >>> known = Knowledge()
     >>> one, two = Fact(1.0, ()), Fact(2.0, ())
     >>> known.take(3, 1, [two]), known.take(3, 0, [one]), known.have
-    ([], [Fact(t_s=1.0, votes=(), overview=False), \
-Fact(t_s=2.0, votes=(), overview=False)], {3: 2})
+    ([], [Fact(t_s=1.0, votes=(), overview=False, seen=False), \
+Fact(t_s=2.0, votes=(), overview=False, seen=False)], {3: 2})
     """
 
     facts: dict[int, list[Fact]] = field(default_factory=dict)

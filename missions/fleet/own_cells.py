@@ -5,16 +5,23 @@ So a fact is what one vehicle's frames alone have decided within a second. Of se
 have decided the same cell the one that was first counts. That raises no chance of an error: whoever
 is first has mostly needed three frames that were alike, which are wrong more seldom than four or
 five that were not (for votes that err with probability e each: e^3 against 10 e^3 in all).
+
+A cell that is seen in passing, and lies beside nothing, needs no decision. That it was seen is a
+fact, too, or another would fly there to see it.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from missions.events import Fact, FrameSeen, Vote
 from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
+
+PASSED_S: Final = 4.0
+"""What no frame has shown for so long the vehicle has passed."""
 
 
 @dataclass(slots=True)
@@ -26,7 +33,7 @@ class OwnCells:
     >>> [own.take(FrameSeen(1, t / 5, None, seen)) for t in range(5)]
     [[], [], [], [], []]
     >>> own.passed(1.2)
-    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False)]
+    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False, seen=False)]
     """
 
     low: Belief
@@ -34,6 +41,11 @@ class OwnCells:
     _second: int = 0
     _decided: dict[bool, dict[Cell, bool]] = field(default_factory=dict)
     """In the second that is not over: by whether from a search's height."""
+    _shown: dict[Cell, float] = field(default_factory=dict)
+    """When a frame last took what is not decided for no region, if all from below did."""
+    _done: set[Cell] = field(default_factory=set)
+    """Of what is decided or was taken for region by a frame nothing is told but a decision, and
+    that a cell was seen once."""
 
     def take(self, event: FrameSeen) -> list[Fact]:
         """Take in a frame; returns the facts of seconds that are over.
@@ -51,6 +63,12 @@ class OwnCells:
             verdict = after.verdict(cell)
             if verdict is not None and before.verdict(cell) is None:
                 self._decided.setdefault(overview, {})[cell] = verdict
+            if not overview and cell not in self._done:
+                if verdict is None and not said[cell]:
+                    self._shown[cell] = event.t_s
+                else:
+                    self._shown.pop(cell, None)
+                    self._done.add(cell)
         if overview:
             self.high = after
         else:
@@ -64,10 +82,17 @@ class OwnCells:
             return []
         at_s, self._second = self._second, second
         decided, self._decided = self._decided, {}
-        return [
+        facts = [
             Fact(float(at_s), tuple(sorted(cells.items())), overview)
             for overview, cells in sorted(decided.items())
         ]
+        gone = sorted(cell for cell, last_s in self._shown.items() if last_s < second - PASSED_S)
+        if gone:
+            facts.append(Fact(float(at_s), tuple((cell, False) for cell in gone), seen=True))
+            self._done.update(gone)
+            for cell in gone:
+                del self._shown[cell]
+        return facts
 
 
 def as_frames(vehicle: int, fact: Fact, frames: int, positive: int) -> list[FrameSeen]:

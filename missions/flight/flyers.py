@@ -50,7 +50,7 @@ def flyer_of(
             moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
         )
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
-    end = grid.to_moving(_over_pad(setting, vehicle), over_home_s(vehicle, planned, begin_s))
+    end = grid.to_moving(over_pad(setting, vehicle), over_home_s(vehicle, planned, begin_s))
     return Flyer(
         flown,
         grid.to_moving(place, begin_s),
@@ -97,7 +97,7 @@ def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> T
     )
 
 
-def _over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
+def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
     """Where a path ends: over the pad, or beside it where the fence allows."""
     if setting.fence.allows(vehicle.pad):
         return vehicle.pad

@@ -45,33 +45,40 @@ class Facts:
         self._none = Belief(votes.frames, votes.positive)
         self._own: dict[int, OwnCells] = {}
         self._layers = {False: _Layer(), True: _Layer()}
+        self._shown: set[Cell] = set()
 
     def take(self, event: Event) -> list[Fact]:
         """Take in what an event says of cells; returns the facts that it adds."""
         if isinstance(event, Shared):
             for fact in event.frames:
-                self._layers[fact.overview].take(event.vehicle, fact)
+                self._take(event.vehicle, fact)
             return list(event.frames)
         if not isinstance(event, FrameSeen | Tracked):
             return []
         own = self._own.setdefault(event.vehicle, OwnCells(self._none, self._none))
         facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
         for fact in facts:
-            self._layers[fact.overview].take(event.vehicle, fact)
+            self._take(event.vehicle, fact)
         return facts
+
+    def _take(self, vehicle: int, fact: Fact) -> None:
+        if fact.seen:
+            self._shown.update(cell for cell, _ in fact.votes)
+        else:
+            self._layers[fact.overview].take(vehicle, fact)
 
     def joined(self, state: State) -> State:
         """A state with the map of all facts; what nobody has decided has our votes on it."""
         for vehicle, own in sorted(self._own.items()):
             for fact in own.passed(float("1e9")):
-                self._layers[fact.overview].take(vehicle, fact)
+                self._take(vehicle, fact)
         high = self._belief(overview=True)
         low = self._belief(overview=False)
         seen = list(high.open_ballots)
         low = with_plain(low, self._none, high, self._setting.in_box, seen)
         # our own votes come last: others have not heard them, and the map is to be the same
         low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
-        return replace(state, belief=low, overview=high)
+        return replace(state, belief=low, overview=high, shown=frozenset(self._shown))
 
     def _with_open(self, belief: Belief, *, overview: bool) -> Belief:
         """A belief with the votes of one vehicle on each cell that nothing has decided."""

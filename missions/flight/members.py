@@ -114,6 +114,9 @@ def shared(setting: Setting, state: State, event: Shared) -> State:
     """The state after what another member's frames have decided."""
     votes = setting.mission.votes
     for fact in event.frames:
+        if fact.seen:
+            state = replace(state, shown=state.shown.union(cell for cell, _ in fact.votes))
+            continue
         for seen in as_frames(event.vehicle, fact, votes.frames, votes.positive):
             state = frame_seen(setting, state, seen)
     return state

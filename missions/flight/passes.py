@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Final
 from missions.flight.charting import chart_of
 from missions.flight.fallback import fall_back, patience_s
 from missions.flight.fetching import fetch
-from missions.flight.flyers import flyer_of, over_home_s
+from missions.flight.flyers import flyer_of, over_home_s, over_pad
 from missions.flight.parts import own_part, share_parts, want_told
-from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside
+from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside, through
 from missions.flight.sightings import grown
 from missions.flight.touring import TourMemory, shared_out
 from missions.flight.two_heights import in_layer
@@ -49,6 +49,8 @@ STEP_M: Final = 1.0
 MOST_PRESSING: Final = 3
 """So often work that a plan leaves undone is given more weight; then it is flown to straight."""
 PRESSING: Final = 4.0
+NEAR_PAD_M: Final = 10.0
+"""Who waits for others is near enough to its pad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,8 @@ def explore_passes(setting: Setting, state: State) -> State:
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
         if _work(setting, known) > 0:  # others see to it: nothing is in vain yet
-            return replace(state, memory=replace(memory, waiting=waiting, vain_s=0.0))
+            state = replace(state, memory=replace(memory, waiting=waiting, vain_s=0.0))
+            return _homeward(setting, state, waiting)
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
         return state if lanes_left else give_up_rest(setting, state)
@@ -155,6 +158,18 @@ def explore_passes(setting: Setting, state: State) -> State:
         memory = replace(memory, pressing=memory.pressing + 1, waiting=frozenset())
         return replace(state, memory=memory)
     return _fetch(setting, state, memory, known, idle)
+
+
+def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
+    """Have those who wait while others map fly towards their pads, planned for on the way."""
+    for number in sorted(waiting):
+        vehicle = state.vehicles[number]
+        route = setting.fence.route(vehicle.position, over_pad(setting, vehicle))
+        if route and vehicle.position.distance_to(route[-1]) > NEAR_PAD_M:
+            corners = [True] * (len(route) - 1) + [False]
+            path = through(setting, vehicle, list(route), corners, state.t_s + NOTICE_S)
+            state = give_path(setting, state, vehicle, path)
+    return state
 
 
 def _replan_s(setting: Setting) -> float:

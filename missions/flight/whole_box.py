@@ -21,7 +21,8 @@ def asked_for(setting: Setting, state: State) -> Iterator[Cell]:
         yield from (cell for cell in setting.box_cells if belief.verdict(cell) is None)
         return
     ballots = belief.open_ballots
-    yield from (cell for cell in setting.box_cells if cell not in ballots)
+    shown = state.shown
+    yield from (cell for cell in setting.box_cells if cell not in ballots and cell not in shown)
     for cell, ballot in ballots.items():
         for _, vote in ballot:
             if vote:

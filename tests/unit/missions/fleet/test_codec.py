@@ -31,14 +31,21 @@ steps = st.integers(-500, 500).map(lambda k: k * PART_M)
 far_places = st.builds(GridPoint, steps, steps)
 numbers = st.integers(0, 100_000)
 cells = st.builds(Cell, st.integers(-40, 40), st.integers(-40, 40))
-facts = st.builds(
+decided = st.builds(
     Fact,
     numbers.map(lambda ms: ms / 1000),
     st.dictionaries(cells, st.booleans(), min_size=1, max_size=8).map(
         lambda said: tuple(sorted(said.items()))
     ),
     st.booleans(),
+    seen=st.just(value=False),
 )
+shown = st.builds(
+    lambda ms, seen: Fact(ms / 1000, tuple((cell, False) for cell in sorted(seen)), seen=True),
+    numbers,
+    st.sets(cells, min_size=1, max_size=8),
+)
+facts = decided | shown
 presences = st.builds(
     Presence,
     st.sampled_from(DOES),

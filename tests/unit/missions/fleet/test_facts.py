@@ -53,7 +53,10 @@ def test_facts_are_what_the_frames_of_one_vehicle_decide(
         for event in (event for event in seen if event.vehicle == vehicle):
             said = {vote.cell: vote.positive for vote in event.votes}
             belief = belief.with_frame(None, FrameId(vehicle, event.t_s), said)
-        told = [vote for fact in facts_of(vehicle, seen) for vote in fact.votes]
+        facts = facts_of(vehicle, seen)
+        told = [vote for fact in facts if not fact.seen for vote in fact.votes]
+        in_passing = [cell for fact in facts if fact.seen for cell, _ in fact.votes]
+        assert len(in_passing) == len(set(in_passing))
         assert len(told) == len(dict(told))  # each cell once
         for cell in belief.open_ballots:
             assert dict(told).get(cell) == belief.verdict(cell)

@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 
 from missions.events import Allotted, Apart, Heard, Part
 from missions.flight.parts import EVERY_S, KNOWN_S, own_part, share_parts
+from missions.flight.passes import NEAR_PAD_M
 from missions.flight.searching import find_work
 from missions.flight.touring import TourMemory
 from missions.flight.transitions import apply
 from missions.mission_file.checks import parse_mission
+from missions.orders import FlyPath
 from missions.state import Allotment, Phase, Setting, State
 from missions.swath.chart import Chart
 from missions.units import Cell, GridPoint
@@ -150,3 +152,24 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     # whoever leads of those that are left goes on with what was told
     rest = {n: flyer for n, flyer in flyers.items() if n != 1}
     assert share_parts(setting(2), soon, known, rest, 2).allotment != laid
+
+
+@pytest.mark.parametrize("at", [GridPoint(40.0, 50.0), GridPoint(16.0, 4.0)])
+def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: GridPoint) -> None:
+    from missions.flight.passes import explore_passes  # noqa: PLC0415 - numba takes a second
+
+    state = flying(2)
+    state = state.with_vehicle(replace(state.vehicles[2], position=at))
+    state = told(state, {1: (GridPoint(10.0, 30.0),), 2: (), 3: (GridPoint(30.0, 30.0),)})
+    order = explore_passes(setting(2), state).vehicles[2].order
+    pad = setting(2).pad_of(2)
+    if at.distance_to(pad) < NEAR_PAD_M:
+        assert order is None
+        return
+    assert isinstance(order, FlyPath)
+    assert order.trajectory.place_at(order.trajectory.end_s).distance_to(pad) < 1.0
+    called = told(explore_passes(setting(2), state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()})
+    called = replace(called, t_s=103.0)
+    again = explore_passes(setting(2), replace(called, memory=None)).vehicles[2].order
+    assert isinstance(again, FlyPath)
+    assert again is not order
