@@ -31,7 +31,7 @@ def test_the_installation_needs_no_vehicle(tmp_path: Path) -> None:
 def test_a_vehicle_is_looked_at_for_a_mission(urls: list[str], tmp_path: Path) -> None:
     connect = [*arguments_of(urls[:1]), "--speedup", SPEEDUP]
     done = uavmap("doctor", mission("speck"), *connect, "--out", tmp_path, "--json")
-    assert done.code == 0, done.err
+    assert done.code == 0, f"{done.err}{done.out}"
     levels = {f["what"]: f["level"] for f in done.summary["findings"] if f["vehicle"] == 1}
     assert levels["GPS"] == levels["camera"] == levels["NAV_RCL_ACT"] == "ok"
     assert levels["COM_LOW_BAT_ACT"] == "warn"

@@ -14,9 +14,10 @@ ANSWER_S: Final = 10.0
 async def answered(session: Session, name: str) -> None:
     """Wait for the heartbeat of an autopilot that this version flies. Raises `LinkError`."""
     view = session.view
-    if not await session.until(lambda: view.autopilot is not None, ANSWER_S):
+    wait_s = max(ANSWER_S, 4.0 * session.ack_wait_s)  # longer where time runs faster
+    if not await session.until(lambda: view.autopilot is not None, wait_s):
         raise LinkError(
-            f"{name}: no vehicle answered within {ANSWER_S:g} s; is it switched on, and is this "
+            f"{name}: no vehicle answered within {wait_s:g} s; is it switched on, and is this "
             "the URL that it speaks to?"
         )
     if view.autopilot not in AUTOPILOTS:

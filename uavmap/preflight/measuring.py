@@ -9,9 +9,12 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from uavmap.link.session import Message, Session
+from uavmap.link.view import EKF_ABSOLUTE
 
 MEASURE_S: Final = 4.0
 """So long a link is listened to."""
+TOLD_S: Final = 8.0
+"""So much longer what has not been told yet is waited for."""
 PINGS: Final = 5
 _NS: Final = 1e9
 _NO_VOLTAGE_MV: Final = 65_535
@@ -48,7 +51,12 @@ class Listener:
         session.listen(self._on_message)
 
     async def measure(self, seconds: float = MEASURE_S) -> Measured:
-        """Listen for a while, and ask for what does not come by itself."""
+        """Listen for a while, and ask for what does not come by itself.
+
+        What the findings judge is waited for a little longer: telemetry that begins late, over a
+        slow link or from a busy machine, is no fault of the vehicle, nor is an estimator that was
+        switched on a moment ago.
+        """
         session, view = self._session, self._session.view
         loop = asyncio.get_running_loop()
         sender = view.system_id, view.autopilot_component
@@ -56,11 +64,12 @@ class Listener:
         begin_s = loop.time()
         for _ in range(PINGS):
             self._ping(loop.time())
-            if self._fix is None:
-                session.request(mav.MAVLINK_MSG_ID_GPS_RAW_INT)
-            if not self._version or view.identity is None:
-                session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+            self._ask()
             await asyncio.sleep(seconds / PINGS)
+        until_s = loop.time() + max(TOLD_S, 4.0 * session.ack_wait_s)
+        while not self._all_told() and loop.time() < until_s:
+            self._ask()
+            await session.until(self._all_told, seconds / PINGS)
         heard_after, missing_after = session.losses.counts(sender)
         heard, missing = heard_after - heard, missing_after - missing
         trips_s = sorted(self._trips_s)
@@ -71,6 +80,23 @@ class Listener:
             fix=self._fix,
             volts=self._volts,
             version=self._version,
+        )
+
+    def _ask(self) -> None:
+        """For what does not come by itself, or was told before it was good."""
+        if not _fixed(self._fix):
+            self._session.request(mav.MAVLINK_MSG_ID_GPS_RAW_INT)
+        if not self._version or self._session.view.identity is None:
+            self._session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+
+    def _all_told(self) -> bool:
+        """Fix, estimator, place and battery: without them a vehicle counts as not able to fly."""
+        view = self._session.view
+        return (
+            _fixed(self._fix)
+            and bool(view.ekf_flags & EKF_ABSOLUTE)
+            and view.position is not None
+            and (view.battery_percent is not None or view.energy_consumed_j is not None)
         )
 
     def _ping(self, now_s: float) -> None:
@@ -91,6 +117,10 @@ class Listener:
             sent_s = self._sent_ns.pop(message.ts1, None)
             if sent_s is not None:
                 self._trips_s.append(asyncio.get_running_loop().time() - sent_s)
+
+
+def _fixed(fix: Message | None) -> bool:
+    return fix is not None and fix.fix_type >= mav.GPS_FIX_TYPE_3D_FIX
 
 
 def _version(number: int) -> str:

@@ -168,7 +168,7 @@ def test_nobody_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     out = tmp_path / "out"
     line = one_line(capsys, "fly", "runway", "--connect", url, "--speedup", 100, "--out", out)
     assert url in line
-    assert "no vehicle answered within 10 s" in line
+    assert "no vehicle answered within " in line
 
 
 def test_no_vehicle_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from missions.mission_file.schema import Battery
 from missions.mission_file.sim_section import SimFault
 from tests.unit.uavmap.preflight.field import BOTH, Field, mission_of, on_field
 from uavmap.fly.before_flight import BeforeFlight, Preflight
-from uavmap.link.view import VehicleView
+from uavmap.link.view import EKF_ABSOLUTE, VehicleView
 from uavmap.preflight.finding import Finding, Level, bad, could_fly, warn
 from uavmap.preflight.kept import FILE
 from uavmap.preflight.plan_figures import plan_lines
@@ -39,6 +39,19 @@ def told(field: Field, what: str) -> str:
     """What is found of a thing, last."""
     lines = [x for text in field.told for x in text.split("\n") if f" 1 {what}: " in x]
     return lines[-1]
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot: str, tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        flight = before(field, tmp_path)
+        assert field.links[0].session.view.ekf_flags & EKF_ABSOLUTE == 0
+        with pytest.raises(NotFlownError) as dry:
+            await before(field, tmp_path, dry=True).go()
+        assert dry.value.could_fly, field.told
+        await flight.restore()
+
+    on_field(body, mission_of(autopilot), ready_s=0.0)
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
