@@ -14,6 +14,7 @@ from typing import Final, Literal, NamedTuple, get_args
 
 from missions.events import Fact, Part
 from missions.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
+from missions.fleet.knowledge import MOST_RUNS, Holding
 from missions.units import Cell, GridPoint
 
 Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
@@ -80,8 +81,8 @@ class Message:
     """Mission time of the sender."""
     presence: Presence | None = None
     """None of a member without a vehicle."""
-    have: dict[int, int] = field(default_factory=dict)
-    """How many facts of each member the sender knows."""
+    have: dict[int, Holding] = field(default_factory=dict)
+    """Which facts of each member the sender knows."""
     batches: tuple[Batch, ...] = ()
     words: tuple[Word, ...] = ()
     begun: bool = False
@@ -96,7 +97,8 @@ class Message:
 def encode(message: Message) -> bytes:
     """The bytes of a message. Raises ValueError for what cannot be said: a negative count.
 
-    >>> said = Message(12.5, Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0), {1: 7})
+    >>> here = Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0)
+    >>> said = Message(12.5, here, {1: Holding(7)})
     >>> len(encode(said)), decode(encode(said)) == said
     (16, True)
     """
@@ -108,9 +110,9 @@ def encode(message: Message) -> bytes:
     if message.presence is not None:
         _put_presence(out, message.presence)
     out.count(len(message.have))
-    for origin, number in sorted(message.have.items()):
+    for origin, holding in sorted(message.have.items()):
         out.count(origin)
-        out.count(number)
+        _put_holding(out, holding)
     out.count(len(message.words))
     for word in message.words:
         out.count(word.stamp)
@@ -139,7 +141,7 @@ def decode(data: bytes) -> Message:
     if does > len(DOES):
         raise BytesError("nobody does that")
     presence = _presence(inp, DOES[does - 1]) if does else None
-    have = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
+    have = {inp.count(): _holding(inp) for _ in range(_few(inp.count()))}
     words = tuple(_word(inp) for _ in range(_few(inp.count())))
     ask = _ask(inp) if flags & 2 else None
     promised = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
@@ -233,6 +235,27 @@ def _presence(inp: Reader, does: Does) -> Presence:
         east, north = east + inp.signed(), north + inp.signed()
         path.append(GridPoint(east * STEP_M, north * STEP_M))
     return Presence(does, position, height_m, charge, layer_m, lanes, tuple(path))
+
+
+def _put_holding(out: Writer, holding: Holding) -> None:
+    out.count((MOST_RUNS + 1) * holding.upto + len(holding.beyond))
+    end = holding.upto
+    for first, after in holding.beyond:
+        out.count(first - end)
+        out.count(after - first)
+        end = after
+
+
+def _holding(inp: Reader) -> Holding:
+    upto, runs = divmod(inp.count(), MOST_RUNS + 1)
+    beyond, end = [], upto
+    for _ in range(runs):
+        gap, length = inp.count(), inp.count()
+        if gap == 0 or length == 0:
+            raise BytesError("runs that are none")
+        beyond.append((end + gap, end + gap + length))
+        end += gap + length
+    return Holding(upto, tuple(beyond))
 
 
 def _put_ask(out: Writer, ask: Ask) -> None:

@@ -1,63 +1,151 @@
 """What a member knows of the facts of all: by whose frames have made them, numbered from 0.
 
-Facts only grow, and are known up to a number: what comes with a gap before it waits until the gap
-is filled. So a few numbers say who has what, two members that compare them know what to tell, and
-telling it twice, late or in any order comes to the same.
+Facts only grow, and each counts by itself, so that telling one twice, late or in any order comes to
+the same. What a member holds of another is told in a few numbers: all below a number, and the first
+runs beyond it. Two members that compare these know what one lacks, to the fact: what a lost
+datagram held is told again, and nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 from missions.events import Fact
 
-MOST_WAITING = 5_000
-"""Facts of one origin that wait for others before them; more are told again later."""
+MOST_BEYOND: Final = 5_000
+"""So far beyond the first that is missing a fact may be; it is told again later."""
+MOST_RUNS: Final = 3
+"""So many runs beyond the first that is missing are told."""
+
+
+class Run(NamedTuple):
+    """Facts of one member with numbers that follow each other."""
+
+    first: int
+    facts: tuple[Fact, ...]
+
+
+class Holding(NamedTuple):
+    """Which facts of a member somebody holds, as it has told."""
+
+    upto: int = 0
+    """All below this number..."""
+    beyond: tuple[tuple[int, int], ...] = ()
+    """... and those runs: the first number of each, and the first that is not in it any more."""
+
+    def holds(self, number: int) -> bool:
+        """Whether a fact is among them.
+
+        >>> [Holding(2, ((4, 6),)).holds(number) for number in (1, 2, 4, 6)]
+        [True, False, True, False]
+        """
+        return number < self.upto or any(first <= number < end for first, end in self.beyond)
+
+    @property
+    def top(self) -> int:
+        """The first number above all of them."""
+        return self.beyond[-1][1] if self.beyond else self.upto
+
+
+NOTHING: Final = Holding()
 
 
 @dataclass(slots=True)
 class Knowledge:
-    """The facts of every member, as far as they are known without a gap.
+    """The facts of every member, as far as they are known.
 
     >>> known = Knowledge()
-    >>> one, two = Fact(1.0, ()), Fact(2.0, ())
-    >>> known.take(3, 1, [two]), known.take(3, 0, [one]), known.have
-    ([], [Fact(t_s=1.0, votes=(), overview=False, seen=False), \
-Fact(t_s=2.0, votes=(), overview=False, seen=False)], {3: 2})
+    >>> known.take(3, 1, [Fact(2.0, ())])
+    [Run(first=1, facts=(Fact(t_s=2.0, votes=(), overview=False, seen=False),))]
+    >>> known.have
+    {3: Holding(upto=0, beyond=((1, 2),))}
+    >>> [run.first for run in known.take(3, 0, [Fact(1.0, ()), Fact(2.0, ())])], known.have
+    ([0], {3: Holding(upto=2, beyond=())})
     """
 
-    facts: dict[int, list[Fact]] = field(default_factory=dict)
-    _waiting: dict[int, dict[int, Fact]] = field(default_factory=dict)
+    facts: dict[int, dict[int, Fact]] = field(default_factory=dict)
+    """By whose they are, and by number."""
+    _upto: dict[int, int] = field(default_factory=dict)
+    """None below is missing."""
+
+    def upto(self, origin: int) -> int:
+        """Below which number all facts of a member are known."""
+        return self._upto.get(origin, 0)
 
     @property
-    def have(self) -> dict[int, int]:
-        """How many facts of each member are known."""
-        return {origin: len(facts) for origin, facts in sorted(self.facts.items()) if facts}
+    def have(self) -> dict[int, Holding]:
+        """What is known of each member of whom there is something."""
+        return {origin: self._holding(origin) for origin in sorted(self.facts)}
 
-    def take(self, origin: int, first: int, facts: Iterable[Fact]) -> list[Fact]:
-        """Take facts in; returns those that are new and have none missing before them.
+    def _holding(self, origin: int) -> Holding:
+        upto, known = self._upto[origin], self.facts[origin]
+        if len(known) == upto:
+            return Holding(upto)
+        beyond = runs_of(sorted(number for number in known if number > upto))
+        return Holding(upto, tuple((run[0], run[-1] + 1) for run in beyond[:MOST_RUNS]))
 
-        The first of what is returned has the number that `have` said before.
-        """
-        known = self.facts.setdefault(origin, [])
-        waiting = self._waiting.setdefault(origin, {})
-        for number, fact in enumerate(facts, start=first):
-            if number >= len(known) and (number in waiting or len(waiting) < MOST_WAITING):
-                waiting.setdefault(number, fact)
-        before = len(known)
-        while len(known) in waiting:
-            known.append(waiting.pop(len(known)))
-        return known[before:]
-
-    def missing(self, theirs: Mapping[int, int]) -> dict[int, int]:
-        """Of whom another who has `theirs` lacks facts that are known here, and from which on."""
-        return {
-            origin: theirs.get(origin, 0)
-            for origin, count in self.have.items()
-            if theirs.get(origin, 0) < count
+    def take(self, origin: int, first: int, facts: Iterable[Fact]) -> list[Run]:
+        """Take facts in; returns those that are new."""
+        known, upto = self.facts.get(origin, {}), self.upto(origin)
+        new = {
+            number: fact
+            for number, fact in enumerate(facts, start=first)
+            if number not in known and number < upto + MOST_BEYOND
         }
+        if not new:
+            return []
+        self.facts[origin] = known
+        known.update(new)
+        while upto in known:
+            upto += 1
+        self._upto[origin] = upto
+        return [Run(run[0], tuple(new[number] for number in run)) for run in runs_of(sorted(new))]
 
-    def lacking(self, theirs: Mapping[int, int]) -> bool:
-        """Whether another who has `theirs` knows facts that are missing here."""
-        return any(count > len(self.facts.get(origin, ())) for origin, count in theirs.items())
+    def runs(self, origin: int, first: int = 0) -> list[Run]:
+        """What is known of a member from a number on."""
+        known = self.facts.get(origin, {})
+        numbers = sorted(number for number in known if number >= first)
+        return [Run(run[0], tuple(known[number] for number in run)) for run in runs_of(numbers)]
+
+    def missing(self, theirs: Mapping[int, Holding]) -> dict[int, list[int]]:
+        """Which facts that are known here another lacks who holds `theirs`, by whose they are."""
+        found = {}
+        for origin, known in sorted(self.facts.items()):
+            held = theirs.get(origin, NOTHING)
+            if held.upto >= self.upto(origin) and len(known) == self.upto(origin):
+                continue
+            lacks = sorted(number for number in known if not held.holds(number))
+            if lacks:
+                found[origin] = lacks
+        return found
+
+    def lacking(self, theirs: Mapping[int, Holding]) -> bool:
+        """Whether another who holds `theirs` knows facts that are missing here."""
+        return any(
+            held.upto > self.upto(origin)
+            or any(
+                number not in self.facts.get(origin, {})
+                for first, end in held.beyond
+                for number in range(first, min(end, first + MOST_BEYOND))
+            )
+            for origin, held in theirs.items()
+        )
+
+
+def runs_of(numbers: Sequence[int]) -> list[Sequence[int]]:
+    """Ascending numbers, parted where one is left out.
+
+    >>> runs_of([1, 2, 5])
+    [[1, 2], [5]]
+    """
+    return list(_runs_of(numbers))
+
+
+def _runs_of(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
+    begin = 0
+    for k in range(1, len(numbers) + 1):
+        if k == len(numbers) or numbers[k] != numbers[k - 1] + 1:
+            yield numbers[begin:k]
+            begin = k

@@ -31,7 +31,7 @@ from missions.events import (
 )
 from missions.fleet.bits import BytesError
 from missions.fleet.codec import Message, Presence, Word, decode, encode
-from missions.fleet.knowledge import Knowledge
+from missions.fleet.knowledge import NOTHING, Knowledge
 from missions.fleet.own_cells import OwnCells
 from missions.mapping.belief import Belief
 from missions.state import Setting, State
@@ -121,7 +121,7 @@ class Member:
         if isinstance(event, LiftedOff):
             self._clock.begun = True
         if isinstance(event, FrameSeen | Tracked) and event.vehicle == self._number:
-            known, own = self.knowledge.have.get(self._number, 0), self._own
+            known, own = self.knowledge.upto(self._number), self._own
             new = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
             self.knowledge.take(self._number, known, new)
 
@@ -137,6 +137,7 @@ class Member:
         """Our clock was put forward, or back, by so much: as `agree` said."""
         self._clock.moved(by_s)
         self._budget_s += by_s
+        self._telling.clock_moved(by_s)
 
     # --- an operator's word --------------------------------------------------------------------
     def order(self, word: Word) -> None:
@@ -269,10 +270,8 @@ class Member:
         for batch in message.batches:
             if batch.origin == self._number:
                 continue
-            new = self.knowledge.take(batch.origin, batch.first, batch.facts)
-            if new:
-                first = self.knowledge.have[batch.origin] - len(new)
-                self._post(Shared(batch.origin, round(now_s, 3), first, tuple(new)))
+            for run in self.knowledge.take(batch.origin, batch.first, batch.facts):
+                self._post(Shared(batch.origin, round(now_s, 3), run.first, run.facts))
         if latest and message.presence is not None and self._is_vehicle(sender):
             self._post(heard_of(self._setting, sender, now_s, message.presence))
             if message.parts:
@@ -280,7 +279,9 @@ class Member:
 
     def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
         """What another is, knows, asks for and has promised now."""
-        peer.have = message.have or peer.have
+        before = peer.have
+        if message.have:
+            peer.have, peer.have_s = message.have, now_s
         if message.presence is not None:
             peer.done = message.presence.does in ("ended", "down")
         else:  # one that flies a vehicle, and has just started, does not know yet what it does
@@ -288,7 +289,15 @@ class Member:
         peer.told_all = peer.done and (peer.told_all or bool(message.have))
         peer.begun = message.begun
         missing = self.knowledge.missing(peer.have)
-        peer.lacks_since_s = {origin: peer.lacks_since_s.get(origin, now_s) for origin in missing}
+        got = {
+            origin
+            for origin in missing
+            if peer.have.get(origin, NOTHING).top > before.get(origin, NOTHING).top
+        }
+        peer.lacks_since_s = {
+            origin: now_s if origin in got else peer.lacks_since_s.get(origin, now_s)
+            for origin in missing
+        }
         if self._clock.agreed:
             self._airspace.hear(sender, message.ask, message.t_s, now_s)
             self._airspace.hear_promise(sender, message.promised.get(self._number, -1))

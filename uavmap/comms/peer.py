@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from missions.fleet.codec import Ask
+from missions.fleet.knowledge import Holding
 
 
 @dataclass(slots=True)
@@ -13,10 +14,12 @@ class Peer:
     """Another member, as it was heard; times are those of our clock."""
 
     heard_s: float
-    have: dict[int, int] = field(default_factory=dict)
-    """How many facts of each member it knows."""
+    have: dict[int, Holding] = field(default_factory=dict)
+    """Which facts of each member it knows..."""
+    have_s: float = -math.inf
+    """... as it said then."""
     lacks_since_s: dict[int, float] = field(default_factory=dict)
-    """Since when it lacks facts of a member that are known here."""
+    """Since when it lacks facts of a member that are known here, and got no later one of it."""
     apart: bool = False
     done: bool = False
     told_all: bool = False
@@ -32,5 +35,6 @@ class Peer:
     def clock_moved(self, by_s: float) -> None:
         """Our clock was put forward, or back, by so much."""
         self.heard_s += by_s
+        self.have_s += by_s
         self.ahead_s -= by_s
         self.lacks_since_s = {o: at_s + by_s for o, at_s in self.lacks_since_s.items()}

@@ -158,10 +158,9 @@ def _only_heard(sources: Sequence[Source]) -> list[Shared]:
                 number = event.vehicle
                 counted[number] = counted.get(number, 0) + len(own.take(event))
     heard = []
-    for origin, facts in sorted(known.facts.items()):
-        first = counted.get(origin, 0)
-        if facts[first:]:
-            heard.append(Shared(origin, facts[-1].t_s, first, tuple(facts[first:])))
+    for origin in sorted(known.facts):
+        for first, facts in known.runs(origin, counted.get(origin, 0)):
+            heard.append(Shared(origin, facts[-1].t_s, first, facts))
     return heard
 
 

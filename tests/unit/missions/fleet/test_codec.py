@@ -22,6 +22,7 @@ from missions.fleet.codec import (
     decode,
     encode,
 )
+from missions.fleet.knowledge import MOST_RUNS, Holding
 from missions.units import Cell, GridPoint
 
 CHECKED = settings(max_examples=60, deadline=None)
@@ -56,11 +57,23 @@ presences = st.builds(
     st.lists(numbers, max_size=5).map(tuple),
     st.lists(places, max_size=8).map(tuple),
 )
+
+
+def holding(upto: int, steps: list[tuple[int, int]]) -> Holding:
+    beyond, end = [], upto
+    for gap, length in steps:
+        beyond.append((end + gap, end + gap + length))
+        end += gap + length
+    return Holding(upto, tuple(beyond))
+
+
+counts = st.integers(1, 500)
+holdings = st.builds(holding, numbers, st.lists(st.tuples(counts, counts), max_size=MOST_RUNS))
 messages = st.builds(
     Message,
     numbers.map(lambda ms: ms / 1000),
     st.none() | presences,
-    st.dictionaries(st.integers(0, 30), numbers, max_size=5),
+    st.dictionaries(st.integers(0, 30), holdings, max_size=5),
     st.lists(
         st.builds(Batch, st.integers(0, 30), numbers, st.lists(facts, max_size=3).map(tuple)),
         max_size=3,

@@ -138,8 +138,12 @@ def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
     chance.shuffle(batches)
     known, new = Knowledge(), 0
     for origin, first, frames in batches:
-        new += len(known.take(origin, first, frames))
-    assert known.facts == {origin: log for origin, log in enumerate(logs, start=1) if log}
+        for run in known.take(origin, first, frames):
+            new += len(run.facts)
+            assert run.facts == tuple(logs[origin - 1][run.first : run.first + len(run.facts)])
+    assert known.facts == {
+        origin: dict(enumerate(log)) for origin, log in enumerate(logs, start=1) if log
+    }
     assert new == sum(map(len, logs))  # nothing is new twice
 
 
@@ -156,11 +160,13 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
     history = data.draw(st.lists(pairs, max_size=12))
     last = [(a, b, False) for _ in range(2) for a in members for b in members]
     for one, other, lost in [*history, *last]:
-        for origin, first in members[one].missing(members[other].have).items():
-            if not lost:
-                members[other].take(origin, first, members[one].facts[origin][first:])
+        for origin, numbers in members[one].missing(members[other].have).items():
+            told = numbers if not lost else data.draw(st.lists(st.sampled_from(numbers)))
+            for number in told:
+                members[other].take(origin, number, [members[one].facts[origin][number]])
     assert members[1].have == members[2].have == members[3].have
     for origin in members[1].have:
-        assert members[1].facts[origin] == logs[origin - 1]
-        assert members[2].facts[origin] == members[3].facts[origin] == logs[origin - 1]
+        log = dict(enumerate(logs[origin - 1]))
+        assert members[1].facts[origin] == members[2].facts[origin] == log
+        assert members[3].facts[origin] == log
     assert not members[1].lacking(members[2].have)

@@ -169,7 +169,7 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
         if k % 20 == 0 and k < 360:
             mind, fact = minds[k % 3], fact + 1
             mine = Fact(float(fact), ((Cell(fact, mind.number), True),))
-            first = mind.member.knowledge.have.get(mind.number, 0)
+            first = mind.member.knowledge.upto(mind.number)
             mind.member.knowledge.take(mind.number, first, [mine])
         for one, other in itertools.combinations(minds, 2):
             held = one.holds or other.holds
