@@ -169,6 +169,10 @@ class VehicleState:
     """... and until when they have closed it to themselves."""
     held_until_s: float = float("-inf")
     """Out of contact: until then it is taken to do what it was to do."""
+    due_s: float = float("-inf")
+    """Out of contact: when it should have flown its lanes, and be back over its pad."""
+    back_s: float = float("-inf")
+    """When it was last heard again after it was out of contact."""
     note: str = ""
 
     @property
@@ -266,7 +270,13 @@ class Setting:
         laid = []
         for ahead in _directions(mission, box):
             rows = rows_across(mission, grid, east_ahead=ahead) if nonstop else LANE_CELLS
-            laid.append((lanes(box, mission.grid.cell_m, common, rows, ahead), ahead, rows))
+            spare = 0
+            if nonstop and mission.search.find == "all":
+                # what no frame has shown is flown to: a row or two are not worth a lane
+                highest = len(mission.vehicles) - 1
+                spare = rows_across(mission, grid, highest, east_ahead=ahead) - rows
+            flown = lanes(box, mission.grid.cell_m, common, rows, ahead, spare)
+            laid.append((flown, ahead, rows))
         if len(laid) > 1:
             pads = [grid.fixed(place) for place in homes(mission)]
             laid.sort(key=lambda one: longest_m(share_by_time(one[0], pads), pads))
@@ -499,6 +509,8 @@ class State:
     shown: frozenset[Cell] = frozenset()
     """Of a fleet: what others' frames have shown, and took for no region without a decision."""
     allotment: Allotment | None = None
+    shared_s: float = float("-inf")
+    """When another member last told what was not known here."""
     """Of a fleet that maps: who is to map what."""
 
     @classmethod

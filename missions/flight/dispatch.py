@@ -16,6 +16,7 @@ from shapely.geometry import Point
 from missions.energy import FRESH
 from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.exploring import explore, explore_moves
+from missions.flight.gathering import gathers
 from missions.flight.lane_passes import drop_seen, end_searched, search_passes
 from missions.flight.leapfrogging import both_ready, take_turns
 from missions.flight.passes import awaits_others, explore_passes, give_up_rest
@@ -97,7 +98,10 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
     inside = come_inside(setting, state, vehicle)
     if inside is not None:
         return inside
-    if setting.sees_box and not vehicle.lanes:
+    if gathers(setting, state, vehicle):
+        if not is_over_pad(vehicle):
+            return over_own_pad(setting, state, vehicle)
+    elif setting.sees_box and not vehicle.lanes:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     changed = change_layer(setting, state, vehicle)

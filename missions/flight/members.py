@@ -20,7 +20,7 @@ from missions.events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.fleet.own_cells import as_frames
 from missions.flight.deconfliction import clear_of
 from missions.flight.lane_numbers import lane_number
-from missions.flight.parts import held_until_s
+from missions.flight.parts import back_from_lanes_s, held_until_s
 from missions.flight.sightings import frame_seen
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
@@ -63,6 +63,7 @@ def heard(setting: Setting, state: State, event: Heard) -> State:
         returns_by_itself=event.does == "guarded",
         on_lane=order is not None and bool(event.lanes),
         candidate=None,
+        back_s=event.t_s if before.phase is Phase.APART else before.back_s,
     )
     return _share_lanes(setting, state.with_vehicle(vehicle), event)
 
@@ -74,7 +75,10 @@ def apart(setting: Setting, state: State, event: Apart) -> State:
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
     until_s = round(held_until_s(setting, state, vehicle, event.t_s), 1)
-    gone = replace(vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s)
+    due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1) if vehicle.lanes else event.t_s
+    gone = replace(
+        vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s, due_s=due_s
+    )
     return state.with_vehicle(gone)
 
 
@@ -113,6 +117,7 @@ def may_close(setting: Setting, state: State, column: Column) -> bool:
 def shared(setting: Setting, state: State, event: Shared) -> State:
     """The state after what another member's frames have decided."""
     votes = setting.mission.votes
+    state = replace(state, shared_s=event.t_s)
     for fact in event.frames:
         if fact.seen:
             state = replace(state, shown=state.shown.union(cell for cell, _ in fact.votes))

@@ -163,6 +163,13 @@ def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: flo
     return t_s + SPARE_S + SLOW_TIMES * (left_s + map_s)
 
 
+def back_from_lanes_s(setting: Setting, vehicle: VehicleState, t_s: float) -> float:
+    """When one that has just gone out of contact should be back over its pad, its lanes flown."""
+    left_s, place = _lanes_left(setting, vehicle)
+    speed_m_s = path_speed_m_s(setting.mission, layer_of(setting, vehicle))
+    return t_s + left_s + place.distance_to(vehicle.pad) / speed_m_s
+
+
 def _maps(state: State, number: int) -> bool:
     """Whether a vehicle maps what is its own, or will when its lanes are flown."""
     vehicle = state.vehicles[number]

@@ -21,6 +21,7 @@ from missions.flight.charting import chart_of
 from missions.flight.fallback import fall_back, patience_s
 from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of, over_home_s, over_pad
+from missions.flight.gathering import gathers
 from missions.flight.parts import own_part, share_parts, want_told
 from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside, through
 from missions.flight.sightings import grown
@@ -235,7 +236,11 @@ def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: P
     if isinstance(vehicle.order, FlyPath):
         apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
     else:
-        apart = is_outside(setting.fence, vehicle.position)  # it comes inside first
+        # ours comes inside first; over the pad of another only that one may be
+        whole = setting.whole_fence if not state.is_ours(vehicle.vehicle) else None
+        apart = is_outside(whole or setting.fence, vehicle.position)
+    if state.is_ours(vehicle.vehicle) and vehicle.idle and gathers(setting, state, vehicle):
+        return False
     return not (apart or (setting.sees_box and vehicle.lanes)) and (
         vehicle.phase is Phase.AIRBORNE
         and in_layer(setting, state, vehicle)

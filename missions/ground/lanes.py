@@ -37,12 +37,14 @@ def lanes(
     fence: Fence,
     rows: int = LANE_CELLS,
     eastward: bool | None = None,
+    spare_rows: int = 0,
 ) -> tuple[Lane, ...]:
     """The lanes over a box, in the order and direction of flight, inside the fence.
 
     They lie along grid east or north as `eastward` says, else along the longer side of the box.
     Points are in the fixed frame. A lane is as long as the box is anywhere in the `rows` rows that
-    it judges, so a slanting rim leaves no gap; lanes are cut where the fence forbids them.
+    it judges, so a slanting rim leaves no gap; lanes are cut where the fence forbids them. The last
+    one takes as many as `spare_rows` more, where a lane for those alone would be left.
 
     >>> box = [GridPoint(0, 0), GridPoint(40, 0), GridPoint(40, 20), GridPoint(0, 20)]
     >>> around = [GridPoint(-9, -9), GridPoint(60, -9), GridPoint(60, 60), GridPoint(-9, 60)]
@@ -54,7 +56,7 @@ def lanes(
     eastward = along_east(box) if eastward is None else eastward
     low, high = (south, north) if eastward else (west, east)
     flown: list[Lane] = []
-    for k, offset in enumerate(_offsets(low, high, cell_m, rows)):
+    for k, offset in enumerate(_offsets(low, high, cell_m, rows, spare_rows)):
         near, far = offset - rows / 2 * cell_m, offset + rows / 2 * cell_m
         if eastward:
             parts = polygon.intersection(rectangle(west - 1, near, east + 1, far))
@@ -76,10 +78,13 @@ def lanes(
     return tuple(flown)
 
 
-def _offsets(low: float, high: float, cell_m: float, rows: int) -> list[float]:
+def _offsets(low: float, high: float, cell_m: float, rows: int, spare: int = 0) -> list[float]:
     """Where lanes lie that judge so many rows each, so that every row of cells is judged.
 
     The first lane judges the outermost row whose centre is in the box.
+
+    >>> _offsets(0, 200, 10, 10), _offsets(0, 200, 10, 10, 1)
+    ([45.0, 145.0, 155.0], [45.0, 150.0])
     """
     first = math.ceil(low / cell_m - 1e-9)
     last = math.floor(high / cell_m + 1e-9)
@@ -93,7 +98,10 @@ def _offsets(low: float, high: float, cell_m: float, rows: int) -> list[float]:
     beside = (rows - 1) / 2
     if last - first + 1 <= rows:
         return [(first + last) / 2 * cell_m]
-    return [min(row + beside, last - beside) * cell_m for row in range(first, last + 1, rows)]
+    begin = list(range(first, last + 1, rows))
+    if last - begin[-1] < spare:
+        return [(row + beside) * cell_m for row in begin[:-2]] + [(begin[-2] + last) / 2 * cell_m]
+    return [min(row + beside, last - beside) * cell_m for row in begin]
 
 
 def _pieces(shape: BaseGeometry) -> list[BaseGeometry]:

@@ -84,9 +84,12 @@ def reaches_m(
     return (windward_m, level_m) if blows_m_s > 0.0 else (level_m, windward_m)
 
 
-def rows_across(mission: Mission, grid: Grid, *, east_ahead: bool) -> int:
-    """How many rows of cells a lane decides, from the lowest layer of the search."""
-    reaches = reaches_m(mission, grid, mission.top_altitude_m(0), east_ahead=east_ahead)
+def rows_across(mission: Mission, grid: Grid, vehicle: int = 0, *, east_ahead: bool) -> int:
+    """How many rows of cells a lane decides, from the layer in which a vehicle (from 0) searches.
+
+    That of the first is the lowest.
+    """
+    reaches = reaches_m(mission, grid, mission.top_altitude_m(vehicle), east_ahead=east_ahead)
     return max(1, math.floor(max(sum(reaches), 0.0) / mission.grid.cell_m) + 1)
 
 

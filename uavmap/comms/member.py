@@ -52,8 +52,10 @@ APART_S: Final = 12.0
 """Who was not heard for so long is out of contact."""
 BYTES_A_MINUTE: Final = 4_500
 """What a member may send, headers included: 5 kB is what a narrow radio has for each."""
-BURST_BYTES: Final = 900
-"""So much may be saved up; a datagram stays below what any network carries whole."""
+BURST_BYTES: Final = 2_000
+"""So much may be saved up: who comes back into contact has much to tell."""
+MOST_BYTES: Final = 900
+"""Of facts in a datagram, which stays below what any network carries whole."""
 HEADER_BYTES: Final = CODE_BYTES + 12
 """Of a seal."""
 PARTS_EVERY_S: Final = 6.0
@@ -208,8 +210,12 @@ class Member:
         if message.parts and self._state is not None and self._state.allotment is not None:
             self._parts_s = (self._state.allotment.made_s, now_s)
         self._messages += 1
-        message = replace(message, batches=self._telling.batches(self.knowledge, now_s, spare))
-        self._send(self._seal.sealed(encode(message)))
+        room = min(spare, MOST_BYTES)
+        message = replace(message, batches=self._telling.batches(self.knowledge, now_s, room))
+        datagram = self._seal.sealed(encode(message))
+        self._send(datagram)
+        if len(datagram) > MOST_BYTES / 2 and self._budget > MOST_BYTES / 2:
+            self.beat_soon()  # there is more to tell, and enough was saved
 
     def _message(self, now_s: float) -> Message:
         """What is said besides facts."""

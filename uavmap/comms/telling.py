@@ -56,6 +56,8 @@ class Telling:
 
     def _new(self, knowledge: Knowledge, now_s: float) -> list[int]:
         """Facts of ours that were not told since this start, and somebody may not know."""
+        if self._peers and all(peer.apart for peer in self._peers.values()):
+            return []  # nobody hears it, and what is saved is there for who comes back
         told_s = self._told_s.setdefault(self._number, {})
         untold = sorted(
             number for number in knowledge.facts.get(self._number, ()) if number not in told_s

@@ -158,6 +158,23 @@ def test_no_two_lanes_judge_more_than_one_row_twice(
     assert all(0.99 < gap < 3.01 for gap in gaps)
 
 
+@FAST
+@given(st.integers(30, 120), st.integers(4, 16), st.integers(0, 3))
+def test_a_row_or_two_that_are_left_are_not_worth_a_lane(
+    rows_in_box: int, rows: int, spare: int
+) -> None:
+    """The last lane takes them; all others judge as many as ever, and none is left out."""
+    box = ring(0, 0, 500, (rows_in_box - 1) * 2.0)
+    plain, flown = (lanes(box, 2.0, OPEN, rows, eastward=True, spare_rows=k) for k in (0, spare))
+    left = (rows_in_box - 1) % rows + 1
+    fewer = rows_in_box > rows and left <= spare
+    assert len(flown) == len(plain) - fewer
+    for row in range(rows_in_box):
+        near = min(abs(start.north_m / 2.0 - row) for start, _ in flown)
+        most = rows + left if fewer and row >= (len(flown) - 1) * rows else rows
+        assert near <= (most - 1) / 2 + 1e-9
+
+
 # --- who flies which -------------------------------------------------------------------------
 lengths = st.lists(st.floats(1, 200), min_size=1, max_size=14)
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Allotted, Apart, Heard, Part
+from missions.events import Allotted, Apart, Fact, Heard, Part, Shared
 from missions.flight.parts import EVERY_S, KNOWN_S, own_part, share_parts
-from missions.flight.passes import NEAR_PAD_M
+from missions.flight.passes import NEAR_PAD_M, explore_passes
 from missions.flight.searching import find_work
 from missions.flight.touring import TourMemory
 from missions.flight.transitions import apply
@@ -173,3 +173,18 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
     again = explore_passes(setting(2), replace(called, memory=None)).vehicles[2].order
     assert isinstance(again, FlyPath)
     assert again is not order
+
+
+def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
+    """Nobody else may be there, but it is not away: it lays out the parts, or gets one."""
+    found = Shared(3, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
+    for member, lays in ((1, True), (2, False)):
+        state = apply(setting(member), flying(member), found)
+        for number in (1, 3):
+            at = setting(member).pad_of(number)
+            state = state.with_vehicle(replace(state.vehicles[number], position=at))
+        state = explore_passes(setting(member), state)
+        assert (state.allotment is not None) is lays
+        if lays:
+            assert state.allotment is not None
+            assert set(state.allotment.parts) == set(TEAM)

@@ -1,0 +1,46 @@
+"""Who has flown its lanes waits over its pad until those out of contact are back, and have told.
+
+Where a radio does not reach over the box, each member knows after the search what it has seen
+itself. Were it to begin to map that, it would be out of contact again before the next is back: each
+would map what it knows of, several the same outline, and all come home for the rest. So it waits
+over its pad, where everybody comes and is heard, for those who still fly lanes and are due, and for
+what they have to tell. Who is late is not waited for, and nobody waits who maps already.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from missions.flight.two_heights import in_layer, is_over_pad
+from missions.state import Phase, Setting, State, VehicleState
+
+LATE_S: Final = 20.0
+"""So long after it is due somebody is waited for."""
+SILENT_S: Final = 5.0
+"""Who is heard again has told what it knows when nothing new has come for so long..."""
+TELLS_S: Final = 30.0
+"""... or after so long."""
+
+
+def gathers(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether a vehicle of a fleet without lanes has to hear of others before it does anything."""
+    if setting.member is None or not setting.finds_all or vehicle.lanes:
+        return False
+    if in_layer(setting, state, vehicle) and not is_over_pad(vehicle):
+        return False  # it maps
+    return any(
+        _is_due(state, other) or _tells(state, other)
+        for number, other in state.vehicles.items()
+        if number != vehicle.vehicle
+    )
+
+
+def _is_due(state: State, other: VehicleState) -> bool:
+    away = other.phase is Phase.APART and bool(other.lanes)
+    return away and state.t_s < other.due_s + LATE_S
+
+
+def _tells(state: State, other: VehicleState) -> bool:
+    if state.t_s >= other.back_s + TELLS_S or other.phase is Phase.APART:
+        return False
+    return state.t_s < max(other.back_s, state.shared_s) + SILENT_S
