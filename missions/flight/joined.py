@@ -132,12 +132,15 @@ def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:
 
 
 def concluded(setting: Setting, state: State) -> State:
-    """The state of who flies nothing, with what the map says of how far the mission has come.
+    """The state at the end, with what the map says of how far the mission has come.
 
-    Lanes are what is left of them, whoever held them.
+    Of who flies nothing, and of a member whose own vehicle came home before all was done: others
+    may have done the rest. Lanes are what is left of them, whoever held them.
     """
     if state.our_numbers:
-        return state
+        early = state.over and setting.sees_box and not state.exploration_finished
+        if not early or open_cells(setting, state):
+            return state
     left = () if state.tree is not None else still_open(setting, state, setting.lanes)
     vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=vehicles, unreachable_lanes=left)

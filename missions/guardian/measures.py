@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -13,7 +12,8 @@ from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
 from missions.guardian.thresholds import (
-    BEHIND_M_S,
+    BEHIND_S,
+    BEHIND_STEP_S,
     FALL_M_S,
     HEIGHT_LOST_M,
     HEIGHT_LOST_SHARE,
@@ -69,20 +69,27 @@ def planned(task: Task, seen: Seen) -> GridPoint | None:
 
 
 def is_behind(guard: Guard, seen: Seen) -> bool:
-    """Whether a vehicle flies where its path leads, inside of the fence, and later than planned.
+    """Whether a vehicle is where its path had it a while ago, and inside of the fence.
 
-    So it is in a wind against which it cannot fly as fast as was planned.
+    So it is late: in a wind against which it cannot fly as fast as was planned, or because for some
+    seconds nobody told it to go on.
     """
-    if guard.task.course is None or guard.outside_m > 0.0:
+    course = guard.task.course
+    if course is None or guard.outside_m > 0.0:
         return False
-    due = guard.task.course.at(seen.t_s)
-    speed_m_s = math.hypot(due.v_east_m_s, due.v_north_m_s)
-    if speed_m_s < BEHIND_M_S:
-        return False
-    east_m, north_m = seen.position.east_m - due.east_m, seen.position.north_m - due.north_m
-    along_m = (east_m * due.v_east_m_s + north_m * due.v_north_m_s) / speed_m_s
-    aside_m = abs(north_m * due.v_east_m_s - east_m * due.v_north_m_s) / speed_m_s
-    return along_m < 0.0 and aside_m <= OFF_PLAN_M / 2.0
+    now_m = seen.position.distance_to(course.at(seen.t_s).place)
+    allowed_m = off_plan_m(seen)
+    steps = round(BEHIND_S / BEHIND_STEP_S)
+    before_m = (
+        seen.position.distance_to(course.at(seen.t_s - k * BEHIND_STEP_S).place)
+        for k in range(1, steps + 1)
+    )
+    return any(gap_m <= min(allowed_m, now_m / 2.0) for gap_m in before_m)
+
+
+def off_plan_m(seen: Seen) -> float:
+    """So far a vehicle may be from where its plan has it."""
+    return OFF_PLAN_M + OFF_PLAN_WIND_S * (seen.wind_m_s or 0.0)
 
 
 def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
@@ -126,7 +133,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
     allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
     if place is not None:
-        allowed_m = OFF_PLAN_M + OFF_PLAN_WIND_S * (seen.wind_m_s or 0.0)
+        allowed_m = off_plan_m(seen)
     off = guard.action is None and off_path_m(seen.position, path) > allowed_m
     sunk = seen.height_m < task.height_m - max(HEIGHT_LOST_M, HEIGHT_LOST_SHARE * task.height_m)
     return replace(

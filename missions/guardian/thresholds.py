@@ -20,8 +20,9 @@ OFF_PLAN_M: Final = 6.0
 OFF_PLAN_WIND_S: Final = 1.0
 """So long a gust carries a vehicle before it is made up for."""
 OFF_PLAN_S: Final = 2.0
-BEHIND_M_S: Final = 1.0
-"""A path that is slower has hardly a direction in which to be behind."""
+BEHIND_S: Final = 10.0
+"""Who is where its path had it so long ago at most is late, and flies where it should."""
+BEHIND_STEP_S: Final = 0.25
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
 """A vehicle that moves away from its goal this fast for so long is carried away."""

@@ -21,7 +21,8 @@ from missions.flight.return_home import turn_back
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.ground.fence import Fence
 from missions.ground.grid import Grid
-from missions.guardian import Guard, Limits, Seen, Task, watch
+from missions.guardian import OFF_PLAN_M, Guard, Limits, Seen, Task, watch
+from missions.guardian.measures import is_behind
 from missions.motion.course import Course
 from missions.motion.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath, FlyTo, Hold
@@ -247,6 +248,22 @@ def test_behind_is_on_the_path_and_late(east_m: float, north_m: float, behind: b
         verdicts.append(verdict)
     told = [verdict for verdict in verdicts if verdict is not None]
     assert [(verdict.rung, verdict.behind) for verdict in told] == [("report", behind)]
+
+
+@pytest.mark.parametrize(("late_s", "aside_m", "behind"), [(4.0, 4.5, True), (4.0, 9.0, False)])
+def test_who_swung_out_of_a_corner_late_is_behind(
+    late_s: float, aside_m: float, behind: bool
+) -> None:
+    corner = [GridPoint(0, 0), GridPoint(60, 0), GridPoint(60, 60)]
+    path = rounded_path(corner, 0.0, speed_m_s=6.0, cut_m=1.0)
+    turn_s = next(t / 4 for t in range(200) if path.place_at(t / 4).north_m > 6.0)
+    due = path.place_at(turn_s)
+    at = GridPoint(due.east_m + aside_m, due.north_m)
+    t_s = turn_s + late_s
+    task = Task("path", 0.0, height_m=12.0, name="FlyPath", course=Course((path,)))
+    seen = Seen(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
+    assert at.distance_to(path.place_at(t_s)) > OFF_PLAN_M
+    assert is_behind(Guard().told(task), seen) is behind
 
 
 # --- the search --------------------------------------------------------------------------------

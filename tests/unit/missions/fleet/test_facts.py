@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+from dataclasses import replace
 from functools import lru_cache
 
 import pytest
@@ -13,11 +14,12 @@ from hypothesis import strategies as st
 from missions.events import Event, Fact, FrameSeen, Shared, Vote
 from missions.fleet.knowledge import Knowledge
 from missions.fleet.own_cells import OwnCells
-from missions.flight.joined import joined
+from missions.flight.joined import concluded, joined
 from missions.mapping.belief import Belief, FrameId
 from missions.mission_file.checks import parse_mission
-from missions.state import Setting, State
+from missions.state import Phase, Setting, State
 from missions.units import Cell
+from tests.fleet_rig import field_text
 from tests.small_missions import mission_text
 
 CHECKED = settings(max_examples=150, deadline=None)
@@ -170,3 +172,24 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
         assert members[1].facts[origin] == members[2].facts[origin] == log
         assert members[3].facts[origin] == log
     assert not members[1].lacking(members[2].have)
+
+
+# --- the end -----------------------------------------------------------------------------------
+@pytest.mark.parametrize("missing", [0, 1])
+def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) -> None:
+    setting = Setting.of(parse_mission(field_text(high=True), "test"), 1)
+    state = replace(State.initial(setting), t_s=300.0)
+    for number, phase in ((1, Phase.FAILED), (2, Phase.FINISHED), (3, Phase.FINISHED)):
+        came = replace(state.vehicles[number], phase=phase, landed=True, order=None)
+        state = state.with_vehicle(came)
+    region = {Cell(4, 6), Cell(5, 6)}
+    wide = {Cell(c.east + i, c.north + j) for c in region for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    cells = sorted({*setting.box_cells, *wide})
+    told = Fact(250.0, tuple((c, c in region) for c in cells[missing:]))
+    state = joined(setting, state, [Shared(2, 251.0, 0, (told,))])
+    assert not state.completed  # its own service gave nothing up, and ended nothing
+    ended = concluded(setting, state)
+    assert ended.completed is (missing == 0)
+    assert not ended.undecided
+    flying = state.with_vehicle(replace(state.vehicles[1], phase=Phase.AIRBORNE, landed=False))
+    assert concluded(setting, flying) is flying
