@@ -78,7 +78,7 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return hold(state, vehicle)
     if setting.member is not None and strays_from_layer(vehicle):
-        return back_to_layer(state, vehicle)
+        return back_to_layer(setting, state, vehicle)
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
     given_way = give_way(setting, state, vehicle)

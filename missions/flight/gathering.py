@@ -36,8 +36,8 @@ def gathers(setting: Setting, state: State, vehicle: VehicleState) -> bool:
 
 
 def _is_due(state: State, other: VehicleState) -> bool:
-    away = other.phase is Phase.APART and bool(other.lanes)
-    return away and state.t_s < other.due_s + LATE_S
+    # (what it has seen may be known from a third, long before it is over its pad, and heard itself)
+    return other.phase is Phase.APART and state.t_s < other.due_s + LATE_S
 
 
 def _tells(state: State, other: VehicleState) -> bool:

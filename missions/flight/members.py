@@ -75,7 +75,9 @@ def apart(setting: Setting, state: State, event: Apart) -> State:
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
     until_s = round(held_until_s(setting, state, vehicle, event.t_s), 1)
-    due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1) if vehicle.lanes else event.t_s
+    due_s = float("-inf")
+    if vehicle.lanes:
+        due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1)
     gone = replace(
         vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s, due_s=due_s
     )

@@ -152,10 +152,28 @@ def strays_from_layer(vehicle: VehicleState) -> bool:
     return off_m > OFF_LAYER_M and not is_over_pad(vehicle)
 
 
-def back_to_layer(state: State, vehicle: VehicleState) -> State:
-    """Have a vehicle climb or descend where it is, before it goes anywhere."""
-    order = FlyTo((vehicle.position,), None, stop=True, height_m=vehicle.cruise_height_m)
-    return state.with_vehicle(replace(vehicle, order=order, at_target=False))
+def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Have a vehicle climb or descend where it is, before it goes anywhere.
+
+    It has been stopped on its way between two layers. While the air of that way is still its own it
+    goes on. Else it asks for the way to the nearer of its two layers; it goes without an answer
+    where nobody can be asked, as it is in somebody's layer already.
+    """
+    layer_m = vehicle.cruise_altitude_m
+    if not _has_air(state, vehicle, layer_m):
+        own_m = (layer_m, *_own_layers_m(setting, vehicle))
+        layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
+        vehicle, granted = _air_asked_for(state, vehicle, layer_m)
+        if granted is None:
+            return hold(state, vehicle)
+    moved = replace(vehicle, cruise_altitude_m=layer_m)
+    order = FlyTo((vehicle.position,), None, stop=True, height_m=moved.cruise_height_m)
+    return state.with_vehicle(replace(moved, order=order, at_target=False))
+
+
+def _own_layers_m(setting: Setting, vehicle: VehicleState) -> list[float]:
+    mission, index = setting.mission, vehicle.vehicle - 1
+    return [own for own in (mission.altitude_m(index), mission.search_altitude_m(index)) if own]
 
 
 def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -165,25 +183,53 @@ def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) 
     contact cannot be asked: then it goes where the air is nobody else's anyway, over its pad.
     """
     layer_m = layer_of(setting, vehicle)
-    low_m, high_m = sorted((vehicle.level_m, layer_m))
-    change_s = (high_m - low_m) / CLIMB_SPEED_M_S
+    vehicle, granted = _air_asked_for(state, vehicle, layer_m)
+    if granted is None:
+        return hold(state, vehicle)
+    if not granted or vehicle.asks is None:
+        return over_own_pad(setting, state, replace(vehicle, asks=None))
+    moved = replace(vehicle, cruise_altitude_m=layer_m)
+    order: Order = FlyTo((vehicle.asks.place,), None, stop=True, height_m=moved.cruise_height_m)
+    return state.with_vehicle(replace(moved, order=order, at_target=False))
+
+
+def _has_air(state: State, vehicle: VehicleState, layer_m: float) -> bool:
+    """Whether all have promised the air from here to a layer, for long enough."""
+    asks, change_s = vehicle.asks, abs(vehicle.level_m - layer_m) / CLIMB_SPEED_M_S
+    if asks is None or asks.place.distance_to(vehicle.position) > OVER_PAD_M:
+        return False
+    holds = asks.low_m - OFF_LAYER_M <= layer_m <= asks.high_m + OFF_LAYER_M
+    return holds and vehicle.leased_until_s >= state.t_s + SLOW_TIMES * change_s
+
+
+def _air_asked_for(
+    state: State, vehicle: VehicleState, layer_m: float
+) -> tuple[VehicleState, bool | None]:
+    """A vehicle that asks for the air from here to a layer; whether it has it, None while it waits.
+
+    It has not where somebody cannot be asked, or does not answer in time.
+    """
+    if _has_air(state, vehicle, layer_m):
+        return vehicle, True
     asks = vehicle.asks
-    if asks is not None and asks.place.distance_to(vehicle.position) > OVER_PAD_M:
-        asks = None  # blown away, or interrupted: that air is another
-    if asks is not None and vehicle.leased_until_s >= state.t_s + SLOW_TIMES * change_s:
-        moved = replace(vehicle, cruise_altitude_m=layer_m)
-        order: Order = FlyTo((asks.place,), None, stop=True, height_m=moved.cruise_height_m)
-        return state.with_vehicle(replace(moved, order=order, at_target=False))
+    if asks is not None and (
+        asks.place.distance_to(vehicle.position) > OVER_PAD_M
+        or vehicle.leased_until_s > -math.inf
+        or state.t_s >= asks.until_s
+    ):
+        asks = None  # blown away, or interrupted: that air is another, or was its own too briefly
     others = [v for v in state.vehicles.values() if not state.is_ours(v.vehicle)]
     nobody_to_ask = any(v.phase in (Phase.APART, Phase.OFFLINE, Phase.YIELDED) for v in others)
     waited_s = 0.0 if asks is None else state.t_s - asks.asked_s
     if nobody_to_ask or waited_s > ASK_S:
-        return over_own_pad(setting, state, replace(vehicle, asks=None))
+        return vehicle, False
     if asks is None:
+        low_m, high_m = sorted((vehicle.level_m, layer_m))
+        change_s = (high_m - low_m) / CLIMB_SPEED_M_S
         until_s = round(state.t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
         asks = Column(vehicle.position, low_m, high_m, state.t_s, until_s)
         vehicle = replace(vehicle, leased_until_s=-math.inf)  # that was for other air
-    return hold(state, replace(vehicle, asks=asks))
+    return replace(vehicle, asks=asks), None
 
 
 # --- what is plain -----------------------------------------------------------------------------

@@ -5,7 +5,8 @@
     python -m tests.benchmarks.fleet_growth --picture FILE        the same as a picture
 
 The vehicles stand in a row on the pier, 15 m apart, by turns of the lower and of the higher layer.
-With `--comms` each has a service and a layer of its own. A line of JSON is printed for each team;
+With `--comms` each has a service and a layer of its own; more than five have no room for that below
+the 40 m of `bay`, and map from higher. A line of JSON is printed for each team;
 `--picture` draws such lines, read from standard input.
 """
 
@@ -31,6 +32,8 @@ from uavmap.mission_source import MissionSource, load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
 GAP_M = 15.0
+HIGHEST_M, LOWEST_M, LAYERS_M = 40.0, 28.0, 3.0
+"""Where five of a fleet map from, each in its own layer."""
 TEAMS = (1, 2, 5, 10, 20)
 FIGURES = (
     "makespan_s", "completed", "cells_missed", "false_positives", "fence_breaches",
@@ -38,8 +41,12 @@ FIGURES = (
 )  # fmt: skip
 
 
-def text_for(vehicles: int) -> str:
-    """The text of `bay` for a team of this size."""
+def text_for(vehicles: int, *, apart: bool = False) -> str:
+    """The text of `bay` for a team of this size.
+
+    `apart` is for a service on each: each has a layer of its own, and more than five of those map
+    from higher than `bay` says, so that the lowest still sees 3 x 3 of its cells at once.
+    """
     source = load_source("bay")
     mission = source.parse()
     grid = Grid.at(mission.home, mission.grid.cell_m)
@@ -52,12 +59,17 @@ def text_for(vehicles: int) -> str:
         sections.append(f"[[vehicles]]\n{home}\nlayer = {k % 2}\n")
     before, _, rest = source.text.partition("[[vehicles]]")
     after = rest[re.search(r"(?m)^\[sim\]", rest).start() :]  # type: ignore[union-attr]
-    return before + "\n".join(sections) + "\n" + after
+    text = before + "\n".join(sections) + "\n" + after
+    if not apart:
+        return text
+    # (the file gives the lower of its two layers)
+    raised_m = max(HIGHEST_M, LOWEST_M + LAYERS_M * (vehicles - 1)) - LAYERS_M
+    return re.sub(r"(?m)^altitude_m = 37\.0.*$", f"altitude_m = {raised_m:.1f}", text, count=1)
 
 
 def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
     """What a flight came to."""
-    source = MissionSource("bay", text_for(vehicles))
+    source = MissionSource("bay", text_for(vehicles, apart=comms is not None))
     plan = FlightPlan(
         source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S, comms=comms
     )

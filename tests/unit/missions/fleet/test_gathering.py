@@ -42,6 +42,14 @@ def test_who_is_due_is_waited_for_and_not_for_ever() -> None:
     assert not bides(over_pad(flying(2)), 101.0)
 
 
+def test_who_is_due_is_waited_for_where_a_third_has_told_what_it_saw() -> None:
+    state = away(over_pad(flying(2)))
+    gone = replace(state.vehicles[3], lanes=())  # its cells are shown by now
+    state = state.with_vehicle(gone)
+    assert bides(state, gone.due_s + LATE_S - 0.1)
+    assert not bides(state, gone.due_s + LATE_S)
+
+
 def test_who_maps_already_waits_for_nobody() -> None:
     assert not bides(away(flying(2)), 101.0)
 

@@ -6,15 +6,15 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
-from missions.events import Arrived, FrameSeen, Heard, Vote
+from missions.events import Apart, Arrived, FrameSeen, Heard, Leased, Vote
 from missions.flight.lane_passes import drop_seen
 from missions.flight.members import heard
 from missions.flight.transitions import apply
-from missions.flight.two_heights import change_layer
+from missions.flight.two_heights import ASK_S, back_to_layer, change_layer, strays_from_layer
 from missions.mission_file.checks import parse_mission
 from missions.motion.trajectory import rounded_path
-from missions.orders import FlyPath, Hold
-from missions.state import Phase, Setting, State
+from missions.orders import FlyPath, FlyTo, Hold
+from missions.state import Column, Phase, Setting, State, VehicleState
 from missions.units import GridPoint
 from tests.fleet_rig import field_text
 
@@ -94,3 +94,55 @@ def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
     assert ours.leased_until_s == -math.inf
     again = change_layer(setting(), after, ours)
     assert again is None or isinstance(again.vehicles[OURS].order, Hold)
+
+
+# --- between two layers ------------------------------------------------------------------------
+def stopped_between(*, leased_s: float, apart: bool = False) -> State:
+    """Ours has come down to 2 m above the layer from which it maps, and was stopped there."""
+    state = replace(in_the_air(on_lane=False), t_s=100.0)
+    for vehicle in (1, 3):
+        state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
+    if apart:
+        state = apply(setting(), state, Apart(3, 100.0))
+    mine, low_m = state.vehicles[OURS], setting().mission.altitude_m(OURS - 1)
+    high_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
+    asks = Column(mine.position, low_m, high_m, 80.0, 80.0 + leased_s)
+    mine = replace(
+        mine, lanes=(), order=None, asks=asks, leased_until_s=asks.until_s, height_m=low_m + 2.0,
+        cruise_altitude_m=high_m,
+    )  # fmt: skip
+    return state.with_vehicle(mine)
+
+
+def sent_back(state: State) -> VehicleState:
+    assert strays_from_layer(state.vehicles[OURS])
+    return back_to_layer(setting(), state, state.vehicles[OURS]).vehicles[OURS]
+
+
+def test_who_is_stopped_between_its_layers_goes_on_while_the_air_is_its_own() -> None:
+    ours = sent_back(stopped_between(leased_s=120.0))
+    assert isinstance(ours.order, FlyTo)
+    assert ours.order.height_m == setting().mission.search_altitude_m(OURS - 1)
+
+
+def test_who_is_stopped_for_longer_asks_anew_for_the_shorter_way() -> None:
+    state, low_m = stopped_between(leased_s=10.0), setting().mission.altitude_m(OURS - 1)
+    ours = sent_back(state)
+    assert isinstance(ours.order, Hold)
+    assert ours.asks is not None
+    assert (ours.asks.low_m, ours.asks.high_m) == (low_m, low_m + 2.0)
+    assert ours.asks.asked_s == 100.0
+    waits = replace(state.with_vehicle(ours), t_s=101.0)
+    assert sent_back(waits).asks == ours.asks
+    promised = apply(setting(), waits, Leased(OURS, 101.0, ours.asks.place, ours.asks.until_s))
+    down = sent_back(promised)
+    assert isinstance(down.order, FlyTo)
+    assert down.order.height_m == low_m
+    unanswered = sent_back(replace(waits, t_s=100.0 + ASK_S + 0.1))
+    assert isinstance(unanswered.order, FlyTo)
+
+
+def test_who_cannot_ask_everybody_leaves_the_layer_of_others_at_once() -> None:
+    ours = sent_back(stopped_between(leased_s=10.0, apart=True))
+    assert isinstance(ours.order, FlyTo)
+    assert ours.order.height_m == setting().mission.altitude_m(OURS - 1)
