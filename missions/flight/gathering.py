@@ -14,8 +14,8 @@ from typing import Final
 from missions.flight.two_heights import in_layer, is_over_pad
 from missions.state import Phase, Setting, State, VehicleState
 
-LATE_S: Final = 20.0
-"""So long after it is due somebody is waited for."""
+LATE_S: Final = 45.0
+"""So long after it is due somebody is waited for: turns and wind are in no estimate."""
 SILENT_S: Final = 5.0
 """Who is heard again has told what it knows when nothing new has come for so long..."""
 TELLS_S: Final = 30.0

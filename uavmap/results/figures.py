@@ -9,7 +9,7 @@ from typing import Any, Final
 from missions.arena.certificate import promised_moves
 from missions.arena.lower_bounds import one_way_lower_bound
 from missions.arena.passing_bound import passing_bound_s
-from missions.events import Event
+from missions.events import Event, FrameSeen
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.joined import Facts, concluded
 from missions.flight.optics import kinematics
@@ -20,6 +20,7 @@ from missions.step import step
 from missions.units import GridPoint
 from uavmap.results.counting import Counter
 from uavmap.results.patch_certificates import certificates
+from uavmap.results.patch_drift import Shares
 from vision.look import SEEN_SHARE
 
 
@@ -48,6 +49,8 @@ class Figures:
     """Of vehicles whose satellites were lost or wrong: how well they knew where they were."""
     lift_off_s: float = 0.0
     """The mission time of the first lift-off that the journal knows."""
+    shares: Shares = field(default_factory=Shares, compare=False, repr=False)
+    """What the frames of the journal say of each cell, by which patches are seen to drift."""
 
     @property
     def ratio(self) -> float | None:
@@ -66,16 +69,18 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """The final state and the figures of a journal."""
     state = State.initial(setting)
     counter = Counter(state.vehicles)
-    facts = None if setting.member is None else Facts(setting)
+    shares, facts = Shares(), None if setting.member is None else Facts(setting)
     for event in events:
         counter.before(event, state)
         state, _ = step(setting, state, event)
         counter.after(event)
+        if isinstance(event, FrameSeen):
+            shares.take(event)
         if facts is not None:
             facts.take(event)
     if facts is not None:
         state = concluded(setting, facts.joined(state))
-    return state, figures_of(setting, state, counter)
+    return state, replace(figures_of(setting, state, counter), shares=shares)
 
 
 def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
@@ -244,6 +249,9 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
     """The part of summary.json that needs no truth."""
     mission, tree = setting.mission, state.tree
     of_patches, in_all = certificates(setting, state, found.lift_off_s)
+    drifts = found.shares.drifts_of(patches(state.belief.roi), setting.grid)
+    for one, drift in zip(of_patches, drifts, strict=True):
+        one["drift"] = None if drift is None else drift.told(setting.grid)
     told = {
         "mission": mission.name,
         "strategy": mission.strategy,

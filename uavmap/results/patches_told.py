@@ -47,6 +47,33 @@ def time_in_words(one: Mapping[str, Any]) -> str:
     return f"{one['took_s']:,.1f} s, at least {one['lower_bound_s']:,.1f} s{ratio}"
 
 
+def drift_in_words(one: Mapping[str, Any]) -> str:
+    """How a patch was seen to drift, and what follows where the mission says otherwise; empty where
+    it was not measured, or stands still as the mission says.
+
+    >>> measured = {"speed_m_s": 0.301, "toward_deg": 70.4, "error_m_s": 0.01, "off_m_s": 0.002}
+    >>> drift_in_words({"took_s": 400.0, "drift": {**measured, "differs": False}})
+    'drifts at 0.30 m/s toward 70 deg, give or take 0.01 m/s'
+    >>> drift_in_words({"took_s": 400.0, "drift": {**measured, "off_m_s": 0.05, "differs": True}})
+    ... # doctest: +NORMALIZE_WHITESPACE
+    'drifts at 0.30 m/s toward 70 deg, give or take 0.01 m/s, which is 0.05 m/s off what the
+    mission says: its outline may be off by 20 m; set drift.speed_m_s = 0.30 and drift.toward_deg =
+    70, and fly again'
+    """
+    drift = one.get("drift")
+    if drift is None or not (drift["differs"] or drift["speed_m_s"] > 3.0 * drift["error_m_s"]):
+        return ""
+    speed, toward = f"{drift['speed_m_s']:.2f}", f"{drift['toward_deg']:.0f}"
+    told = f"drifts at {speed} m/s toward {toward} deg, give or take {drift['error_m_s']:.2f} m/s"
+    if not drift["differs"]:
+        return told
+    return (
+        f"{told}, which is {drift['off_m_s']:.2f} m/s off what the mission says: its outline may "
+        f"be off by {drift['off_m_s'] * one['took_s']:.0f} m; set drift.speed_m_s = {speed} and "
+        f"drift.toward_deg = {toward}, and fly again"
+    )
+
+
 def box_in_words(box: Mapping[str, Any]) -> str:
     """How much of the search box is decided.
 
@@ -62,11 +89,12 @@ def box_in_words(box: Mapping[str, Any]) -> str:
 def lines(found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any]) -> Iterator[str]:
     """A line a patch, one for all where there are several, and one for the box."""
     for number, one in enumerate(found[:MOST_PATCHES], start=1):
-        root = one["root"]
+        root, drift = one["root"], drift_in_words(one)
         yield (
             f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}; decided from "
             f"{one['found_s']:,.1f} s on, at {root['lat_deg']:.6f}, {root['lon_deg']:.6f} first, "
             f"to {one['decided_s']:,.1f} s ({time_in_words(one)})"
+            f"{f'; it {drift}' if drift else ''}"
         )
     if len(found) > MOST_PATCHES:
         yield f"... and {len(found) - MOST_PATCHES} more patches"

@@ -20,6 +20,7 @@ class PatchRow(NamedTuple):
     took_s: str
     least_s: str
     ratio: str
+    drift: str
     state: str
 
 
@@ -57,5 +58,15 @@ def _row(name: str, one: Mapping[str, Any]) -> PatchRow:
         f"{one['took_s']:,.1f}",
         f"{one['lower_bound_s']:,.1f}",
         "" if one["ratio"] is None else f"{one['ratio']:.2f}",
+        _drift(one.get("drift")),
         state_in_words(one),
     )
+
+
+def _drift(drift: Mapping[str, Any] | None) -> str:
+    """As it was measured, marked where the mission says otherwise."""
+    if drift is None:
+        return ""
+    told = f"{drift['speed_m_s']:.2f} toward {drift['toward_deg']:.0f}°"
+    told += f" ± {drift['error_m_s']:.2f}"
+    return f"{told}, not as the mission says" if drift["differs"] else told
