@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from missions.events import Apart, Fact, Shared
-from missions.flight.gathering import LATE_S, SILENT_S, TELLS_S, gathers
+from missions.flight.gathering import LATE_S, SILENT_S, TELLS_S, TOLD_S, gathers
 from missions.flight.passes import explore_passes
 from missions.flight.transitions import apply
 from missions.orders import FlyPath
-from missions.state import State
-from missions.units import Cell
+from missions.state import Allotment, ReturnReason, State
+from missions.units import Cell, GridPoint
 from tests.unit.missions.fleet.test_parts import flying, heard, setting
 
 
@@ -58,6 +58,7 @@ def test_who_is_heard_again_is_let_tell_what_it_knows() -> None:
     state = apply(setting(2), replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
     back_s = state.vehicles[3].back_s
     assert back_s == 100.0  # as the message said
+    state = replace(state, allotment=Allotment(1, back_s, {1: (), 2: ()}))
     assert bides(state, back_s + SILENT_S - 0.1)
     assert not bides(state, back_s + SILENT_S)
     told = apply(
@@ -69,6 +70,24 @@ def test_who_is_heard_again_is_let_tell_what_it_knows() -> None:
     )
     assert bides(late, back_s + TELLS_S - 0.1)
     assert not bides(late, back_s + TELLS_S)
+
+
+def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
+    state = apply(setting(2), replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
+    back_s = state.vehicles[3].back_s
+    led = replace(state, allotment=None)
+    assert bides(led, back_s + SILENT_S + 1.0)  # the first is to say it
+    assert not bides(led, back_s + TELLS_S + TOLD_S)
+    places = (GridPoint(0.0, 20.0),)
+    for made_s, parts, waits in (
+        (back_s - 1.0, {1: places, 2: places}, True),
+        (back_s + 6.0, {1: places}, True),
+        (back_s + 6.0, {1: places, 2: places}, False),
+    ):
+        said = replace(led, allotment=Allotment(1, made_s, parts))
+        assert bides(said, back_s + SILENT_S + 2.0) is waits
+    home = replace(state.vehicles[1], return_reason=ReturnReason.BATTERY)
+    assert not bides(led.with_vehicle(home), back_s + SILENT_S + 1.0)
 
 
 @pytest.mark.parametrize("alone", [False, True])
