@@ -38,9 +38,11 @@ def flyer_of(
 
     grid = setting.grid
     path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
-    mine = path is not None and planned is path
     # at the end of a path it is where that ends, until it is seen to have arrived
     place = vehicle.position if path is None else path.place_at(begin_s)
+    mine = path is not None and _is_planned(path, planned, begin_s)
+    if mine:  # the fence may allow less of it than was planned
+        path = planned
     if path is not None and not mine:  # of the search: planned in the fixed frame
         path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
     flown = kinematics(setting, vehicle)
@@ -67,9 +69,18 @@ def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: floa
     The path of a search may end minutes later than the plan that replaces it.
     """
     path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
-    mine = path is not None and planned is path
-    end_s = max(begin_s, path.end_s) if path is not None and mine else begin_s
+    mine = path is not None and planned is not None and _is_planned(path, planned, begin_s)
+    end_s = max(begin_s, planned.end_s) if planned is not None and mine else begin_s
     return min(end_s, begin_s + LONGEST_S)
+
+
+def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> bool:
+    """Whether what is flown is what was planned, from a time on, or at that time still the same:
+    one that the fence does not allow as a whole ends sooner."""
+    if planned is path:
+        return True
+    same = planned is not None and path.begin_s == planned.begin_s
+    return same and planned is not None and path.at(t_s) == planned.at(t_s)
 
 
 def _blind_s(setting: Setting, vehicle: VehicleState) -> float:

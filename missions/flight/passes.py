@@ -23,7 +23,14 @@ from missions.flight.fetching import fetch
 from missions.flight.flyers import flyer_of, over_home_s, over_pad
 from missions.flight.gathering import gathers
 from missions.flight.parts import own_part, share_parts, want_told
-from missions.flight.path_orders import NOTICE_S, allowed, give_path, is_outside, through
+from missions.flight.path_orders import (
+    NOTICE_S,
+    allowed,
+    as_far_as_allowed,
+    give_path,
+    is_outside,
+    through,
+)
 from missions.flight.sightings import grown
 from missions.flight.touring import TourMemory, shared_out
 from missions.flight.two_heights import in_layer
@@ -297,7 +304,7 @@ def _fly(
             continue  # what others of a fleet fly they have told; theirs is planned for ours' sake
         flown = replace(path, drift_m_s=drift)
         before = vehicle.order
-        state = give_path(setting, state, vehicle, flown)
+        state = give_path(setting, state, vehicle, as_far_as_allowed(setting, flown))
         given = state.vehicles[number].order
         if given is not before and isinstance(given, FlyPath):
             routes[number], paths[number] = route, flown

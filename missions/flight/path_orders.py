@@ -23,7 +23,7 @@ from shapely.ops import nearest_points
 from missions.flight.deconfliction import give_if_clear, hold, is_clear, leads_into_untold
 from missions.ground.fence import Fence
 from missions.mission_file.views import path_speed_m_s
-from missions.motion.braking import braked
+from missions.motion.braking import braked, cut_short
 from missions.motion.trajectory import (
     LANE_CUTS_M,
     Trajectory,
@@ -45,6 +45,10 @@ INSIDE_S: Final = 4.0
 """... if it leads inside within this time, and on the way no farther out."""
 DEPTH_M: Final = 1.5
 """Who is farther outside flies so far inside first."""
+BEFORE_S: Final = (4.0, 6.0, 9.0, 13.0)
+"""So long before a path would lead where the fence does not allow it, it is braked."""
+WORTH_S: Final = 5.0
+"""A path that has to be braked sooner is not begun."""
 _STEP_S: Final = 0.25
 
 
@@ -61,6 +65,32 @@ def give_path(setting: Setting, state: State, vehicle: VehicleState, path: Traje
             vehicle = replace(vehicle, judged_s=path.begin_s)
         return state.with_vehicle(replace(vehicle, order=order))
     return state if isinstance(vehicle.order, FlyPath) else hold(state, vehicle)
+
+
+def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory:
+    """A path of a plan, braked before it would lead where the fence does not allow it.
+
+    Plans are made anew every other second, so what matters is where a path leads next. Its last
+    part is the way home as the planner sees it, past whatever stands around the pads: that is no
+    reason not to fly the first part. A path that is not worth to be begun comes back as it is.
+    """
+    fence = setting.fence
+    if allowed(fence, path):
+        return path
+    places = _places(path)
+    inside = _inside(fence, places)
+    first = int(inside.argmax())
+    if not inside[first] or inside[first:].all():
+        return path
+    step_s = (path.end_s - path.begin_s) / (len(places) - 1)
+    leaves_s = path.begin_s + step_s * (first + int((~inside[first:]).argmax()))
+    for before_s in BEFORE_S:
+        if leaves_s - before_s < path.begin_s + WORTH_S:
+            break
+        short = cut_short(path, leaves_s - before_s, setting.energy.accel_m_s2)
+        if allowed(fence, short):
+            return short
+    return path
 
 
 def through(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from missions.motion.trajectory import Piece, Trajectory
@@ -56,3 +57,26 @@ def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
         east_m, north_m = at.east_m - drift_east * t_s, at.north_m - drift_north * t_s
         pieces.append(Piece(now_s, 0.0, east_m, north_m, 0.0, 0.0, 0.0, 0.0))
     return Trajectory(pieces[0].begin_s, now_s, tuple(pieces), path.drift_m_s)
+
+
+def cut_short(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
+    """A path from its beginning to where `braked` comes to rest that begins to brake at `t_s`.
+
+    `t_s` lies after the beginning.
+
+    >>> from missions.motion.trajectory import rounded_path
+    >>> from missions.units import GridPoint
+    >>> path = rounded_path([GridPoint(0, 0), GridPoint(90, 0)], 0.0, speed_m_s=6.0)
+    >>> short = cut_short(path, 6.0, brake_m_s2=2.0)
+    >>> short.begin_s, round(short.end_s, 3), round(short.at(short.end_s).east_m, 3)
+    (0.0, 9.0, 36.0)
+    >>> short.at(5.0) == path.at(5.0)
+    True
+    """
+    stop = braked(path, t_s, brake_m_s2)
+    before = [
+        replace(piece, duration_s=min(piece.duration_s, t_s - piece.begin_s))
+        for piece in path.pieces
+        if piece.begin_s < t_s
+    ]
+    return Trajectory(path.begin_s, stop.end_s, (*before, *stop.pieces), path.drift_m_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from shapely.geometry import Point
 
 from missions.events import (
     Arrived,
@@ -15,8 +16,17 @@ from missions.events import (
     Tracked,
     Vote,
 )
+from missions.flight.flyers import flyer_of
 from missions.flight.lane_progress import lane_passed
-from missions.flight.path_orders import NOTICE_S, allowed, come_inside, is_outside
+from missions.flight.path_orders import (
+    BEFORE_S,
+    NOTICE_S,
+    WORTH_S,
+    allowed,
+    as_far_as_allowed,
+    come_inside,
+    is_outside,
+)
 from missions.flight.return_home import turn_back
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.ground.fence import Fence
@@ -27,6 +37,7 @@ from missions.motion.course import Course
 from missions.motion.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath, FlyTo, Hold
 from missions.state import Phase, ReturnReason, VehicleState
+from missions.swath.paths import Route
 from missions.units import Cell, GridPoint
 from tests.small_missions import START, mission, square
 from tests.unit.missions.test_step import Service
@@ -320,3 +331,40 @@ def test_a_path_that_arrives_leaves_nothing_to_wait_for() -> None:
     for t_s in (61.0, 62.0, 63.0):
         made.post(Tracked(1, t_s, GridPoint(0.0, 0.0), 12.0, 50.0))
     assert isinstance(made.order(), FlyPath)
+
+
+# --- as far as the fence allows ----------------------------------------------------------------
+def test_a_path_whose_end_the_fence_forbids_is_flown_as_far_as_it_may_be() -> None:
+    setting = flying().setting
+    inside, outside = GridPoint(0.0, 30.0), GridPoint(900.0, 30.0)
+    path = rounded_path([inside, outside], 20.0, speed_m_s=6.0)
+    assert not allowed(setting.fence, path)
+    short = as_far_as_allowed(setting, path)
+    assert allowed(setting.fence, short)
+    assert short.begin_s == path.begin_s
+    assert short.end_s > path.begin_s + WORTH_S
+    assert all(short.at(20.0 + t / 4) == path.at(20.0 + t / 4) for t in range(8))
+    at_rest = short.at(short.end_s)
+    assert (at_rest.v_east_m_s, at_rest.v_north_m_s) == (0.0, 0.0)
+    rim_m = setting.fence.inner.exterior.distance(Point(short.place_at(short.end_s)))
+    assert rim_m < 6.0 * max(BEFORE_S)  # and hardly sooner than it has to
+
+
+def test_a_path_that_has_to_end_at_once_is_refused_as_a_whole() -> None:
+    setting = flying().setting
+    near = setting.fence.inner.bounds[2] - 3.0
+    path = rounded_path([GridPoint(near, 30.0), GridPoint(900.0, 30.0)], 20.0, speed_m_s=6.0)
+    assert as_far_as_allowed(setting, path) is path
+
+
+def test_the_planner_goes_on_from_all_that_it_planned() -> None:
+    made = flying()
+    setting, vehicle = made.setting, made.state.vehicles[1]
+    path = rounded_path([GridPoint(0.0, 30.0), GridPoint(900.0, 30.0)], 20.0, speed_m_s=6.0)
+    short = as_far_as_allowed(setting, path)
+    vehicle = replace(vehicle, order=FlyPath(short, 12.0, None, 0.5))
+    route = Route(((900.0, 30.0, 1.0),), (900.0,))
+    flyer = flyer_of(setting, vehicle, path, route, 22.0)
+    assert (flyer.path, flyer.route) == (path, route)
+    braking = flyer_of(setting, vehicle, path, route, short.end_s - 0.5)
+    assert (braking.path, braking.route) == (short, None)
