@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry import LineString
 
+from missions.flight.flyers import gate_of, over_pad
 from missions.flight.optics import kinematics
 from missions.flight.strip import Strip
 from missions.flight.two_heights import at_map_height
@@ -112,14 +114,12 @@ def _fence(
     if setting.whole_fence is not None:
         x, y = _over_ground(setting, chart, home_s)
         column = shapely.contains_xy(inner, x, y)
-        column &= ~shapely.contains_xy(setting.fence.shrunk(cell_m / 2.0), x, y)
+        column &= ~shapely.contains_xy(setting.fence.inner, x, y)
         allowed[column] = 0
         ours = team.get(setting.member or 0)
-        if ours is not None:  # its own column is free, wherever the middle of a cell lies
-            end = setting.grid.to_moving(ours.pad, home_s)
-            cell = Cell(round(end.east_m / cell_m), round(end.north_m / cell_m))
-            if chart.holds(cell):
-                allowed[cell.north - chart.south, cell.east - chart.west] = 1
+        if ours is not None:  # the way to its own is free, wherever the middle of a cell lies
+            way = LineString([over_pad(setting, ours), gate_of(setting, ours)])
+            allowed[shapely.dwithin(shapely.points(x, y), way, cell_m)] = 1
     chart.allowed = allowed.ravel()
     chart.fenced = not bool(allowed.all())
     if not chart.fenced:

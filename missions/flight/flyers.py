@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from shapely.geometry import Point
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from missions.flight.optics import kinematics
+from missions.ground.fence import Fence
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.state import Setting, VehicleState
@@ -19,6 +23,12 @@ if TYPE_CHECKING:
     from missions.swath.paths import Route
     from missions.swath.team import Flyer
 
+GATE_STEP_M: Final = 4.0
+GATE_STEPS: Final = 15
+"""So far from its pad a gate is looked for."""
+WAY_M: Final = 120.0
+WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
+"""These ways from a gate lead past no column."""
 LONGEST_S: Final = 300.0
 """A path is not planned for later: a region that drifts would be out of the fence by then."""
 
@@ -52,7 +62,7 @@ def flyer_of(
             moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
         )
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
-    end = grid.to_moving(over_pad(setting, vehicle), over_home_s(vehicle, planned, begin_s))
+    end = grid.to_moving(gate_of(setting, vehicle), over_home_s(vehicle, planned, begin_s))
     return Flyer(
         flown,
         grid.to_moving(place, begin_s),
@@ -114,3 +124,56 @@ def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
         return vehicle.pad
     near = nearest_points(setting.fence.inner, Point(vehicle.pad))[0]
     return GridPoint(float(near.x), float(near.y))
+
+
+def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
+    """Where a path ends among pads of others: before its own, where no way to the box leads past
+    the columns over theirs. From there to the pad it is flown straight."""
+    pad = over_pad(setting, vehicle)
+    if setting.member is None or setting.whole_fence is None:
+        return pad
+    return _gate(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
+
+
+@lru_cache(maxsize=64)
+def _gate(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float) -> GridPoint:
+    # (a plan looks at whole cells)
+    columns = whole.inner.difference(fence.inner).buffer(cell_m * math.sqrt(0.5))
+    if columns.is_empty:
+        return pad
+    middle = whole.inner.centroid
+    ahead = math.atan2(middle.y - pad.north_m, middle.x - pad.east_m)
+    out = ahead
+    if (row := columns.minimum_rotated_rectangle) and row.length > 0.0:
+        # straight out of a row of pads, not along it
+        out = _across(row, ahead)
+    for step in range(GATE_STEPS + 1):
+        gate = _beyond(pad, out, step * GATE_STEP_M)
+        if not fence.allows(gate):
+            continue
+        ways = [LineString([gate, _beyond(gate, out + turn, WAY_M)]) for turn in WAYS_RAD]
+        if not any(way.intersects(columns) for way in ways):
+            return gate
+    return pad
+
+
+def _across(row: BaseGeometry, ahead: float) -> float:
+    """The direction across the longer side of a rectangle that is nearest to another."""
+    if not isinstance(row, Polygon):
+        return ahead
+    corners = [GridPoint(x, y) for x, y in row.exterior.coords[:3]]
+    sides = sorted(
+        ((a.distance_to(b), math.atan2(b.north_m - a.north_m, b.east_m - a.east_m))
+        for a, b in pairwise(corners)),
+        reverse=True,
+    )  # fmt: skip
+    if sides[0][0] < 1.5 * sides[1][0]:  # no row
+        return ahead
+    turns = (sides[0][1] + math.pi / 2.0, sides[0][1] - math.pi / 2.0)
+    return max(turns, key=lambda turn: math.cos(turn - ahead))
+
+
+def _beyond(place: GridPoint, turn_rad: float, way_m: float) -> GridPoint:
+    return GridPoint(
+        place.east_m + way_m * math.cos(turn_rad), place.north_m + way_m * math.sin(turn_rad)
+    )

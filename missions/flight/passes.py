@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 from missions.flight.charting import chart_of
 from missions.flight.fallback import fall_back, patience_s
 from missions.flight.fetching import fetch
-from missions.flight.flyers import flyer_of, over_home_s, over_pad
+from missions.flight.flyers import flyer_of, gate_of, over_home_s, over_pad
 from missions.flight.gathering import gathers
 from missions.flight.parts import own_part, share_parts, want_told
 from missions.flight.path_orders import (
@@ -33,7 +33,7 @@ from missions.flight.path_orders import (
 )
 from missions.flight.sightings import grown
 from missions.flight.touring import TourMemory, shared_out
-from missions.flight.two_heights import in_layer
+from missions.flight.two_heights import in_layer, is_over_pad
 from missions.flight.whole_box import open_cells
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
@@ -57,6 +57,9 @@ STEP_M: Final = 1.0
 MOST_PRESSING: Final = 3
 """So often work that a plan leaves undone is given more weight; then it is flown to straight."""
 PRESSING: Final = 4.0
+ALONE_TIMES: Final = 2.0
+"""So much more it costs a member of a fleet to leave what is its own part: while it flies home past
+it nobody else looks there, and then somebody comes from farther away."""
 NEAR_PAD_M: Final = 10.0
 """Who waits for others is near enough to its pad."""
 
@@ -143,9 +146,10 @@ def explore_passes(setting: Setting, state: State) -> State:
     if others_part is not None:  # they plan for themselves
         team = {n: team[n] for n in sorted(ours)}
         flyers = {n: flyers[n] for n in team}
-    plan = _plan(setting, known, flyers, memory, begin_s, tours)
+    times = 1.0 if others_part is None else ALONE_TIMES
+    plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None and want_told(setting, state, known):
-        plan = _plan(setting, known, flyers, memory, begin_s, tours)
+        plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
         if _work(setting, known) > 0:  # others see to it: nothing is in vain yet
@@ -178,6 +182,15 @@ def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
             path = through(setting, vehicle, list(route), corners, state.t_s + NOTICE_S)
             state = give_path(setting, state, vehicle, path)
     return state
+
+
+def _to_gate(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Have one whose way leads past the columns over other pads fly straight out of its own."""
+    gate = gate_of(setting, vehicle)
+    if vehicle.position.distance_to(gate) < STEP_M:
+        return state
+    path = through(setting, vehicle, [gate], [False], state.t_s + NOTICE_S)
+    return give_path(setting, state, vehicle, path)
 
 
 def _replan_s(setting: Setting) -> float:
@@ -264,12 +277,13 @@ def _plan(
     memory: PassMemory,
     begin_s: float,
     tours: Waypoints,
+    times: float,
 ) -> Plan:
     from missions.swath.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
     from missions.swath.team import Tuning  # noqa: PLC0415, as above
 
     votes = setting.mission.votes
-    penalty_s = Tuning().penalty_s * PRESSING**memory.pressing
+    penalty_s = Tuning().penalty_s * times * PRESSING**memory.pressing
     return plan_once(
         Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames, votes.positive,
         begin_s, memory.decisions, tours,
@@ -311,6 +325,8 @@ def _fly(
             longest_s = max(longest_s, flown.end_s - state.t_s)
         elif vehicle.idle and allowed(setting.fence, flown):
             blocked = True  # its air is claimed, which passes: nothing is in vain yet
+        elif vehicle.idle and setting.member is not None and is_over_pad(vehicle):
+            state = _to_gate(setting, state, vehicle)
     vain_s = 0.0 if blocked else memory.vain_s
     memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
     return state, memory, blocked
