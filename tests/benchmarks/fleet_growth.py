@@ -87,9 +87,11 @@ def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
 
 
 def picture(rows: list[dict[str, Any]]) -> str:
-    """Time over the size of the team, as SVG; both axes are logarithmic."""
-    width, height, left, right, top, low = 520, 330, 60.0, 490.0, 40.0, 280.0
+    """Time over the size of the team, and what each sends, as SVG; sizes are logarithmic."""
+    width, height, left, right, top, low = 520, 500, 60.0, 490.0, 40.0, 280.0
+    bytes_top, bytes_low, most_kb = 350.0, 440.0, 5.0
     parts = [words(width / 2, 22, "bay: from the first lift-off to the last landing, minutes")]
+    parts.append(words(width / 2, bytes_top - 14, "sent on the air, kB a vehicle and minute"))
 
     def x(vehicles: float) -> float:
         return left + (right - left) * math.log(vehicles / 1.0) / math.log(20.0)
@@ -97,25 +99,35 @@ def picture(rows: list[dict[str, Any]]) -> str:
     def y(minutes: float) -> float:
         return low - (low - top) * math.log(minutes / 4.0) / math.log(64.0 / 4.0)
 
+    def y_of_bytes(kb: float) -> float:
+        return bytes_low - (bytes_low - bytes_top) * kb / most_kb
+
+    def curve(points: list[tuple[float, float]], colour: str) -> None:
+        parts.append(line(points, colour))
+        for a, b in points:
+            parts.append(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}"/>')
+
     for minutes in (4, 8, 16, 32, 64):
         parts.append(line([(left, y(minutes)), (right, y(minutes))], PALE, 1.0))
         parts.append(words(left - 6, y(minutes) + 4, f"{minutes}", anchor="end"))
+    for kb in (0, 5):
+        parts.append(line([(left, y_of_bytes(kb)), (right, y_of_bytes(kb))], PALE, 1.0))
+        parts.append(words(left - 6, y_of_bytes(kb) + 4, f"{kb}", anchor="end"))
     for vehicles in TEAMS:
         parts.append(words(x(vehicles), low + 18, f"{vehicles}"))
-    parts.append(words((left + right) / 2, low + 40, "vehicles", colour=INK))
-    kinds = ((False, BLUE, "one service for all"), (True, RED, "a service on each"))
-    for fleet, colour, name in kinds:
-        mine = sorted(
-            (row["vehicles"], row["makespan_s"] / 60.0)
-            for row in rows
-            if (row["comms"] is not None) is fleet
-        )
-        points = [(x(vehicles), y(minutes)) for vehicles, minutes in mine]
-        parts.append(line(points, colour))
-        parts += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}"/>' for a, b in points]
+        parts.append(words(x(vehicles), bytes_low + 18, f"{vehicles}"))
+    parts.append(words((left + right) / 2, bytes_low + 40, "vehicles", colour=INK))
+    ordered = sorted(rows, key=lambda row: row["vehicles"])
+    kinds = ((False, BLUE, "one service for all", 22), (True, RED, "a service on each", -8))
+    for fleet, colour, name, below in kinds:
+        mine = [row for row in ordered if (row["comms"] is not None) is fleet]
+        points = [(x(row["vehicles"]), y(row["makespan_s"] / 60.0)) for row in mine]
+        curve(points, colour)
         if points:
             at_x, at_y = points[0]
-            parts.append(words(at_x + 10, at_y - 8, name, anchor="start", colour=colour))
+            parts.append(words(at_x + 10, at_y + below, name, anchor="start", colour=colour))
+    told = [row for row in ordered if "most_kb_min" in row]
+    curve([(x(row["vehicles"]), y_of_bytes(row["most_kb_min"])) for row in told], RED)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
         'font-family="sans-serif" font-size="13">\n' + "\n".join(parts) + "\n</svg>\n"
