@@ -130,7 +130,11 @@ def picture(rows: list[dict[str, Any]]) -> str:
     curve([(x(row["vehicles"]), y_of_bytes(row["most_kb_min"])) for row in told], RED)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
-        'font-family="sans-serif" font-size="13">\n' + "\n".join(parts) + "\n</svg>\n"
+        f'width="{width}" height="{height}" '
+        'font-family="sans-serif" font-size="13">\n'
+        f'<rect width="{width}" height="{height}" fill="white"/>\n'
+        + "\n".join(parts)
+        + "\n</svg>\n"
     )
 
 
