@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 GATE_STEP_M: Final = 4.0
 GATE_STEPS: Final = 15
 """So far from its pad a gate is looked for."""
+ROW_TIMES: Final = 1.5
+"""Pads that reach so many times farther in one direction than across it stand in a row."""
 WAY_M: Final = 120.0
 WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
 """These ways from a gate lead past no column."""
@@ -79,18 +81,17 @@ def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: floa
     The path of a search may end minutes later than the plan that replaces it.
     """
     path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
-    mine = path is not None and planned is not None and _is_planned(path, planned, begin_s)
-    end_s = max(begin_s, planned.end_s) if planned is not None and mine else begin_s
-    return min(end_s, begin_s + LONGEST_S)
+    if path is None or planned is None or not _is_planned(path, planned, begin_s):
+        return begin_s
+    return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
 
 
 def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> bool:
     """Whether what is flown is what was planned, from a time on, or at that time still the same:
     one that the fence does not allow as a whole ends sooner."""
-    if planned is path:
-        return True
-    same = planned is not None and path.begin_s == planned.begin_s
-    return same and planned is not None and path.at(t_s) == planned.at(t_s)
+    if planned is None or planned is path:
+        return planned is path
+    return path.begin_s == planned.begin_s and path.at(t_s) == planned.at(t_s)
 
 
 def _blind_s(setting: Setting, vehicle: VehicleState) -> float:
@@ -130,7 +131,7 @@ def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
     """Where a path ends among pads of others: before its own, where no way to the box leads past
     the columns over theirs. From there to the pad it is flown straight."""
     pad = over_pad(setting, vehicle)
-    if setting.member is None or setting.whole_fence is None:
+    if setting.whole_fence is None:
         return pad
     return _gate(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
 
@@ -143,10 +144,8 @@ def _gate(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float) -> GridPoin
         return pad
     middle = whole.inner.centroid
     ahead = math.atan2(middle.y - pad.north_m, middle.x - pad.east_m)
-    out = ahead
-    if (row := columns.minimum_rotated_rectangle) and row.length > 0.0:
-        # straight out of a row of pads, not along it
-        out = _across(row, ahead)
+    # straight out of a row of pads, not along it
+    out = _across(columns.minimum_rotated_rectangle, ahead)
     for step in range(GATE_STEPS + 1):
         gate = _beyond(pad, out, step * GATE_STEP_M)
         if not fence.allows(gate):
@@ -162,14 +161,13 @@ def _across(row: BaseGeometry, ahead: float) -> float:
     if not isinstance(row, Polygon):
         return ahead
     corners = [GridPoint(x, y) for x, y in row.exterior.coords[:3]]
-    sides = sorted(
-        ((a.distance_to(b), math.atan2(b.north_m - a.north_m, b.east_m - a.east_m))
-        for a, b in pairwise(corners)),
-        reverse=True,
-    )  # fmt: skip
-    if sides[0][0] < 1.5 * sides[1][0]:  # no row
+    (short_m, _), (long_m, along) = sorted(
+        (a.distance_to(b), math.atan2(b.north_m - a.north_m, b.east_m - a.east_m))
+        for a, b in pairwise(corners)
+    )
+    if long_m < ROW_TIMES * short_m:
         return ahead
-    turns = (sides[0][1] + math.pi / 2.0, sides[0][1] - math.pi / 2.0)
+    turns = (along + math.pi / 2.0, along - math.pi / 2.0)
     return max(turns, key=lambda turn: math.cos(turn - ahead))
 
 

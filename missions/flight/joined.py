@@ -137,16 +137,17 @@ def concluded(setting: Setting, state: State) -> State:
     Of who flies nothing, and of a member whose own vehicle came home before all was done: others
     may have done the rest. Lanes are what is left of them, whoever held them.
     """
-    if state.our_numbers:
-        early = state.over and setting.sees_box and not state.exploration_finished
-        if not early or open_cells(setting, state):
-            return state
+    early = state.over and setting.sees_box and not state.exploration_finished
+    if state.our_numbers and not early:
+        return state
+    open_ = open_cells(setting, state) if setting.sees_box else frozenset[Cell]()
+    if state.our_numbers and open_:
+        return state
     left = () if state.tree is not None else still_open(setting, state, setting.lanes)
     vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=vehicles, unreachable_lanes=left)
     if not setting.sees_box:
         return replace(state, exhausted=state.tree is None and not left)
-    open_ = open_cells(setting, state)
     return replace(
         state,
         exhausted=True,

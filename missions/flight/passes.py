@@ -26,7 +26,6 @@ from missions.flight.parts import own_part, share_parts, want_told
 from missions.flight.path_orders import (
     NOTICE_S,
     allowed,
-    as_far_as_allowed,
     give_path,
     is_outside,
     through,
@@ -318,7 +317,7 @@ def _fly(
             continue  # what others of a fleet fly they have told; theirs is planned for ours' sake
         flown = replace(path, drift_m_s=drift)
         before = vehicle.order
-        state = give_path(setting, state, vehicle, as_far_as_allowed(setting, flown))
+        state = give_path(setting, state, vehicle, flown, partly=True)
         given = state.vehicles[number].order
         if given is not before and isinstance(given, FlyPath):
             routes[number], paths[number] = route, flown

@@ -52,36 +52,47 @@ WORTH_S: Final = 5.0
 _STEP_S: Final = 0.25
 
 
-def give_path(setting: Setting, state: State, vehicle: VehicleState, path: Trajectory) -> State:
-    """Give a path if the fence allows it and its air is free; else what was flown is flown on."""
+def give_path(
+    setting: Setting,
+    state: State,
+    vehicle: VehicleState,
+    path: Trajectory,
+    *,
+    partly: bool = False,
+) -> State:
+    """Give a path if the fence allows it and its air is free; else what was flown is flown on.
+
+    With `partly` one is flown as far as the fence allows it.
+    """
     mission = setting.mission
+    fits = allowed(setting.fence, path)
+    if not fits and partly and (short := as_far_as_allowed(setting, path)) is not None:
+        path, fits = short, True
     order = FlyPath(path, vehicle.cruise_height_m, setting.yaw_deg, mission.camera.interval_s)
     # what would be stopped at the next report is not begun: the vehicle makes way first
     free = is_clear(setting, state, vehicle, order) and not leads_into_untold(
         setting, state, vehicle, order
     )
-    if free and allowed(setting.fence, path):
+    if free and fits:
         if not isinstance(vehicle.order, FlyPath):
             vehicle = replace(vehicle, judged_s=path.begin_s)
         return state.with_vehicle(replace(vehicle, order=order))
     return state if isinstance(vehicle.order, FlyPath) else hold(state, vehicle)
 
 
-def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory:
-    """A path of a plan, braked before it would lead where the fence does not allow it.
+def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory | None:
+    """A path that is not allowed as a whole, braked before it would lead where it is not.
 
     Plans are made anew every other second, so what matters is where a path leads next. Its last
     part is the way home as the planner sees it, past whatever stands around the pads: that is no
-    reason not to fly the first part. A path that is not worth to be begun comes back as it is.
+    reason not to fly the first part. None where that is not worth to be begun.
     """
     fence = setting.fence
-    if allowed(fence, path):
-        return path
     places = _places(path)
     inside = _inside(fence, places)
     first = int(inside.argmax())
     if not inside[first] or inside[first:].all():
-        return path
+        return None
     step_s = (path.end_s - path.begin_s) / (len(places) - 1)
     leaves_s = path.begin_s + step_s * (first + int((~inside[first:]).argmax()))
     for before_s in BEFORE_S:
@@ -90,7 +101,7 @@ def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory:
         short = cut_short(path, leaves_s - before_s, setting.energy.accel_m_s2)
         if allowed(fence, short):
             return short
-    return path
+    return None
 
 
 def through(

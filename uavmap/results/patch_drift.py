@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from missions.events import FrameSeen
 from missions.ground.grid import Grid
 from missions.units import Cell
+from uavmap.results.patches_told import MOST_PATCHES
 
 LEAST_S: Final = 30.0
 """Cells count that were seen over at least so long."""
@@ -42,8 +43,6 @@ LEAST_CELLS: Final = 12
 PART: Final = (0.05, 0.95)
 """The outline leads through a cell of which such a share looks like the region."""
 SECTORS: Final = 8
-MOST_PATCHES: Final = 20
-"""So many are measured, the largest."""
 POSITION_M: Final = 1.0
 """Where a vehicle takes itself to be changes by so much within minutes."""
 _LEVELS: Final = ((0.5, 10), (0.125, 4), (1.0 / 32.0, 4))
@@ -213,14 +212,12 @@ def _measured(seen: _Seen, long: NDArray[np.bool_], grid: Grid) -> Drift | None:
     least = max(LEAST_CELLS, len(made.dt_s) // 3)
     # without one sector after the other, and, the last one, with all
     parts = [made.sector != k for k in range(SECTORS)] + [np.ones(len(made.dt_s), np.bool_)]
+    (step, half), *finer = _LEVELS  # the first with all cells, for each part to begin at
     best = np.zeros((len(parts), 2))
-    for step, half in _LEVELS:
+    best[:] = _least(made, parts[-1], best[-1], step * unit_m_s, half, least)
+    for step, half in finer:
         for which, kept in enumerate(parts):
-            if step == _LEVELS[0][0] and which < SECTORS:
-                continue  # from where the search with all cells has come to
             best[which] = _least(made, kept, best[which], step * unit_m_s, half, least)
-        if step == _LEVELS[0][0]:
-            best[:] = best[-1]
     reached_m_s = (REACH_CELLS - 0.25) * unit_m_s
     if not np.isfinite(best).all() or np.abs(best[-1]).max() >= reached_m_s:
         return None
