@@ -9,7 +9,7 @@ import shapely
 from shapely import affinity
 from shapely.geometry import LineString, Polygon, box
 
-from missions.cooperation.space import Point, Space
+from missions.lab.cooperation.space import Point, Space
 
 SIZE_M = 100.0
 MOST_HOLES = 6

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from missions.arena.roi import eden
 from missions.errors import MissionFileError
 from missions.ground.grid import Grid
+from missions.lab.arena.roi import eden
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.schema import Mission
 from missions.state import Setting

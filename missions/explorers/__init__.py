@@ -1,34 +1,34 @@
-"""The strategies by name. A new one is a file and a line here."""
+"""The strategies by name: those of the core, and whatever registers itself.
+
+A strategy of one's own is an object that keeps to `interface.Explorer`. `register` makes it known
+by its name to missions, simulations and commands; `missions.lab.strategies` does so when imported.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from typing import Final
 
-from missions.explorers.bfdn import Bfdn
-from missions.explorers.greedy import Greedy
+from missions.errors import StrategyError
 from missions.explorers.horizon import Horizon
-from missions.explorers.hungarian import Hungarian
 from missions.explorers.interface import Decision, Explorer, Memory, Situation
-from missions.explorers.lrta import Lrta
-from missions.explorers.lrv import Lrv
-from missions.explorers.random_walk import RandomWalk
 from missions.explorers.rdfs import Rdfs
-from missions.explorers.rdfs_paper import RdfsPaper
-from missions.explorers.smartdfs import SmartDfs
 
-_ALL: tuple[Explorer, ...] = (
-    Rdfs(),
-    RdfsPaper(),
-    Horizon(),
-    Hungarian(),
-    Greedy(),
-    Bfdn(),
-    Lrv(),
-    Lrta(),
-    RandomWalk(),
-    SmartDfs(),
-)
-EXPLORERS: Mapping[str, Explorer] = MappingProxyType({explorer.name: explorer for explorer in _ALL})
+EXPLORERS: Final[dict[str, Explorer]] = {}
 
-__all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation"]
+
+def register(*explorers: Explorer) -> None:
+    """Add strategies to `EXPLORERS`.
+
+    Raises:
+        StrategyError: another strategy has this name.
+    """
+    for explorer in explorers:
+        if EXPLORERS.setdefault(explorer.name, explorer) != explorer:
+            raise StrategyError(
+                f"{explorer.name}: another strategy has this name; choose a new one"
+            )
+
+
+register(Rdfs(), Horizon())
+
+__all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation", "register"]

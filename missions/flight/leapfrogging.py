@@ -1,7 +1,7 @@
 """Leapfrog in flight: the first vehicle maps a box while the second one tracks it, by turns.
 
 The mapper flies a piece of the lanes while the tracker hovers above and sees the marker on its top;
-then the mapper hovers, and the tracker flies on (`missions.cooperation.leapfrog`). So both know
+then the mapper hovers, and the tracker flies on (`missions.planning.leapfrog`). So both know
 where they are without satellites (`uavmap.fly.leapfrog`); here is only who moves when.
 
 A round leads along all lanes that have a cell of the box which is not decided, the last one back
@@ -21,7 +21,6 @@ from typing import Final
 from shapely.geometry import LineString
 from shapely.ops import substring
 
-from missions.cooperation.leapfrog import Role, Step, TrackerView, plan_leapfrog
 from missions.flight.deconfliction import give_if_clear
 from missions.flight.lane_passes import flown_along, turned
 from missions.flight.passes import give_up_rest
@@ -36,6 +35,7 @@ from missions.mission_file.leapfrog_checks import tracker_view
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import ACCELERATION_M_S2
 from missions.orders import FlyTo
+from missions.planning.leapfrog import Role, Step, TrackerView, plan_leapfrog
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 

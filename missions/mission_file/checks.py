@@ -10,9 +10,10 @@ and the remedy, and all faults are reported at once.
 from __future__ import annotations
 
 import difflib
+from collections import ChainMap
 from collections.abc import Collection, Iterator
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 from missions.errors import MissionFileError
 from missions.explorers import EXPLORERS
@@ -22,7 +23,8 @@ from missions.mission_file.schema import Mission, parse_fields
 from missions.mission_file.whereabouts import prior_faults
 from missions.swath.strategies import ON_PATHS
 
-STRATEGIES = (*ON_PATHS, *EXPLORERS)
+STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
+"""All strategies by name, those that fly paths first; with those that register later."""
 DETECTORS = ("threshold", "paved")
 _REMEMBERED: Final = 4
 """Texts of missions: a flight has one, of which the journal, a resume and the results ask."""

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from missions.cooperation.leapfrog import TrackerView
 from missions.mission_file.flyable import lean_rad
 from missions.mission_file.schema import Mission
+from missions.planning.leapfrog import TrackerView
 from missions.swath.strategies import LEAPFROG
 
 LEAST_REACH_M: Final = 1.5

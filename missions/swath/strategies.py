@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
+from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +36,7 @@ LEAPFROG = WithoutStopping(
     "one hovers and tracks the other: docs/navigation.md",
     "satellites are lost over a box, and two vehicles have a marker on top",
 )
-NONSTOP: Mapping[str, WithoutStopping] = MappingProxyType(
-    {strategy.name: strategy for strategy in (SWATH, SURVEY)}
-)
+NONSTOP: Final = {strategy.name: strategy for strategy in (SWATH, SURVEY)}
 """Those that simulations without flight know as well, by name."""
-ON_PATHS: Mapping[str, WithoutStopping] = MappingProxyType({**NONSTOP, LEAPFROG.name: LEAPFROG})
+ON_PATHS: Final = {**NONSTOP, LEAPFROG.name: LEAPFROG}
 """All that fly paths, by name."""

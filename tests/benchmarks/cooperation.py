@@ -22,14 +22,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from missions.cooperation import trapezoids, triangulation
-from missions.cooperation.exploration import Exploration
-from missions.cooperation.seen import unseen, unwatched
-from missions.cooperation.space import Space
-from missions.cooperation.tracking import Noise, followed, legs_of
-from missions.cooperation.trapezoids import Cover, Pattern
+from missions.lab.cooperation import trapezoids, triangulation
+from missions.lab.cooperation.exploration import Exploration
+from missions.lab.cooperation.seen import unseen, unwatched
+from missions.lab.cooperation.space import Space
+from missions.lab.cooperation.tracking import Noise, followed, legs_of
+from missions.lab.cooperation.trapezoids import Cover, Pattern
 from tests.polygons import random_space, random_start
-from uavmap.studies.two_robots import Covering, covered
+from uavmap.lab.studies.two_robots import Covering, covered
 
 POINTS = 120
 SPACING = 1.0 / 20.0

@@ -17,11 +17,11 @@ import time
 
 import numpy as np
 
-from missions.arena.fast import Lattice, Summary, run_rdfs
-from missions.arena.roi import grown
-from missions.arena.run import run
-from missions.explorers import EXPLORERS
 from missions.explorers.metric import Metric
+from missions.lab.arena.fast import Lattice, Summary, run_rdfs
+from missions.lab.arena.roi import grown
+from missions.lab.arena.run import run
+from missions.lab.strategies import EXPLORERS
 from missions.units import Cell
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)

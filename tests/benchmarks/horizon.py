@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from missions.arena.minds import look
-from missions.arena.run import run
 from missions.explorers import Situation
 from missions.explorers.horizon import Horizon
+from missions.lab.arena.minds import look
+from missions.lab.arena.run import run
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

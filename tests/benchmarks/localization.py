@@ -22,15 +22,15 @@ from statistics import fmean
 
 import numpy as np
 
-from missions.arena.roi import KINDS, grown
-from missions.localization.grid_map import GridMap
-from missions.localization.grids import chevrons, cluttered, studded
-from missions.localization.methods import METHODS
-from missions.localization.noisy_run import localize_with_errors
-from missions.localization.planner import Planner
-from missions.localization.run import localize
+from missions.lab.arena.roi import KINDS, grown
+from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.grids import chevrons, cluttered, studded
+from missions.lab.localization.methods import METHODS
+from missions.lab.localization.noisy_run import localize_with_errors
+from missions.lab.localization.planner import Planner
+from missions.lab.localization.run import localize
 from missions.units import Cell
-from uavmap.studies.homing_robot import ERRORS
+from uavmap.lab.studies.homing_robot import ERRORS
 
 FEW_ALIKE = 130
 """The best of all plans is looked for on maps of at most so many cells."""

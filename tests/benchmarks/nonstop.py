@@ -14,10 +14,10 @@ import time
 from collections.abc import Sequence
 from statistics import fmean, stdev
 
-from missions.arena.nonstop import Camera, Run, Team, flown
-from missions.arena.offline_reference import reference
-from missions.arena.roi import Roi, grown
-from missions.arena.survey import surveyed
+from missions.lab.arena.nonstop import Camera, Run, Team, flown
+from missions.lab.arena.offline_reference import reference
+from missions.lab.arena.roi import Roi, grown
+from missions.lab.arena.survey import surveyed
 from missions.swath.chart import Chart, Flags
 from missions.swath.paths import Ints
 from missions.swath.planner import Plan, Planner

@@ -15,8 +15,8 @@ import json
 import time
 from pathlib import Path
 
-from missions.arena.run import run
-from missions.explorers import EXPLORERS
+from missions.lab.arena.run import run
+from missions.lab.strategies import EXPLORERS
 from missions.units import Cell
 
 

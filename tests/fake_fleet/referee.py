@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final
 import shapely
 from shapely.geometry import Point
 
-from missions.arena.roi import component
 from missions.events import FrameSeen, from_json, to_json
 from missions.flight.return_home import BESIDE_M
 from missions.ground.lanes import point_on
 from missions.guardian import PAD_M
+from missions.lab.arena.roi import component
 from missions.mapping.belief import FrameId
 from missions.mapping.patches import patches
 from missions.orders import StandDown, TakeOff

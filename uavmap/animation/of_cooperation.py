@@ -16,12 +16,12 @@ from typing import Final
 
 from PIL import Image, ImageDraw
 
-from missions.cooperation.exploration import Exploration, Move, Why
-from missions.cooperation.space import Point, between, distance
-from missions.cooperation.tracking import Ellipse, Outcome
+from missions.lab.cooperation.exploration import Exploration, Move, Why
+from missions.lab.cooperation.space import Point, between, distance
+from missions.lab.cooperation.tracking import Ellipse, Outcome
 from uavmap.animation.film import FPS, HOLD_S
 from uavmap.animation.writers import mp4, save
-from uavmap.offline.cooperation import Report
+from uavmap.lab.cooperation import Report
 from uavmap.results.palette import OUTLINE, STATES, TRUTH, Colour, track_colour
 from uavmap.results.picture import INK, LAND, PAPER, font
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from missions.arena.roi import Roi
+from missions.lab.arena.roi import Roi
 from missions.motion.trajectory import Trajectory
 from uavmap.animation.film import Change, Film, Fix, Place, Unit
 from uavmap.results.model import State
 
 if TYPE_CHECKING:  # loads the compiler
-    from missions.arena.nonstop import Flown, Verdict
+    from missions.lab.arena.nonstop import Flown, Verdict
 
 _FIX_S: Final = 0.2
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 from typing import Final
 
-from missions.arena.run import Run
+from missions.lab.arena.run import Run
 from missions.mapping.tree import Tree
 from missions.units import Cell
 from uavmap.animation.film import Change, Film, Fix, Place, Unit
@@ -22,7 +22,7 @@ def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
     The states are those that all robots know together. A vertex that was looked from although no
     move leads to it was known beforehand.
 
-    >>> from missions.arena.run import run
+    >>> from missions.lab.arena.run import run
     >>> from missions.explorers import EXPLORERS
     >>> line = {Cell(0, 0), Cell(1, 0)}
     >>> film = film_of_run(run(EXPLORERS["rdfs"], line, Cell(0, 0), 1), line, "a line")

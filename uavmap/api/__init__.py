@@ -5,6 +5,7 @@ These names are also those of `uavmap` itself: `uavmap.fly`, `uavmap.Results` an
 
 from __future__ import annotations
 
+import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
 from uavmap.api.flying import fly, fly_async, resume, resume_async
 from uavmap.api.replaying import replay
 from uavmap.api.results import Results, open_results

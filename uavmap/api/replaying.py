@@ -8,7 +8,7 @@ from missions.errors import UavmapError
 from uavmap.api.arguments import Paths, number, path_text, whole
 from uavmap.api.results import Results, open_results
 from uavmap.fly.progress import Progress, Silent, Terminal
-from uavmap.offline.cluster import Cluster
+from uavmap.lab.cluster import Cluster
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replaying import Wanted, replay_pictures
 from uavmap.offline.workers import Crew, Threads

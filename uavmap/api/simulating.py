@@ -8,21 +8,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from missions.arena.roi import Roi
 from missions.errors import LinkError, RoiError, StrategyError, UavmapError
-from missions.explorers import EXPLORERS
 from missions.explorers.metric import Metric
+from missions.lab.arena.roi import Roi
+from missions.lab.strategies import EXPLORERS
 from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.api.arguments import Paths, number, path_text, whole
-from uavmap.offline.roi_files import load_rois
-from uavmap.offline.simulated_links import simulated_links
-from uavmap.offline.trials import Terms, means, trials
+from uavmap.lab.roi_files import load_rois
+from uavmap.lab.simulated_links import simulated_links
+from uavmap.lab.trials import Terms, means, trials
 
 if TYPE_CHECKING:
     import pandas
 
-    from uavmap.offline.nonstop_trials import FlightTerms
+    from uavmap.lab.nonstop_trials import FlightTerms
 
 MOST_ROBOTS = 1000
 _SPEED_M_S, _CELL_M = 6.0, 4.0
@@ -76,7 +76,7 @@ def simulate(
 
     Args:
         roi: The region, or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
-            cells (JSON) or of polygons (GeoJSON), or a `missions.arena.roi.Roi`.
+            cells (JSON) or of polygons (GeoJSON), or a `missions.lab.arena.roi.Roi`.
         strategy: One strategy, or several to compare; `uavmap strategies` lists them. `swath` and
             `survey`, which do not stop over cells, count in seconds, the others in steps from cell
             to cell, so they cannot be mixed.
@@ -141,7 +141,7 @@ def simulate(
 
 
 def _nonstop(rois: Sequence[Roi], names: Sequence[str], terms: FlightTerms) -> Simulated:
-    from uavmap.offline import nonstop_trials  # noqa: PLC0415 - numba takes a second
+    from uavmap.lab import nonstop_trials  # noqa: PLC0415 - numba takes a second
 
     done = list(nonstop_trials.nonstop_trials(rois, [NONSTOP[name] for name in names], terms))
     by_name = {
@@ -163,8 +163,8 @@ def _flight_terms(
     loss_rate: float,
     seed: int,
 ) -> FlightTerms:
-    from missions.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
-    from uavmap.offline.nonstop_trials import FlightTerms  # noqa: PLC0415, as above
+    from missions.lab.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
+    from uavmap.lab.nonstop_trials import FlightTerms  # noqa: PLC0415, as above
 
     east_m, north_m = (number("footprint_m", side, 0.01, 1000.0) for side in footprint_m)
     camera = Camera(

@@ -48,6 +48,8 @@ COMMANDS: Final = {
     "study": "repeat a study of the papers: table, plot, page",
 }
 """Each has a module of its name, which is imported when it is asked for: all take a second."""
+OF_THE_LAB: Final = ("simulate", "study")
+"""The commands whose modules are in `uavmap.lab.commands`."""
 
 
 class _Named:
@@ -58,6 +60,12 @@ class _Named:
 
     def add_parser(self, name: str, **more: Any) -> Any:
         return self._commands.add_parser(name, help=COMMANDS[name], **more)
+
+
+def _module_of(command: str) -> Any:
+    import_module("missions.lab.strategies")  # these register themselves, for all commands
+    package = "uavmap.lab.commands" if command in OF_THE_LAB else "uavmap.cli"
+    return import_module(f"{package}.{command}")
 
 
 def parser(wanted: str | None = None) -> argparse.ArgumentParser:
@@ -71,7 +79,7 @@ def parser(wanted: str | None = None) -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, line in COMMANDS.items():
         if wanted in (None, name):
-            import_module(f"uavmap.cli.{name}").add_parser(_Named(commands))
+            _module_of(name).add_parser(_Named(commands))
         else:
             commands.add_parser(name, help=line)
     return top

@@ -8,7 +8,7 @@ from typing import Any
 from uavmap.cli.common import DETECTOR_HELP, number_type, report, utc_seconds, worker_count
 from uavmap.cli.endings import INTERRUPTED, complain
 from uavmap.fly.progress import Terminal
-from uavmap.offline.cluster import Cluster
+from uavmap.lab.cluster import Cluster
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replaying import Wanted, replay_pictures
 from uavmap.offline.workers import Crew, Threads

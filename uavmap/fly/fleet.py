@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
-from missions.cooperation.leapfrog import Role
 from missions.errors import LinkError, MissionFileError
 from missions.flight.leapfrogging import MAPPER, TRACKER
+from missions.planning.leapfrog import Role
 from missions.state import Setting
 from uavmap.cameras.local import LocalSource
 from uavmap.cameras.pose import Poses

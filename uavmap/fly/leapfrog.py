@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.cooperation.leapfrog import Role
-from missions.cooperation.leapfrog_offsets import Offsets
 from missions.mission_file.schema import NavigationSection
+from missions.planning.leapfrog import Role
+from missions.planning.leapfrog_offsets import Offsets
 from missions.units import GridPoint, Quaternion
 from uavmap.fly.reporter import Reporter
 from uavmap.link.attitudes import Attitudes

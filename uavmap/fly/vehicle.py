@@ -16,11 +16,11 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.cooperation.leapfrog import Role
 from missions.errors import CommandRefusedError, LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
+from missions.planning.leapfrog import Role
 from missions.state import Setting
 from missions.units import LatLon
 from uavmap.fly.clock_rate import ClockRate

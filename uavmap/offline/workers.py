@@ -20,7 +20,7 @@ Answer = TypeVar("Answer")
 
 
 class Crew(Protocol):
-    """Who looks at pictures: threads here, or a cluster (`uavmap.offline.cluster`)."""
+    """Who looks at pictures: threads here, or a cluster (`uavmap.lab.cluster`)."""
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """`work` of every item, in their order; what it raises is raised here."""

@@ -6,15 +6,15 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from missions.arena.certificate import promised_moves
-from missions.arena.lower_bounds import one_way_lower_bound
-from missions.arena.passing_bound import passing_bound_s
 from missions.events import Event, FrameSeen
 from missions.flight.fallback import moves_s, whole_bound_s
 from missions.flight.joined import Facts, concluded
 from missions.flight.optics import kinematics
 from missions.mapping.belief import FrameId
 from missions.mapping.patches import patches
+from missions.planning.bounds.lower_bounds import one_way_lower_bound
+from missions.planning.bounds.passing_bound import passing_bound_s
+from missions.planning.bounds.promises import promised_moves
 from missions.state import Setting, State
 from missions.step import step
 from missions.units import GridPoint

@@ -6,9 +6,10 @@ alone. What a patch *took* is the time from its first judged cell to the last on
 it, whatever else was flown meanwhile: ways, swaps of batteries, other patches, interruptions.
 
 Every cell that was judged after the first one was shown by a frame that was taken after it. What R
-vehicles show at that moment, and sweep from then on, is no more than `missions.arena.passing_bound`
-says, so what these cells cover gives the least time that any team as large and as fast needed from
-what was known then. Whatever vehicles do meanwhile, none breaks off: all of the time counts.
+vehicles show at that moment, and sweep from then on, is no more than
+`missions.planning.bounds.passing_bound` says, so what these cells cover gives the least time that
+any team as large and as fast needed from what was known then. Whatever vehicles do meanwhile, none
+breaks off: all of the time counts.
 
 All of it follows from the ballots, so from the same facts in whatever order they became known.
 """
@@ -22,11 +23,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from missions.arena.passing_bound import passing_bound_s
 from missions.mapping.belief import FrameId
 from missions.mapping.judged import judging_frames
 from missions.mapping.patches import patches
 from missions.mission_file.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
+from missions.planning.bounds.passing_bound import passing_bound_s
 from missions.state import Setting, State
 from missions.units import Cell, GridPoint
 from vision.look import SEEN_SHARE

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.minds import look
-from missions.arena.roi import KINDS, component
+from missions.lab.arena.minds import look
+from missions.lab.arena.roi import KINDS, component
 from missions.mapping.belief import Belief, FrameId, Tally
 from missions.mapping.tree import Tree, VertexState
 from missions.units import Cell

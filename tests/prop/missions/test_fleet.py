@@ -7,9 +7,9 @@ import functools
 import numpy as np
 import pytest
 
-from missions.arena.roi import component
 from missions.events import Event, FrameSeen
 from missions.explorers import EXPLORERS
+from missions.lab.arena.roi import component
 from missions.mapping.belief import Belief, FrameId
 from missions.orders import Hold, TakeOff
 from missions.state import Phase

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from missions.arena.roi import component, eden, grown, thin
-from missions.arena.run import Comms, Run, run
 from missions.explorers import Decision, Situation
 from missions.explorers.bounds import rdfs_bound_moves
 from missions.explorers.fallback import Retreat
@@ -17,6 +15,8 @@ from missions.explorers.grid_paths import distances
 from missions.explorers.horizon import Horizon, PlannerMemory
 from missions.explorers.metric import Metric
 from missions.explorers.route_planner import Ground, Sites
+from missions.lab.arena.roi import component, eden, grown, thin
+from missions.lab.arena.run import Comms, Run, run
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

@@ -12,7 +12,6 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from missions.arena.roi import component
 from missions.events import Arrived, Event
 from missions.flight.deconfliction import is_clear
 from missions.flight.path_orders import NOTICE_S, OUTSIDE_M
@@ -20,6 +19,7 @@ from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.whole_box import open_cells
 from missions.ground.fence import route_length_m
 from missions.kernels.swath import SLOW
+from missions.lab.arena.roi import component
 from missions.mapping.patches import patches
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.braking import braked

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.minds import look
-from missions.arena.roi import KINDS
+from missions.lab.arena.minds import look
+from missions.lab.arena.roi import KINDS
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.persistent import PersistentMap
 from missions.mapping.tree import Tree

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.roi import KINDS, grown
 from missions.explorers.grid_paths import distances
 from missions.explorers.step_table import StepTable
+from missions.lab.arena.roi import KINDS, grown
 from missions.units import Cell
 
 RIM = 3

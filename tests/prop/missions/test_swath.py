@@ -10,14 +10,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from missions.arena.nonstop import Camera, Ground, Run, Team
-from missions.arena.offline_reference import reference
-from missions.arena.roi import KINDS, Roi, grown
-from missions.arena.survey import surveyed
-from missions.arena.time_bounds import lower_bound_s
 from missions.kernels import swath as kernels
 from missions.kernels import worth as worths
 from missions.kernels.jit import COMPILED
+from missions.lab.arena.nonstop import Camera, Ground, Run, Team
+from missions.lab.arena.offline_reference import reference
+from missions.lab.arena.roi import KINDS, Roi, grown
+from missions.lab.arena.survey import surveyed
+from missions.lab.arena.time_bounds import lower_bound_s
 from missions.motion.trajectory import Trajectory
 from missions.swath.chart import Chart
 from missions.swath.paths import Route, path_of, segments_of, trajectory_of

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from missions.arena.roi import eden
+from missions.lab.arena.roi import eden
 from missions.orders import AwaitBattery, FlyPath, Hold
 from missions.state import Phase, Setting
 from missions.units import Cell, GridPoint

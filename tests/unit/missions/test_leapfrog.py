@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString
 
-from missions.cooperation.leapfrog import Role, TrackerView, plan_leapfrog
-from missions.cooperation.leapfrog_errors import LeapfrogNoise, compare, fly_leapfrog
-from missions.cooperation.space import distance
+from missions.lab.cooperation.leapfrog_errors import LeapfrogNoise, compare, fly_leapfrog
+from missions.lab.cooperation.space import distance
+from missions.planning.leapfrog import Role, TrackerView, plan_leapfrog
 
 VIEW = TrackerView(above_m=12.0)
 STRAIGHT = ((0.0, 0.0), (200.0, 0.0))

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.cooperation.leapfrog import Role, TrackerView
-from missions.cooperation.leapfrog_offsets import OffsetNoise, Offsets
 from missions.errors import MissionFileError
 from missions.flight.leapfrogging import MAPPER, TRACKER, steps_along
 from missions.ground.fence import Fence
 from missions.mission_file.leapfrog_checks import tracker_view
 from missions.orders import FlyPath, FlyTo
+from missions.planning.leapfrog import Role, TrackerView
+from missions.planning.leapfrog_offsets import OffsetNoise, Offsets
 from missions.state import Phase, Setting
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet

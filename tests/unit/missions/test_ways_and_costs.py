@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.roi import KINDS
-from missions.explorers.assignment import assign
 from missions.explorers.grid_paths import distances, step_home, step_towards
-from missions.explorers.leg_costs import Ways
 from missions.explorers.metric import Metric
+from missions.lab.arena.roi import KINDS
+from missions.lab.strategies.assignment import assign
+from missions.lab.strategies.leg_costs import Ways
 from missions.mapping.breadth_first import neighbours_in, reached
 from missions.mapping.tree import Tree
 from missions.units import Cell

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.passing_bound import passing_bound_s
 from missions.events import Fact, FrameSeen, Shared, Vote
 from missions.fleet.own_cells import OwnCells
 from missions.flight.joined import joined
 from missions.ground.grid import Grid
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.judged import judging_frames
+from missions.planning.bounds.passing_bound import passing_bound_s
 from missions.state import Setting, State
 from missions.units import Cell
 from tests.fake_fleet import fleet

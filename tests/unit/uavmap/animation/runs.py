@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from missions.arena.minds import look
-from missions.arena.roi import eden
-from missions.arena.run import Comms, Run, run
 from missions.explorers import EXPLORERS
+from missions.lab.arena.minds import look
+from missions.lab.arena.roi import eden
+from missions.lab.arena.run import Comms, Run, run
 from missions.mapping.tree import Tree
 from missions.units import Cell
 from uavmap.animation import Film, film_of_run

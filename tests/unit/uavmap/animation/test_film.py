@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.arena.run import Comms
+from missions.lab.arena.run import Comms
 from missions.units import Cell
 from tests.unit.uavmap.animation.runs import START, explored, small_film, small_roi, tree_until
 from uavmap.animation import film_of_run

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from missions.arena.nonstop import Camera, Team
-from missions.arena.roi import Roi
-from missions.arena.survey import surveyed
+from missions.lab.arena.nonstop import Camera, Team
+from missions.lab.arena.roi import Roi
+from missions.lab.arena.survey import surveyed
 from missions.units import Cell
 from uavmap.animation import film_of_nonstop
 from uavmap.animation.film import Place, Reel, Unit

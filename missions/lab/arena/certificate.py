@@ -1,0 +1,76 @@
+"""The certificate of an exploration: how long it took, and how long it must or may take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from missions.explorers import Explorer
+from missions.explorers.metric import Metric
+from missions.lab.arena.radio import Links
+from missions.lab.arena.run import Comms, Run
+from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.planning.bounds.promises import bound_time, promised_moves
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A makespan between its bounds; all times in the same unit.
+
+    >>> Certificate(30.0, 20.0, 38.0, tree_depth=9, cells=20, robots=1).ratio
+    1.5
+    """
+
+    makespan: float
+    lower_bound: float
+    """What nobody can beat on this ROI."""
+    bound: float | None
+    """What the strategy promises on this ROI, None where it promises nothing."""
+    tree_depth: int
+    cells: int
+    robots: int
+
+    @property
+    def ratio(self) -> float | None:
+        """The makespan in lower bounds, 1 or more; None where there is nothing to do."""
+        return self.makespan / self.lower_bound if self.lower_bound > 0.0 else None
+
+    @property
+    def bound_held(self) -> bool | None:
+        """Whether the strategy kept its promise, None where it gives none."""
+        if self.bound is None:
+            return None
+        return self.makespan <= self.bound * (1.0 + _ROUNDING)
+
+
+def certify(
+    run: Run,
+    explorer: Explorer,
+    robots: int,
+    metric: Metric,
+    static: LowerBounds,
+    comms: Comms | Links = Comms.SHARED,
+) -> Certificate:
+    """The certificate of a run in the arena that explored the whole ROI.
+
+    `static` holds the bounds of its ROI from its start. They are for steps to neighbours; straight
+    flight has its own. The promises of the strategies are for teams that share what they know:
+    robots that talk only where they meet, or over a radio with limits, walk into what others have
+    explored, and have no bound.
+    Nor is one stated where the strategy does not stand by it (`promised_moves`).
+    """
+    tree = run.tree
+    lower = flight_lower_bound(tree.vertices, tree.root, robots, metric)
+    if not metric.straight:
+        lower = max(lower, drift_lower_bound(static.moves(robots), metric))
+    shared = comms is Comms.SHARED
+    moves = promised_moves(explorer, tree, robots, metric) if shared else None
+    return Certificate(
+        makespan=run.makespan,
+        lower_bound=lower,
+        bound=bound_time(moves, metric),
+        tree_depth=tree.depth,
+        cells=len(tree),
+        robots=robots,
+    )

@@ -1,0 +1,196 @@
+"""The arena for `rdfs` alone, compiled: the same figures as `missions.lab.arena.run`, some thousand
+times faster.
+
+It knows shared communication and a team that stays; for everything else there is the arena.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import RoiError
+from missions.explorers.metric import Metric
+from missions.lab.arena.run import Leg, Run
+from missions.mapping.tree import Tree, Vertex
+from missions.units import Cell
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_NONE = -1
+_MOST_KEYS = 2**62
+_STEPS = Cell(0, 0).neighbours()
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """A ROI as arrays: cells in ascending order, and who lies beside whom."""
+
+    cells: NDArray[np.int64]
+    """East and north of every cell; shape (C, 2)."""
+    near: NDArray[np.int32]
+    """The neighbours north, east, south and west of every cell, -1 where there is none; (C, 4)."""
+
+    @classmethod
+    def of(cls, roi: Collection[Cell] | NDArray[np.int64]) -> Lattice:
+        """From cells, or from an array of shape (C, 2) with a row (east, north) for each.
+
+        Raises `RoiError` when there are no cells, or when they are too far apart to be numbered.
+
+        >>> Lattice.of([Cell(0, 0), Cell(1, 0)]).near.tolist()
+        [[-1, 1, -1, -1], [-1, -1, -1, 0]]
+        """
+        if isinstance(roi, np.ndarray):
+            cells = roi.astype(np.int64).reshape(-1, 2)
+        else:
+            cells = np.fromiter(chain.from_iterable(roi), np.int64, 2 * len(roi)).reshape(-1, 2)
+        if not len(cells):
+            raise RoiError("a ROI without cells")
+        low, high = cells.min(axis=0), cells.max(axis=0)
+        wide, tall = (int(b) - int(a) + 3 for a, b in zip(low, high, strict=True))
+        if wide * tall > _MOST_KEYS:
+            raise RoiError(f"cells that lie {max(wide, tall) - 3} apart are not one ROI")
+        low -= 1  # a free row below and above: no step leads round
+        keys = np.unique((cells - low) @ np.array([tall, 1]))
+        near = np.full((len(keys), 4), _NONE, np.int32)
+        for d, step in enumerate(_STEPS):
+            wanted = keys + step.east * tall + step.north
+            place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+            near[:, d] = np.where(keys[place] == wanted, place, _NONE)
+        return cls(np.stack(np.divmod(keys, tall), axis=1) + low, near)
+
+    def index(self, cell: Cell) -> int:
+        """The number of a cell. Raises `RoiError` when it is none of them."""
+        found = np.flatnonzero((self.cells[:, 0] == cell.east) & (self.cells[:, 1] == cell.north))
+        if not len(found):
+            raise RoiError(f"the start {tuple(cell)} is not a cell of the ROI")
+        return int(found[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a run came to."""
+
+    makespan: float
+    """When the last robot was home."""
+    moves: int
+    """Moves of all robots together."""
+    cells: int
+    """Vertices of the tree."""
+    depth: int
+    """depth_T, the depth of the tree."""
+
+
+def run_rdfs(
+    roi: Collection[Cell] | Lattice,
+    start: Cell,
+    robots: int,
+    metric: Metric | None = None,
+    *,
+    plain: bool = False,
+) -> Summary:
+    """The figures of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`.
+
+    With `plain`, Algorithm 1 has the child rule and no more: of equal children the first in the
+    order north, east, south, west is taken, not the outermost; of those who arrive at one depth
+    the first cell looks first; and the robots go home up the tree, not by a shortest way.
+
+    Raises:
+        RoiError: a start outside the ROI.
+
+    >>> run_rdfs([Cell(0, 0), Cell(1, 0), Cell(2, 0)], Cell(0, 0), robots=2)
+    Summary(makespan=4.0, moves=8, cells=3, depth=2)
+    """
+    return _Play(roi, start, robots, metric, plain).summary
+
+
+def run_rdfs_legs(
+    roi: Collection[Cell] | Lattice,
+    start: Cell,
+    robots: int,
+    metric: Metric | None = None,
+    *,
+    plain: bool = False,
+) -> Run:
+    """The whole of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`: tree and legs.
+
+    `plain` as for `run_rdfs`.
+
+    Raises:
+        RoiError: a start outside the ROI.
+    """
+    played = _Play(roi, start, robots, metric, plain)
+    played.again(played.summary.moves)
+    return Run(
+        played.summary.makespan,
+        played.tree(),
+        tuple(played.legs()),
+        dict.fromkeys(range(robots), start),
+    )
+
+
+class _Play:
+    """One run, and the arrays that it filled."""
+
+    def __init__(
+        self,
+        roi: Collection[Cell] | Lattice,
+        start: Cell,
+        robots: int,
+        metric: Metric | None,
+        plain: bool,
+    ) -> None:
+        self._lattice = roi if isinstance(roi, Lattice) else Lattice.of(roi)
+        self._root = self._lattice.index(start)
+        self._robots, self._plain = robots, plain
+        self._metric = metric if metric is not None else Metric()
+        makespan, moves = self.again(0)
+        reached = int(np.count_nonzero(self._parent != _NONE))
+        self.summary = Summary(makespan, moves, reached, int(self._depth.max()))
+
+    def again(self, legs: int) -> tuple[float, int]:
+        """Play, and keep so many legs."""
+        from missions.lab.kernels import rdfs  # noqa: PLC0415, importing numba takes a second
+
+        self._legs, self._times = np.empty((legs, 3), np.int32), np.empty((legs, 2))
+        cost = np.array([self._metric.leg(Cell(0, 0), step) for step in _STEPS])
+        cells = self._lattice.cells
+        away = ((cells - cells[self._root]) ** 2).sum(axis=1)
+        if self._plain:
+            away[:] = 0  # nobody is farther out than another
+        makespan, moves, rows = rdfs.play(
+            self._lattice.near,
+            away,
+            self._root,
+            self._robots,
+            cost,
+            self._metric.look,
+            self._plain,
+            self._legs,
+            self._times,
+        )
+        self._parent, self._depth = rows[:, rdfs.PARENT], rows[:, rdfs.DEPTH]
+        return float(makespan), int(moves)
+
+    def tree(self) -> Tree:
+        """The tree at the end, all of it explored."""
+        cells = [Cell(*cell) for cell in self._lattice.cells.tolist()]
+        vertices = {
+            cells[v]: Vertex(None if v == self._root else cells[self._parent[v]], depth, True)
+            for v, depth in enumerate(self._depth.tolist())
+            if self._parent[v] != _NONE
+        }
+        return Tree.of(cells[self._root], vertices)
+
+    def legs(self) -> Iterator[Leg]:
+        """The legs that were kept."""
+        cells = [Cell(*cell) for cell in self._lattice.cells.tolist()]
+        rows = zip(self._legs.tolist(), self._times.tolist(), strict=True)
+        for (robot, start, end), (start_t, end_t) in rows:
+            yield Leg(robot, start_t, end_t, cells[start], cells[end])

@@ -1,0 +1,231 @@
+"""Radio between the robots of the arena: range, loss, partitions, delay, and how much one can tell.
+
+At each instant (an arrival, or a whole unit of time) it is drawn anew who hears whom, for a pair
+both ways or not at all. What is lost is told again at the next instant; a robot passes on all that
+it knows, so news goes from one to the other. What is told are looks: from which cells somebody has
+looked, and so which of their neighbours are ROI. A robot is not told what it knows, or what is on
+its way to it: who knows what, and who is where, is told with every message and counts for nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from missions.lab.arena.minds import Mind
+from missions.partition import Partition
+from missions.units import Cell
+
+_SAME_INSTANT: Final = 1e-9
+_NEAR: Final = 1e-9
+"""Cells: places are computed."""
+
+Pairs = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """What becomes of what robots tell each other by radio; lengths in cells, times in the unit of
+    the metric. Robots that stand at one vertex tell each other everything whatever the radio does.
+    """
+
+    range_cells: float = math.inf
+    """Between the centres of two robots, in a straight line."""
+    loss: float = 0.0
+    """The share of exchanges that fail, drawn for each pair at each instant."""
+    delay: float = 0.0
+    """From what is told to what is known: until the first instant after it."""
+    rate: float = math.inf
+    """How many cells of news a robot can tell in a unit of time, to all that hear it at once."""
+    apart: tuple[Partition, ...] = ()
+    seed: int = 0
+
+    @property
+    def at_once(self) -> bool:
+        """Whether those that hear each other know the same at once, and decide together."""
+        return self.delay == 0.0 and math.isinf(self.rate)
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
+    due_t: float
+    hearer: int
+    news: tuple[tuple[Cell, int], ...]
+    heard: Mapping[int, tuple[float, Cell]]
+
+
+@dataclass(slots=True)
+class Radio:
+    """The radio of a run, from instant to instant."""
+
+    links: Links
+    roi: Collection[Cell]
+    touch: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    """Of each robot all that it hears at this instant, over others too, and itself."""
+    _reach: Pairs = field(init=False)
+    _hear: Pairs = field(init=False)
+    _cells: tuple[Cell, ...] = field(init=False)
+    _bits: dict[Cell, int] = field(init=False)
+    _random: np.random.Generator = field(init=False)
+    _spare: dict[int, float] = field(default_factory=dict)
+    _t: float = 0.0
+    _on_the_way: deque[_Message] = field(default_factory=deque)
+    _coming: dict[int, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._reach = self._hear = np.zeros((0, 0), dtype=np.bool_)
+        self._cells = tuple(sorted(self.roi))
+        self._bits = {cell: 1 << number for number, cell in enumerate(self._cells)}
+        self._random = np.random.default_rng(self.links.seed)
+
+    def bit(self, cell: Cell) -> int:
+        """The bit of a cell in `Mind.looked`."""
+        return self._bits[cell]
+
+    def tune(
+        self, t: float, places: Mapping[int, tuple[float, float]], at: Mapping[int, Cell]
+    ) -> None:
+        """Draw who hears whom at an instant.
+
+        `places` are those of all robots, 0, 1, ...; `at` the vertices of those that stand at one.
+        """
+        links, robots = self.links, len(places)
+        reach = self._in_reach(t, places)
+        kept = np.full_like(reach, links.loss < 1.0)
+        if 0.0 < links.loss < 1.0:
+            kept = np.tril(self._random.random((robots, robots)) >= links.loss)
+            kept |= kept.T
+        here = np.array([at.get(r, Cell(0, 0)) for r in range(robots)])
+        stands = np.array([r in at for r in range(robots)])
+        meets = (here[:, None, :] == here[None, :, :]).all(axis=2)
+        meets &= stands[:, None] & stands[None, :]
+        self._reach, self._hear = reach | meets, (reach & kept) | meets
+        most = max(links.rate, 1.0)
+        for robot in range(robots):
+            spare = self._spare.get(robot, most) + links.rate * (t - self._t)
+            self._spare[robot] = min(spare, most) if math.isfinite(links.rate) else math.inf
+        self._t = t
+        self.touch = {r: group for group in self._groups() for r in group}
+
+    def _in_reach(self, t: float, places: Mapping[int, tuple[float, float]]) -> Pairs:
+        """Who is in range of each other, and not parted."""
+        robots = range(len(places))
+        east, north = np.array([places[r] for r in robots]).T
+        away = np.hypot(east[:, None] - east[None, :], north[:, None] - north[None, :])
+        reach = np.asarray(away <= self.links.range_cells + _NEAR)
+        for apart in self.links.apart:
+            if apart.begin <= t < apart.end:
+                reach &= [[not apart.parts(one, other, t) for one in robots] for other in robots]
+        return reach
+
+    def _groups(self) -> Iterator[tuple[int, ...]]:
+        left = np.ones(len(self._hear), dtype=np.bool_)
+        for first in range(len(left)):
+            if not left[first]:
+                continue
+            group, todo = [first], [first]
+            left[first] = False
+            while todo:
+                fresh = np.flatnonzero(self._hear[todo.pop()] & left).tolist()
+                left[fresh] = False
+                group += fresh
+                todo += fresh
+            yield tuple(sorted(group))
+
+    def together(self, robot: int) -> tuple[int, ...]:
+        """Who knows and decides the same as a robot at this instant, because they hear each other
+        at once; nobody where only those do that stand at one vertex."""
+        return self.touch[robot] if self.links.at_once else ()
+
+    def hear(self, minds: dict[int, Mind], done: Collection[int] = ()) -> None:
+        """Let be known what robots hear at this instant, before anybody looks.
+
+        Those that know the same at once also remember the same: what the first of them does that is
+        not `done`. So of those who still fly there is always one who never forgets where it was
+        bound, and it comes home; what a robot remembers that is done may be long out of date, and
+        would send others to and fro without an end.
+        """
+        if self.links.at_once:
+            for group in sorted(set(self.touch.values())):
+                leader = next((r for r in group if r not in done), group[0])
+                self._share(leader, group, minds)
+        while self._on_the_way and self._on_the_way[0].due_t <= self._t + _SAME_INSTANT:
+            message = self._on_the_way.popleft()
+            hearer = message.hearer
+            minds[hearer] = minds[hearer].told(message.news, message.heard, self.roi)
+
+    def _share(self, leader: int, group: Sequence[int], minds: dict[int, Mind]) -> None:
+        """Let a group know the same, and remember what one of them remembers."""
+        mind = minds[leader]
+        for robot in group:
+            other = minds[robot]
+            if other is not mind:
+                news = self._news(other, other.looked & ~mind.looked)
+                mind = mind.told(news, other.heard, self.roi)
+        for robot in group:
+            minds[robot] = mind
+
+    def tell_places(self, robot: int, minds: dict[int, Mind]) -> None:
+        """Without a delay, let those in touch with a robot know where it thinks that all are."""
+        if self.links.delay == 0.0:
+            for other in self.touch[robot]:
+                minds[other] = minds[other].told((), minds[robot].heard, self.roi)
+
+    def tell(self, minds: dict[int, Mind]) -> None:
+        """Let everybody tell what it knows, as much as it can. Without a delay it is known, and
+        passed on, at once. Those that share all they know at once have told it already."""
+        if self.links.at_once:
+            return
+        said = dict.fromkeys(minds, 0)
+        told = True
+        while told:
+            told = False
+            for sender in sorted(minds):
+                told |= self._say(sender, minds, said)
+            if self.links.delay == 0.0:
+                self.hear(minds)
+            else:
+                told = False
+
+    def _say(self, sender: int, minds: Mapping[int, Mind], said: dict[int, int]) -> bool:
+        """One message: the news that is nearest to the root first, so that what a robot knows of
+        always hangs in its tree. Returns whether it was more than where everybody is."""
+        mind = minds[sender]
+        lacks = {
+            hearer: mind.looked & ~(minds[hearer].looked | self._coming.get(hearer, 0))
+            for hearer in np.flatnonzero(self._reach[sender]).tolist()
+            if hearer != sender
+        }
+        wanted = 0
+        for cells in lacks.values():
+            wanted |= cells
+        news = self._news(mind, wanted & ~said[sender])
+        if len(news) > self._spare[sender]:
+            news = news[: int(self._spare[sender] + _NEAR)]
+        self._spare[sender] -= len(news)
+        for _, bit in news:
+            said[sender] |= bit
+        for hearer, cells in lacks.items():
+            if self._hear[sender, hearer]:
+                mine = tuple((cell, bit) for cell, bit in news if cells & bit)
+                for _, bit in mine:
+                    self._coming[hearer] = self._coming.get(hearer, 0) | bit
+                due_t = self._t + self.links.delay
+                self._on_the_way.append(_Message(due_t, hearer, mine, mind.heard))
+        return bool(news)
+
+    def _news(self, mind: Mind, wanted: int) -> list[tuple[Cell, int]]:
+        """Cells by their bits, in the order in which they hang in a robot's tree."""
+        found = []
+        while wanted:
+            bit = wanted & -wanted
+            wanted ^= bit
+            found.append((self._cells[bit.bit_length() - 1], bit))
+        vertices = mind.tree.vertices
+        return sorted(found, key=lambda each: (vertices[each[0]].depth, each[0]))

@@ -1,0 +1,146 @@
+"""What an exploration was: who moved where, who watched, and what came of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from itertools import pairwise
+from typing import Final
+
+from missions.lab.cooperation.space import Point, Space, distance
+
+_STILL_M: Final = 1e-9
+_STRAIGHT_RAD: Final = 1e-6
+
+
+class Why(StrEnum):
+    """What a move is for."""
+
+    SWEEP = "sweep"
+    """It maps new ground."""
+    WAY = "way"
+    """It leads through known ground, to where the next sweep begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A robot's way along straight lines, while all others stand still."""
+
+    robot: int
+    path: tuple[Point, ...]
+    """From where it stood to where it stops, in metres; at least two points."""
+    why: Why
+
+    @property
+    def length_m(self) -> float:
+        """Of the path."""
+        return sum(distance(a, b) for a, b in pairwise(self.path))
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A convex piece of the map, and with which move it was complete."""
+
+    outline: tuple[Point, ...]
+    moves: int
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """An exploration in numbers."""
+
+    path_m: float
+    """Of all robots together."""
+    known_path_m: float
+    """The part of it that leads through known ground."""
+    steps: int
+    """Moves; one ends where another robot begins. With two robots, exchanges of roles."""
+    turns: int
+    """As the paper counts: changes of course while sweeping; coming into another stripe is one."""
+    corners: int
+    """Every change of course of every robot."""
+    pieces: int
+    """Stripes or triangles of the map."""
+    mapped_m2: float
+    missed_m2: float
+
+
+@dataclass(slots=True)
+class Exploration:
+    """An exploration that is over."""
+
+    space: Space
+    range_m: float
+    start: Point
+    robots: int
+    moves: list[Move] = field(default_factory=list)
+    pieces: list[Piece] = field(default_factory=list)
+
+    def figures(self) -> Figures:
+        """Path, steps, turns and the map."""
+        mapped = sum(_area(piece.outline) for piece in self.pieces)
+        return Figures(
+            path_m=sum(move.length_m for move in self.moves),
+            known_path_m=sum(m.length_m for m in self.moves if m.why is Why.WAY),
+            steps=sum(
+                i == 0 or move.robot != self.moves[i - 1].robot for i, move in enumerate(self.moves)
+            ),
+            turns=sum(_turns(self._of(robot)) for robot in range(self.robots)),
+            corners=sum(_corners(self._of(robot)) for robot in range(self.robots)),
+            pieces=len(self.pieces),
+            mapped_m2=mapped,
+            missed_m2=max(self.space.area_m2 - mapped, 0.0),
+        )
+
+    def standing(self) -> Iterable[tuple[Move, list[Point]]]:
+        """Each move, with where every robot stands when it begins."""
+        places = [self.start] * self.robots
+        for move in self.moves:
+            yield move, list(places)
+            places[move.robot] = move.path[-1]
+
+    def _of(self, robot: int) -> list[Move]:
+        return [move for move in self.moves if move.robot == robot]
+
+
+def _area(ring: Sequence[Point]) -> float:
+    following = (*ring[1:], ring[0])
+    return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(ring, following, strict=True)) / 2.0
+
+
+def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
+    """The bearing of each leg that leads anywhere, and what it is for."""
+    return [
+        (math.atan2(b[1] - a[1], b[0] - a[0]), move.why)
+        for move in moves
+        for a, b in pairwise(move.path)
+        if distance(a, b) > _STILL_M
+    ]
+
+
+def turned(one: float, other: float) -> float:
+    """The angle from one bearing to another, -pi to pi, in radians.
+
+    >>> round(turned(3.0, -3.0), 4)
+    0.2832
+    """
+    return math.remainder(other - one, math.tau)
+
+
+def _corners(moves: Sequence[Move]) -> int:
+    courses = _courses(moves)
+    return sum(abs(turned(a, b)) > _STRAIGHT_RAD for (a, _), (b, _) in pairwise(courses))
+
+
+def _turns(moves: Sequence[Move]) -> int:
+    """Changes of course from sweeping to sweeping; what lies between two sweeps is one turn."""
+    turns, last, between = 0, None, False
+    for course, why in _courses(moves):
+        if why is Why.WAY:
+            between = True
+            continue
+        turns += last is not None and (between or abs(turned(last, course)) > _STRAIGHT_RAD)
+        last, between = course, False
+    return turns

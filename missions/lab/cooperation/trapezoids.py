@@ -1,0 +1,274 @@
+"""Exploration in stripes: the trapezoid decomposition, found out while it is swept.
+
+Robots stand on rows between the floor and the ceiling of a stripe, and pass each other in turns:
+those of every other row stand and watch, the others move on as far as they are seen. With two
+robots on two rows each move covers a triangle, or a diamond; more robots are a column. The stripes
+are explored depth first.
+
+What the explorer asks of the ground is in sight of a robot that stands: floor and ceiling within
+the range of who watches, and doors on the line along which somebody went. A stripe is looked up
+only when robots are in it, its ends count when they are within the range, its doors when it is
+swept.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import count
+from typing import Final
+
+from missions.errors import StrategyError
+from missions.lab.cooperation.exploration import Exploration, Why
+from missions.lab.cooperation.space import Point, Space, distance
+from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
+from missions.lab.cooperation.team import Team
+
+MOST_MOVES: Final = 100_000
+"""By a rough estimate, from area and range."""
+_SAME_M: Final = 1e-9
+_STEPS: Final = 60
+
+
+class Cover(StrEnum):
+    """What a move of one of two robots covers."""
+
+    TRIANGLES = "triangles"
+    DIAMONDS = "diamonds"
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """How stripes are swept.
+
+    `theta_rad`, between 0 and pi, both excluded, is the angle that a move takes up for who watches
+    it: the larger it is, the fewer moves there are, and the lower the stripes.
+
+    >>> round(Pattern(10.0, math.radians(60.0)).height_m, 3)
+    8.66
+    """
+
+    range_m: float
+    theta_rad: float
+    robots: int = 2
+    cover: Cover = Cover.TRIANGLES
+
+    @property
+    def row_m(self) -> float:
+        """Between two rows, where the stripe has its full height."""
+        return self.range_m * math.cos(self.theta_rad / 2.0)
+
+    @property
+    def move_m(self) -> float:
+        """How far ahead of who watches it a robot gets, where the stripe has its full height."""
+        return self.range_m * math.sin(self.theta_rad / 2.0)
+
+    @property
+    def height_m(self) -> float:
+        """Of a stripe."""
+        return self.range_m if self.cover is Cover.DIAMONDS else (self.robots - 1) * self.row_m
+
+    def rows(self, stripe: Stripe, x: float) -> list[Point]:
+        """Where robots stand in a stripe, from south to north."""
+        low, high = stripe.span(x)
+        if self.cover is Cover.DIAMONDS:
+            # the tips of a stripe lie between the rows of the next
+            margin = (self.range_m - self.row_m) / 2.0
+            south = min(max(low, stripe.bottom + margin), high)
+            north = max(min(high, stripe.top - margin), low)
+            return [(x, south), (x, max(south, north))]
+        last = self.robots - 1
+        return [(x, low + (high - low) * row / last) for row in range(self.robots)]
+
+
+def explore(space: Space, start: Point, pattern: Pattern) -> Exploration:
+    """Explore a ground from a place in it; ends when every stripe is swept.
+
+    Raises `StrategyError` where the range is so short that more than `MOST_MOVES` would be needed.
+
+    >>> hall = Space([(0, 0), (40, 0), (40, 20), (0, 20)])
+    >>> figures = explore(hall, (0.0, 0.0), Pattern(10.0, math.radians(60.0))).figures()
+    >>> figures.pieces, round(figures.path_m), figures.missed_m2
+    (3, 277, 0.0)
+    """
+    south, north = space.edges[:, 1].min(), space.edges[:, 1].max()
+    layers = (north - south) / pattern.height_m
+    moves = space.area_m2 / (pattern.range_m * pattern.move_m)
+    if max(layers, moves) > MOST_MOVES:
+        raise StrategyError(
+            f"a range of {pattern.range_m:g} m takes more than {MOST_MOVES} moves in this area; "
+            "give a longer one, or a larger theta"
+        )
+    return _Explorer(space, start, pattern).explored()
+
+
+class _Explorer:
+    def __init__(self, space: Space, start: Point, pattern: Pattern) -> None:
+        self._pattern = pattern
+        self._space = space
+        self._stripes = stripes_of(space, start[1], pattern.height_m)
+        self._team = Team(space, start, pattern.robots, pattern.range_m)
+        self._swept: set[int] = set()
+
+    def explored(self) -> Exploration:
+        """Depth first: on from the stripe swept last, as long as it has a door to new ground."""
+        start = self._team.places[0]
+        here = max(
+            (stripe for stripe in self._stripes if stripe.holds(start)),
+            key=lambda stripe: (stripe.bottom, -stripe.number),
+        )
+        self._sweep(here, start)
+        branch = [here]
+        while branch:
+            new = [door for door in branch[-1].doors if door.other not in self._swept]
+            if not new:
+                branch.pop()
+                continue
+            way, behind = min(
+                (self._way(here, place, branch[-1], door), door.other)
+                for door in new
+                for place in self._team.places
+            )
+            self._team.gather(way[1][0])
+            self._team.travel(way[1])
+            here = self._stripes[behind]
+            self._sweep(here, way[1][-1])
+            branch.append(here)
+        return self._team.log
+
+    def _way(
+        self, here: Stripe, place: Point, last: Stripe, door: Door
+    ) -> tuple[float, tuple[Point, ...]]:
+        """The shortest way through swept stripes to a door of one of them, and its length."""
+        if here is last:
+            point = _nearest(door, place)
+            return distance(place, point), (place, point)
+        order = count()
+        queue: list[tuple[float, int, int, tuple[Point, ...]]] = [
+            (0.0, next(order), here.number, (place,))
+        ]
+        done: set[tuple[int, Point]] = set()
+        while queue:
+            length, _, number, way = heapq.heappop(queue)
+            if number < 0:
+                return length, way
+            if (number, way[-1]) in done:
+                continue
+            done.add((number, way[-1]))
+            stripe = self._stripes[number]
+            if stripe is last:
+                point = _nearest(door, way[-1])
+                total = length + distance(way[-1], point)
+                heapq.heappush(queue, (total, next(order), -1, (*way, point)))
+            for through in stripe.doors:
+                if through.other in self._swept:
+                    for point in (through.a, through.b):
+                        total = length + distance(way[-1], point)
+                        heapq.heappush(queue, (total, next(order), through.other, (*way, point)))
+        raise AssertionError("swept stripes hang together")
+
+    def _sweep(self, stripe: Stripe, entry: Point) -> None:
+        """Sweep a stripe from a place in it, where everybody is, to both ends."""
+        ends = [x for x in (stripe.x0, stripe.x1) if abs(x - entry[0]) > _SAME_M]
+        # an end that is in sight comes first where it is the nearer one
+        seen = [x for x in ends if abs(x - entry[0]) <= self._pattern.range_m]
+        ends.sort(key=lambda x: (abs(x - entry[0]) if x in seen else math.inf, x))
+        for number, end in enumerate(ends):
+            if number:
+                back = min(self._team.places, key=lambda place: distance(place, entry))
+                self._team.gather(back)
+                self._team.travel([back, entry])
+            self._go(stripe, entry[0], end)
+        self._swept.add(stripe.number)
+        self._team.mapped(stripe.outline())
+
+    def _go(self, stripe: Stripe, x: float, end: float) -> None:
+        """Sweep from one x to another."""
+        standing = self._team.spread(self._pattern.rows(stripe, x))
+        stops = [end]
+        if self._pattern.robots > 2:  # rows are to be straight between two stops
+            between = [b for b in stripe.bends() if min(x, end) < b < max(x, end)]
+            stops = [*(between if end > x else between[::-1]), end]
+        for stop in stops:
+            self._pass(stripe, standing, x, stop)
+            x = stop
+
+    def _pass(self, stripe: Stripe, standing: Sequence[int], x: float, stop: float) -> None:
+        """Every other row moves while the rows between watch, in turns, until all are at `stop`."""
+        at = [x, x]
+        moving = standing.index(self._team.in_turn()[0]) % 2
+        while at != [stop, stop]:
+            target = self._reach(stripe, at[1 - moving], stop, moving)
+            rows = self._pattern.rows(stripe, target)
+            for row in range(moving, len(rows), 2):
+                self._team.move(
+                    standing[row], self._leg(stripe, standing, row, rows[row]), Why.SWEEP
+                )
+            at[moving] = target
+            moving = 1 - moving
+
+    def _reach(self, stripe: Stripe, x: float, stop: float, moving: int) -> float:
+        """How far the moving rows may go, up to `stop`, while those that stand at x see them."""
+        watching = self._pattern.rows(stripe, x)
+
+        def too_far(target: float) -> float:
+            """By how much the range is exceeded, in metres."""
+            rows = self._pattern.rows(stripe, target)
+            return max(
+                distance(watching[row], rows[beside]) - self._pattern.range_m
+                for row in range(1 - moving, len(rows), 2)
+                for beside in range(max(row - 1, 0), min(row + 2, len(rows)))
+            )
+
+        # nobody is seen farther ahead than the range
+        far = (
+            stop
+            if abs(stop - x) < self._pattern.range_m
+            else (x + math.copysign(self._pattern.range_m, stop - x))
+        )
+        beyond = too_far(far)
+        if beyond <= 0.0:
+            return far
+        near, within, last = x, too_far(x), 0.0
+        # regula falsi, after Illinois: an end that stays twice counts half
+        for _ in range(_STEPS):
+            middle = (near * beyond - far * within) / (beyond - within)
+            found = too_far(middle)
+            if -_SAME_M < found <= 0.0:
+                return middle
+            again = found * last > 0.0
+            if found > 0.0:
+                far, beyond = middle, found
+                within /= 2.0 if again else 1.0
+            else:
+                near, within = middle, found
+                beyond /= 2.0 if again else 1.0
+            last = found
+        return near
+
+    def _leg(
+        self, stripe: Stripe, standing: Sequence[int], row: int, target: Point
+    ) -> tuple[Point, ...]:
+        """The way of a robot to its next place: straight, or around the tip of a diamond."""
+        here = self._team.places[standing[row]]
+        if self._pattern.cover is Cover.TRIANGLES:
+            return (target,)
+        watch = self._team.places[standing[1 - row]]
+        if not min(here[0], target[0]) + _SAME_M < watch[0] < max(here[0], target[0]) - _SAME_M:
+            return (target,)
+        tip = (watch[0], watch[1] + self._pattern.range_m * (1.0 if row else -1.0))
+        free = all(self._space.is_free((watch, tip, side)) for side in (here, target))
+        return (tip if free else (watch[0], stripe.span(watch[0])[row]), target)
+
+
+def _nearest(door: Door, place: Point) -> Point:
+    """The point of a door that is nearest to a place."""
+    (ax, ay), (bx, by) = door.a, door.b
+    along = (place[0] - ax) * (bx - ax) + (place[1] - ay) * (by - ay)
+    share = min(max(along / ((bx - ax) ** 2 + (by - ay) ** 2), 0.0), 1.0)
+    if share == 1.0:
+        return door.b
+    return (ax + share * (bx - ax), ay + share * (by - ay))

@@ -1,0 +1,1 @@
+"""Loops of studies, compiled as those of `missions.kernels` are."""

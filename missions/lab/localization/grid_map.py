@@ -1,0 +1,147 @@
+"""A map for localization: cells where the robot can be, and what it would sense in each."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import LocalizationError
+from missions.lab.localization.neighbourhood import DIRECTIONS, RING, STEP, label
+from missions.units import Cell
+
+
+@dataclass(frozen=True, eq=False)
+class GridMap:
+    """The cells of a grid in ascending order; everything else refers to them by their number.
+
+    >>> pair = GridMap.of({Cell(5, 5), Cell(6, 5)})
+    >>> pair.size, pair.width, pair.height, pair.patterns
+    (2, 2, 1, (64, 4))
+    """
+
+    cells: tuple[Cell, ...]
+    patterns: tuple[int, ...]
+    """What is sensed in each cell (`missions.lab.localization.neighbourhood`)."""
+    steps: tuple[tuple[int, ...], ...]
+    """By direction: the number of the cell there for each cell, -1 where there is none."""
+    own: tuple[bool, ...]
+    """Whether each cell is unobstructed itself: False only among `places` beside the grid."""
+
+    @classmethod
+    def of(cls, free: Collection[Cell], places: Collection[Cell] | None = None) -> GridMap:
+        """A map of unobstructed cells.
+
+        Args:
+            free: the unobstructed cells; those of a region, for one that flies.
+            places: where it can be. By default in unobstructed cells only, as a robot on the
+                ground; an aircraft can be beside the region, too.
+
+        Raises:
+            LocalizationError: no cells, or some that cannot be reached from the others.
+        """
+        known = frozenset(free)
+        cells = tuple(sorted(known if places is None else frozenset(places)))
+        if not cells:
+            raise LocalizationError("a map without cells: there is nowhere to be")
+        index = {cell: i for i, cell in enumerate(cells)}
+        steps = tuple(
+            tuple(index.get(Cell(e + STEP[d][0], n + STEP[d][1]), -1) for e, n in cells)
+            for d in DIRECTIONS
+        )
+        patterns = tuple(
+            sum(((e + de, n + dn) in known) << i for i, (de, dn) in enumerate(RING))
+            for e, n in cells
+        )
+        made = cls(cells, patterns, steps, tuple(cell in known for cell in cells))
+        lost = made._unreached()
+        if lost is not None:
+            raise LocalizationError(
+                f"cell ({lost.east}, {lost.north}) cannot be reached from ({cells[0].east}, "
+                f"{cells[0].north}) over edges: a robot could never know which part it is in"
+            )
+        return made
+
+    def _unreached(self) -> Cell | None:
+        met, todo = {0}, [0]
+        while todo:
+            here = todo.pop()
+            for d in DIRECTIONS:
+                there = self.steps[d][here]
+                if there >= 0 and there not in met:
+                    met.add(there)
+                    todo.append(there)
+        return None if len(met) == self.size else self.cells[min({*range(self.size)} - met)]
+
+    @property
+    def size(self) -> int:
+        """The number of cells, n in the bounds."""
+        return len(self.cells)
+
+    @cached_property
+    def west(self) -> int:
+        """East coordinate of the westernmost cells."""
+        return min(cell.east for cell in self.cells)
+
+    @cached_property
+    def south(self) -> int:
+        """North coordinate of the southernmost cells."""
+        return min(cell.north for cell in self.cells)
+
+    @cached_property
+    def width(self) -> int:
+        """Columns from the westernmost to the easternmost cells."""
+        return max(cell.east for cell in self.cells) - self.west + 1
+
+    @cached_property
+    def height(self) -> int:
+        """Rows from the southernmost to the northernmost cells."""
+        return max(cell.north for cell in self.cells) - self.south + 1
+
+    @cached_property
+    def index(self) -> dict[Cell, int]:
+        """The number of each cell."""
+        return {cell: i for i, cell in enumerate(self.cells)}
+
+    @cached_property
+    def alike(self) -> dict[int, tuple[int, ...]]:
+        """The numbers of the cells in which a pattern is sensed, by pattern."""
+        found: dict[int, list[int]] = {}
+        for i, pattern in enumerate(self.patterns):
+            found.setdefault(pattern, []).append(i)
+        return {pattern: tuple(cells) for pattern, cells in found.items()}
+
+    @cached_property
+    def pattern_array(self) -> NDArray[np.uint8]:
+        """`patterns` as an array."""
+        return np.array(self.patterns, np.uint8)
+
+    @cached_property
+    def landings(self) -> NDArray[np.intp]:
+        """By direction, where a move ends: in the cell there, or, where there is none, where it
+        began."""
+        steps = np.array(self.steps, np.intp)
+        return np.where(steps >= 0, steps, np.arange(self.size))
+
+    @cached_property
+    def edges(self) -> int:
+        """Pairs of cells that share an edge."""
+        return sum(there >= 0 for way in self.steps[:2] for there in way)
+
+    @cached_property
+    def labels(self) -> tuple[int, ...]:
+        """How many cells have the label 0, 1, 2, 3, 4 (section 6.3)."""
+        found = [label(pattern) for pattern in self.patterns]
+        return tuple(found.count(i) for i in range(5))
+
+    @property
+    def circumnavigation(self) -> int:
+        """Moves around all obstacles together, c in Lemma 2.
+
+        >>> GridMap.of({Cell(0, 0), Cell(1, 0)}).circumnavigation
+        2
+        """
+        return sum(i * count for i, count in enumerate(self.labels))

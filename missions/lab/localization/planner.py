@@ -1,0 +1,181 @@
+"""A planner with a map: the moves after which the fewest candidates are left, as soon as possible.
+
+All candidates sense the same, so a sequence of moves is possible in all of them or in none, until
+they sense different things: then the candidates *split*. The planner looks for the nearest splits,
+breadth first over the places that all candidates reach alike, and for the moves to certainty that
+are expected after each, split by split: of a few candidates (`EXACT`) the least of all plans, of
+more to some depth (`LOOK_AHEAD`), beyond which it reckons with a number of moves for each halving.
+It plans anew after each split.
+
+That every set of candidates splits somewhere: two that never do would make the grid equal to itself
+moved by their distance, which no finite grid is.
+
+**The guarantee.** On a map of n cells the Homing Robot needs at most h = (n - b) + 3/2 c moves from
+wherever it starts (Lemma 1: b boundary cells, c moves around all obstacles), and h <= 4 n
+(Lemma 5). The planner goes on as long as its moves, those to the next split, and h are at most 4 n
+together; then the Homing Robot takes over. So it never takes more than 4 n moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from missions.lab.localization.candidates import (
+    Candidates,
+    candidates_after,
+    first_candidates,
+    split,
+)
+from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.homing import Moves, homing
+
+EXACT: Final = 2
+"""Up to so many candidates the best of all plans is found; more take too long on large maps."""
+LOOK_AHEAD: Final = ((300, 3), (1500, 2))
+"""With more candidates: up to so many, so many splits are looked ahead; of yet more, one."""
+BREADTH: Final = 4
+"""With more candidates: splits that are looked into, of those that are as many moves away."""
+MOVES_A_HALVING: Final = 0.7
+"""What is reckoned beyond: found on grown regions of 120 and 500 cells."""
+MAX_KEPT: Final = 200_000
+"""Values that are remembered."""
+
+Way = tuple[int, ...]
+"""Directions, one after the other."""
+
+
+def homing_bound(known: GridMap) -> int:
+    """Moves that the Homing Robot needs at most, from any cell (Lemma 1); never above 4 n.
+
+    >>> from missions.units import Cell
+    >>> homing_bound(GridMap.of({Cell(i, 0) for i in range(10)}))
+    27
+    """
+    return known.labels[0] + 3 * known.circumnavigation // 2
+
+
+class Planner:
+    """Plans for one map; what was worked out is remembered, so one planner serves many robots.
+
+    Args:
+        known: the map.
+        exact: for up to so many candidates the best of all plans is found. As many as there are
+            cells: no plan is better. Beyond some hundred cells that takes too long.
+    """
+
+    def __init__(self, known: GridMap, exact: int = EXACT) -> None:
+        self.known = known
+        self._exact = exact
+        self.homing_bound = homing_bound(known)
+        self._values: dict[tuple[Candidates, int], tuple[float, Way]] = {}
+
+    def way(self, candidates: Candidates) -> Way:
+        """The moves to the split that is best for candidates of which there are several."""
+        return self._best(candidates, _depth(candidates))[1]
+
+    def expected_moves(self) -> float:
+        """Mean moves to certainty over all cells as starts, as reckoned.
+
+        Where no more than `exact` cells look alike it is the mean of the best of all plans.
+        """
+        alike = self.known.alike.values()
+        return sum(self._best(c, _depth(c))[0] for c in alike) / self.known.size
+
+    def _best(self, candidates: Candidates, depth: int) -> tuple[float, Way]:
+        """Moves to certainty, summed over the candidates, and the first of them.
+
+        Up to `exact` candidates it is the least of all plans, whatever the depth.
+        """
+        size = len(candidates)
+        if size == 1:
+            return 0.0, ()
+        if size <= self._exact:
+            depth = 1
+        elif depth == 0:
+            return _reckoned(candidates), ()
+        kept = self._values.get((candidates, depth))
+        if kept is None:
+            kept = self._searched(candidates, depth)
+            if len(self._values) < MAX_KEPT:
+                self._values[candidates, depth] = kept
+        return kept
+
+    def _searched(self, candidates: Candidates, depth: int) -> tuple[float, Way]:
+        """Branch and bound: whoever is not alone after a split needs a move more at least."""
+        size = len(candidates)
+        best: tuple[float, Way] = (math.inf, ())
+        met = {candidates}
+        rim: list[tuple[Candidates, Way]] = [(candidates, ())]
+        length = 1
+        while rim and length * size < best[0]:
+            splits, rim = self._moved_on(rim, met)
+            splits.sort(key=lambda s: s[0])
+            for _, way, groups in splits if size <= self._exact else splits[:BREADTH]:
+                best = min(best, (self._sum(groups, size * length, best[0], depth - 1), way))
+            length += 1
+        return best
+
+    def _sum(self, groups: list[Candidates], moves: float, limit: float, depth: int) -> float:
+        """Moves so far and those of all groups after them; infinite if not below the limit."""
+        open_groups = sorted((group for group in groups if len(group) > 1), key=len)
+        least = sum(map(len, open_groups))
+        for group in open_groups:
+            if moves + least >= limit:
+                return math.inf
+            least -= len(group)
+            moves += self._best(group, depth)[0]
+        return moves
+
+    def _moved_on(
+        self, rim: list[tuple[Candidates, Way]], met: set[Candidates]
+    ) -> tuple[list[tuple[float, Way, list[Candidates]]], list[tuple[Candidates, Way]]]:
+        """One move on from the rim: splits, each with what it leaves at a glance, and the new
+        rim."""
+        splits: list[tuple[float, Way, list[Candidates]]] = []
+        outer: list[tuple[Candidates, Way]] = []
+        for here, way in rim:
+            for d, step in enumerate(self.known.steps):
+                if step[here[0]] < 0:
+                    continue
+                groups = split(self.known, here, d)
+                if len(groups) > 1:
+                    splits.append((sum(map(_reckoned, groups)), (*way, d), groups))
+                elif groups[0] not in met:
+                    met.add(groups[0])
+                    outer.append((groups[0], (*way, d)))
+        return splits, outer
+
+
+def _depth(candidates: Candidates) -> int:
+    """Splits to look ahead."""
+    return next((depth for most, depth in LOOK_AHEAD if len(candidates) <= most), 1)
+
+
+def _reckoned(candidates: Candidates) -> float:
+    """Moves to certainty at a glance, summed over the candidates."""
+    return MOVES_A_HALVING * len(candidates) * math.log2(len(candidates))
+
+
+def plan(pattern: int, planner: Planner, told: Callable[[], None] | None = None) -> Moves:
+    """Move as planned; as the Homing Robot once no more than its bound is left of 4 n moves.
+
+    Args:
+        pattern: what is sensed at first.
+        planner: for the map.
+        told: called when the Homing Robot takes over.
+    """
+    known = planner.known
+    candidates = first_candidates(known, pattern)
+    spare = 4 * known.size - planner.homing_bound
+    while len(candidates) > 1:
+        way = planner.way(candidates)
+        if len(way) > spare:
+            if told is not None:
+                told()
+            yield from homing(pattern)
+        spare -= len(way)
+        for direction in way:
+            pattern = yield direction
+            candidates = candidates_after(known, candidates, direction, pattern)

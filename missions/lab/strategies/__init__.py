@@ -1,0 +1,17 @@
+"""Strategies of papers, to compare with; they register themselves when this is imported."""
+
+from __future__ import annotations
+
+from missions.explorers import EXPLORERS, register
+from missions.lab.strategies.bfdn import Bfdn
+from missions.lab.strategies.greedy import Greedy
+from missions.lab.strategies.hungarian import Hungarian
+from missions.lab.strategies.lrta import Lrta
+from missions.lab.strategies.lrv import Lrv
+from missions.lab.strategies.random_walk import RandomWalk
+from missions.lab.strategies.rdfs_paper import RdfsPaper
+from missions.lab.strategies.smartdfs import SmartDfs
+
+register(RdfsPaper(), Hungarian(), Greedy(), Bfdn(), Lrv(), Lrta(), RandomWalk(), SmartDfs())
+
+__all__ = ["EXPLORERS"]

@@ -1,0 +1,64 @@
+"""Greedy Mapping of Tovey and Koenig: always to the nearest cell that nobody has visited.
+
+One robot moves along a shortest way over known cells to the nearest known cell that is unvisited,
+until there is none. With several robots each goes to the nearest of the cells that the fewest
+others head for: to one of its own while there are any, and then to another's, so that nobody waits
+for a robot that may never come.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from missions.explorers.grid_paths import step_home
+from missions.explorers.interface import Decision, Situation
+from missions.explorers.metric import Metric
+from missions.lab.strategies.leg_costs import Ways
+from missions.units import Cell
+
+
+@dataclass(frozen=True, slots=True)
+class Greedy:
+    """To the nearest unvisited cell that no other robot heads for, while there is one.
+
+    >>> from missions.lab.arena.run import run
+    >>> run(Greedy(), {Cell(0, 0), Cell(0, 1), Cell(1, 0), Cell(1, 1)}, Cell(0, 0), 1).makespan
+    4.0
+    """
+
+    name: str = "greedy"
+    guarantee: str = "one robot, cell by cell: at most 2 C^1.5 + 4 C moves and the way home"
+    source: str = "Tovey and Koenig, Improved Analysis of Greedy Mapping, Theorem 2"
+    when: str = "you want a rule that anybody can follow, and short tours on most regions"
+
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        """Theorem 2, and the way home; for one robot only."""
+        return 2.0 * cells**1.5 + 4.0 * cells + depth if robots == 1 else None
+
+    def bound_holds(self, robots: int, metric: Metric) -> bool:
+        """Cell by cell: the theorem counts edges of a graph, where the nearest cell is the one
+        with the fewest on the way."""
+        return not metric.straight
+
+    def decide(self, situation: Situation) -> Decision:
+        """One robot after the other. The memory is where everybody heads for."""
+        tree, at = situation.tree, situation.at
+        before = cast("Mapping[int, Cell]", situation.memory or {})
+        goals = {r: before.get(r, at[r]) for r in at}
+        ways = Ways(tree, situation.metric)
+        moves: dict[int, Cell | None] = {}
+        for robot in situation.robots:
+            if not ways.unvisited:
+                moves[robot] = step_home(tree, at[robot])
+                continue
+            others = Counter(cell for r in at if r != robot for cell in {goals[r], at[r]})
+            fewest = min(others[cell] for cell in ways.unvisited)
+            free = [cell for cell in ways.unvisited if others[cell] == fewest]
+            nearest = ways.nearest(at[robot], free)
+            if goals[robot] not in nearest:  # of equally near ones keep the one before
+                goals[robot] = nearest[0]
+            moves[robot] = ways.next_stop(at[robot], goals[robot])
+        return Decision(moves, goals)

@@ -1,0 +1,1 @@
+"""Planning that a flight, a mission's check and a study share."""

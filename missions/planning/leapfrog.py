@@ -1,0 +1,211 @@
+"""Two multicopters without satellites: one maps, the other hovers above and tracks it.
+
+The mapper flies a piece of its path while the tracker hovers above and sees the marker on its top;
+then the mapper hovers, and the tracker flies on, seeing it all the time. So an error is added with
+each hop and not with each metre.
+
+The tracker hovers over the middle of the smallest circle around the next piece, and a piece is as
+long as this circle is within what the tracker sees. Both its old and its new place are then within
+reach of where the mapper hovers, and so is the straight way between them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import shapely
+from shapely.geometry import LineString
+from shapely.ops import substring
+
+Point = tuple[float, float]
+"""East and north, in metres."""
+
+_STILL_M: Final = 1e-6
+_HALVINGS: Final = 32
+
+
+class Role(StrEnum):
+    """Who moves in a step."""
+
+    MAPPER = "mapper"
+    TRACKER = "tracker"
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerView:
+    """What the tracker sees of a marker below, whatever its heading is.
+
+    Attributes:
+        hfov_rad: Angle of view across the picture, 0 to pi, open.
+        vfov_rad: Along it.
+        above_m: How much higher the tracker flies than the mapper: it is in a layer of its own.
+        separation_m: Two vehicles never come nearer; `above_m` is at least that.
+        tag_m: Side of the marker's black square.
+        tilt_rad: How far the tracker's camera may tilt in flight.
+        margin_m: What is left to the rim for errors of both places.
+    """
+
+    hfov_rad: float = math.radians(78.0)
+    vfov_rad: float = math.radians(62.5)
+    above_m: float = 10.0
+    separation_m: float = 3.0
+    tag_m: float = 0.4
+    tilt_rad: float = math.radians(3.0)
+    margin_m: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse with `ValueError` what cannot be flown or sees nothing."""
+        if not all(0.0 < angle < math.pi for angle in (self.hfov_rad, self.vfov_rad)):
+            raise ValueError(f"hfov_rad and vfov_rad are 0 to pi, open: {self}")
+        if not (self.tag_m > 0.0 and self.tilt_rad >= 0.0 and self.margin_m >= 0.0):
+            raise ValueError(f"tag_m is above 0, tilt_rad and margin_m at least 0: {self}")
+        if not 0.0 < self.separation_m <= self.above_m:
+            raise ValueError(
+                f"above_m is {self.above_m:g}: the tracker crosses above the mapper, so it flies "
+                f"at least separation_m = {self.separation_m:g} m higher"
+            )
+        if not self.reach_m > 0.0:
+            raise ValueError(
+                f"from {self.above_m:g} m above nothing is left of the picture beside tilt, margin "
+                "and marker: fly higher, or take a wider angle of view"
+            )
+
+    @property
+    def reach_m(self) -> float:
+        """How far aside of the tracker the marker's middle is surely seen.
+
+        >>> round(TrackerView().reach_m, 2)
+        4.5
+        """
+        half_rad = min(self.hfov_rad, self.vfov_rad) / 2.0 - self.tilt_rad
+        if half_rad <= 0.0:
+            return 0.0
+        # the marker with its white margin, turned anyhow
+        corner_m = self.tag_m * (4.0 / 3.0) * math.sqrt(0.5)
+        return self.above_m * math.tan(half_rad) - corner_m - self.margin_m
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One vehicle moves, the other hovers.
+
+    Attributes:
+        mover: Who moves.
+        way: Its places, metres east and north, from the first to the last.
+        hovering: Where the other one is.
+    """
+
+    mover: Role
+    way: tuple[Point, ...]
+    hovering: Point
+
+    @property
+    def start(self) -> Point:
+        """Where the mover begins."""
+        return self.way[0]
+
+    @property
+    def end(self) -> Point:
+        """Where it ends."""
+        return self.way[-1]
+
+    @property
+    def length_m(self) -> float:
+        """How far it flies."""
+        return sum(map(_distance, self.way, self.way[1:]))
+
+
+@dataclass(frozen=True, slots=True)
+class Leapfrog:
+    """The steps of both vehicles along a path; the tracker begins above the path's start."""
+
+    view: TrackerView
+    steps: tuple[Step, ...]
+
+    @property
+    def hops(self) -> int:
+        """How many pieces the mapper flies."""
+        return sum(step.mover is Role.MAPPER for step in self.steps)
+
+    def length_m(self, role: Role) -> float:
+        """How far a vehicle flies in all."""
+        return sum(step.length_m for step in self.steps if step.mover is role)
+
+    @property
+    def farthest_m(self) -> float:
+        """The greatest distance aside between both, at any time: at most `view.reach_m`."""
+        return max(_distance(place, step.hovering) for step in self.steps for place in step.way)
+
+
+def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
+    """The fewest hops along a path such that each vehicle is in view while it or the other moves.
+
+    Args:
+        path: What the mapper shall fly: corners in metres east and north, at least two places.
+        view: What the tracker sees, and how much higher it flies.
+
+    Raises:
+        ValueError: where the path is no path.
+
+    >>> plan = plan_leapfrog([(0.0, 0.0), (30.0, 0.0)], TrackerView())
+    >>> [(str(step.mover), round(step.end[0], 1)) for step in plan.steps][:4]
+    [('tracker', 4.5), ('mapper', 9.0), ('tracker', 13.5), ('mapper', 18.0)]
+    """
+    if len(path) < 2 or not all(math.isfinite(value) for place in path for value in place):
+        raise ValueError(f"a path has two places at least, in metres: {list(path)}")
+    line = LineString(path)
+    if line.length <= _STILL_M:
+        raise ValueError("the path has no length: all its places are one")
+    steps: list[Step] = []
+    mapper = tracker = (float(path[0][0]), float(path[0][1]))
+    flown = 0.0
+    while flown < line.length - _STILL_M:
+        until = _farthest(line, flown, view.reach_m)
+        piece = _piece(line, flown, until)
+        centre = _centre(piece)
+        if _distance(tracker, centre) > _STILL_M:
+            steps.append(Step(Role.TRACKER, (tracker, centre), mapper))
+            tracker = centre
+        way = tuple((float(east), float(north)) for east, north in piece.coords)
+        steps.append(Step(Role.MAPPER, way, tracker))
+        mapper, flown = way[-1], until
+    return Leapfrog(view, tuple(steps))
+
+
+def _farthest(line: LineString, flown_m: float, reach_m: float) -> float:
+    """How far along the path a piece from `flown_m` may go: its circle only grows with it."""
+
+    def fits(until_m: float) -> bool:
+        piece = _piece(line, flown_m, until_m)
+        return float(shapely.minimum_bounding_radius(piece)) <= reach_m
+
+    length_m = float(line.length)
+    if fits(length_m):
+        return length_m
+    # a piece as long as the circle is wide fits however it bends
+    low, high = min(length_m, flown_m + 2.0 * reach_m * (1.0 - 1e-9)), length_m
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return low
+
+
+def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
+    piece = substring(line, start_m, end_m)
+    if not isinstance(piece, LineString):
+        raise AssertionError("a piece has a length")
+    return piece
+
+
+def _centre(piece: LineString) -> Point:
+    """The middle of the smallest circle around a piece."""
+    circle = shapely.minimum_bounding_circle(piece).centroid
+    return float(circle.x), float(circle.y)
+
+
+def _distance(a: Point, b: Point) -> float:
+    return math.hypot(b[0] - a[0], b[1] - a[1])

@@ -1,0 +1,134 @@
+"""Radio in the arena: who hears whom, and what is known when, by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from missions.lab.arena.minds import Mind, look
+from missions.lab.arena.radio import Links, Radio
+from missions.mapping.tree import Tree
+from missions.partition import Partition
+from missions.units import Cell
+
+START = Cell(0, 0)
+ROW = [Cell(e, 0) for e in range(8)]
+
+
+class Team:
+    """Robots that stand in a row, of whom the first has looked along it."""
+
+    def __init__(self, links: Links, *easts: int, looks: int = 4) -> None:
+        self.radio = Radio(links, ROW)
+        self.at = {robot: Cell(east, 0) for robot, east in enumerate(easts)}
+        known = look(Tree.rooted(START), START, ROW)
+        heard = dict.fromkeys(self.at, (0.0, START))
+        self.minds = {robot: Mind(known, heard) for robot in self.at}
+        tree, looked = known, 0
+        for cell in ROW[1 : looks + 1]:
+            tree, looked = look(tree, cell, ROW), looked | self.radio.bit(cell)
+        self.minds[0] = Mind(tree, heard, looked=looked)
+
+    def instant(self, t: float) -> list[int]:
+        """Let them hear and tell at an instant; how far each then knows the row."""
+        places = {robot: (float(cell.east), float(cell.north)) for robot, cell in self.at.items()}
+        self.radio.tune(t, places, self.at)
+        self.radio.hear(self.minds)
+        self.radio.tell(self.minds)
+        return [len(mind.tree) - 2 for mind in self.minds.values()]
+
+
+def test_who_is_in_range_knows_at_once() -> None:
+    assert Team(Links(range_cells=3.0), 0, 3, 7).instant(0.0) == [4, 4, 0]
+
+
+def test_news_goes_from_one_to_the_other() -> None:
+    assert Team(Links(range_cells=3.0), 0, 3, 6).instant(0.0) == [4, 4, 4]
+    assert Team(Links(range_cells=3.0, rate=100.0), 0, 3, 6).instant(0.0) == [4, 4, 4]
+
+
+def test_what_is_told_with_a_delay_is_known_at_the_first_instant_after_it() -> None:
+    team = Team(Links(delay=1.5), 0, 3)
+    assert [team.instant(t)[1] for t in (0.0, 1.0, 1.4, 1.5)] == [0, 0, 0, 4]
+
+
+def test_with_a_delay_each_hop_takes_it() -> None:
+    team = Team(Links(range_cells=3.0, delay=1.0), 0, 3, 6)
+    assert [team.instant(t) for t in (0.0, 1.0, 2.0)] == [[4, 0, 0], [4, 4, 0], [4, 4, 4]]
+
+
+def test_a_rate_tells_what_hangs_nearest_to_the_root_first() -> None:
+    team = Team(Links(rate=1.0), 0, 3, looks=6)
+    assert [team.instant(t)[1] for t in (0.0, 1.0, 1.5, 2.0, 9.0, 10.0)] == [1, 2, 2, 3, 4, 5]
+
+
+def test_a_rate_below_one_tells_a_cell_now_and_then() -> None:
+    team = Team(Links(rate=0.5), 0, 3)
+    assert [team.instant(float(t))[1] for t in range(5)] == [1, 1, 2, 2, 3]
+
+
+def test_all_that_hear_share_one_message() -> None:
+    assert Team(Links(rate=2.0), 0, 3, 6, 7).instant(0.0) == [4, 2, 2, 2]
+
+
+def test_what_is_lost_is_told_again() -> None:
+    team = Team(Links(loss=0.9, rate=100.0, seed=1), 0, 3)
+    known = [team.instant(float(t))[1] for t in range(40)]
+    assert known[0] == 0
+    assert known[-1] == 4
+    assert set(known) == {0, 4}
+
+
+def test_the_loss_is_of_pairs_at_instants() -> None:
+    radio = Radio(Links(loss=0.3, seed=1), ROW)
+    places = {0: (0.0, 0.0), 1: (1.0, 0.0)}
+    heard = 0
+    for t in range(2000):
+        radio.tune(float(t), places, {})
+        heard += radio.touch[0] == (0, 1)
+    assert heard / 2000 == pytest.approx(0.7, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("named", "touch"),
+    [((), {(0,), (1,), (2,)}), ((frozenset({0, 2}),), {(0, 2), (1,)})],
+    ids=["nobody", "a group"],
+)
+def test_a_partition_lasts_from_its_beginning_to_its_end(
+    named: tuple[frozenset[int], ...], touch: set[tuple[int, ...]]
+) -> None:
+    radio = Radio(Links(apart=(Partition(2.0, 4.0, named),)), ROW)
+    places = dict.fromkeys(range(3), (0.0, 0.0))
+    found = []
+    for t in (1.9, 2.0, 3.9, 4.0):
+        radio.tune(t, places, {})
+        found.append(set(radio.touch.values()))
+    assert found == [{(0, 1, 2)}, touch, touch, {(0, 1, 2)}]
+
+
+def test_who_stands_at_one_vertex_hears_whatever_the_radio_does() -> None:
+    radio = Radio(Links(loss=1.0, apart=(Partition(0.0, 9.0),)), ROW)
+    places = dict.fromkeys(range(3), (2.0, 0.0))
+    radio.tune(1.0, places, {0: Cell(2, 0), 2: Cell(2, 0)})  # 1 flies by
+    assert radio.touch == {0: (0, 2), 1: (1,), 2: (0, 2)}
+
+
+def test_those_in_touch_remember_what_the_first_does_that_is_not_done() -> None:
+    team = Team(Links(), 0, 3, 6)
+    team.minds = {r: replace(mind, memory=f"of {r}") for r, mind in team.minds.items()}
+    team.radio.tune(0.0, {r: (float(c.east), 0.0) for r, c in team.at.items()}, team.at)
+    team.radio.hear(team.minds, done={0})
+    assert {mind.memory for mind in team.minds.values()} == {"of 1"}
+
+
+def test_a_place_that_hangs_in_no_tree_yet_is_not_heard_of() -> None:
+    team = Team(Links(rate=1.0), 0, 3)
+    team.minds[0] = Mind(
+        team.minds[0].tree, {0: (5.0, Cell(5, 0)), 1: (0.0, START)}, None, team.minds[0].looked
+    )
+    assert team.instant(0.0)[1] == 1
+    assert team.minds[1].heard[0] == (0.0, START)
+    for t in range(1, 4):
+        team.instant(float(t))
+    assert team.minds[1].heard[0] == (5.0, Cell(5, 0))

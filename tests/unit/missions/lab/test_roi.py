@@ -1,0 +1,143 @@
+"""Regions to explore without flying: how they grow, and what is promised of their shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from missions.errors import RoiError
+from missions.explorers.grid_paths import distances
+from missions.lab.arena.roi import (
+    KINDS,
+    MAX_CELLS,
+    Roi,
+    boundary,
+    component,
+    eden,
+    grown,
+    ragged,
+    rectangle,
+    thin,
+)
+from missions.units import Cell
+
+START = Cell(0, 0)
+SEEDS = range(10)
+
+
+def edges(cells: set[Cell] | frozenset[Cell]) -> int:
+    """How many pairs of cells lie side by side."""
+    return sum(near in cells for cell in cells for near in cell.neighbours()) // 2
+
+
+# --- what all growths promise ----------------------------------------------------------------
+@pytest.mark.parametrize("kind", sorted(KINDS))
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_growth_hangs_together_and_holds_its_first_cell(kind: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = KINDS[kind](int(rng.integers(1, 150)), rng)
+    assert START in cells
+    assert component(cells, START) == cells
+
+
+@pytest.mark.parametrize("kind", ["eden", "ragged", "rectangle"])
+@pytest.mark.parametrize("size", [1, 2, 17, 120])
+def test_a_growth_has_as_many_cells_as_asked_for(kind: str, size: int) -> None:
+    assert len(KINDS[kind](size, np.random.default_rng(3))) == size
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_the_same_seed_grows_the_same_and_another_another(kind: str) -> None:
+    one, same, other = (KINDS[kind](60, np.random.default_rng(s)) for s in (1, 1, 2))
+    assert one == same
+    assert one != other
+
+
+# --- their shapes ----------------------------------------------------------------------------
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_thin_region_has_no_cycle(seed: int) -> None:
+    cells = thin(80, np.random.default_rng(seed))
+    assert edges(cells) == len(cells) - 1
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_thin_region_is_long_and_an_eden_is_round(seed: int) -> None:
+    narrow = thin(80, np.random.default_rng(seed))
+    compact = eden(len(narrow), np.random.default_rng(seed))
+    assert max(distances(narrow, START).values()) >= max(distances(compact, START).values())
+    assert edges(compact) > edges(narrow)
+
+
+def holes(cells: set[Cell]) -> int:
+    """Cells outside that cannot be reached from far away."""
+    east = [c.east for c in cells]
+    north = [c.north for c in cells]
+    around = {
+        Cell(e, n)
+        for e in range(min(east) - 1, max(east) + 2)
+        for n in range(min(north) - 1, max(north) + 2)
+    } - cells
+    return len(around) - len(component(around, Cell(min(east) - 1, min(north) - 1)))
+
+
+def test_ragged_regions_have_holes_and_rectangles_have_none() -> None:
+    assert sum(holes(ragged(120, np.random.default_rng(s))) for s in SEEDS) > 20
+    assert all(holes(rectangle(120, np.random.default_rng(s))) == 0 for s in SEEDS)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("size", [1, 6, 35, 120])
+def test_a_rectangle_is_one_but_for_its_last_row(size: int, seed: int) -> None:
+    cells = rectangle(size, np.random.default_rng(seed))
+    width = max(c.east for c in cells) + 1
+    height = max(c.north for c in cells) + 1
+    full = {Cell(e, n) for e in range(width) for n in range(height - 1)}
+    assert full <= cells
+    last = sorted(c.east for c in cells - full)
+    assert last == list(range(len(last)))
+    assert width <= 4 * (height + 1) * 2
+
+
+# --- boundaries and regions ------------------------------------------------------------------
+def test_the_boundary_is_what_touches_the_outside() -> None:
+    block = {Cell(e, n) for e in range(4) for n in range(3)}
+    inner = {Cell(1, 1), Cell(2, 1)}
+    assert set(boundary(block)) == block - inner
+    assert boundary(block) == sorted(block - inner)
+    assert boundary([START]) == [START]
+
+
+def test_round_a_hole_is_a_boundary_too() -> None:
+    ring = {Cell(e, n) for e in range(5) for n in range(5)} - {Cell(2, 2)}
+    assert set(Cell(2, 2).neighbours()) <= set(boundary(ring))
+
+
+def test_a_region_is_what_hangs_together_with_its_start() -> None:
+    roi = Roi.of("two", Cell(5, 5), {START, Cell(0, 1), Cell(5, 5), Cell(5, 6), Cell(6, 6)})
+    assert roi.cells == {Cell(5, 5), Cell(5, 6), Cell(6, 6)}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_a_grown_region_starts_at_its_rim(kind: str, seed: int) -> None:
+    roi = grown(kind, 50, seed)
+    assert roi.start in boundary(roi.cells)
+    assert roi.name == f"{kind}:50:{seed}"
+    assert roi == grown(kind, 50, seed)
+    assert component(roi.cells, roi.start) == roi.cells
+
+
+def test_seeds_start_at_different_places() -> None:
+    assert len({grown("rectangle", 49, seed).start for seed in range(20)}) > 5
+
+
+# --- what is refused -------------------------------------------------------------------------
+def test_an_unknown_kind_names_those_that_there_are() -> None:
+    with pytest.raises(RoiError, match="'blob' is not a kind of ROI; choose one of eden"):
+        grown("blob", 10, 1)
+
+
+@pytest.mark.parametrize("cells", [0, -1, MAX_CELLS + 1])
+def test_a_size_that_cannot_be_grown_is_refused(cells: int) -> None:
+    with pytest.raises(RoiError, match=f"a ROI of {cells} cells cannot be grown"):
+        grown("eden", cells, 1)

@@ -1,0 +1,1 @@
+"""Trials and studies of strategies, on this machine or on a Dask cluster."""

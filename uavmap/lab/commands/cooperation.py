@@ -1,0 +1,144 @@
+"""uavmap simulate for robots that watch each other: runs, tables and pictures."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+import sys
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+
+from missions.errors import AreaError, OutputError, StrategyError
+from missions.lab.cooperation.space import Point
+from missions.lab.cooperation.trapezoids import Cover
+from missions.units import LatLon
+from uavmap.animation.of_cooperation import write_animation, write_picture
+from uavmap.animation.writers import FILMS, check_path
+from uavmap.cli.common import overwrite_nothing, pair, print_figures
+from uavmap.cli.endings import INCOMPLETE, INTERRUPTED
+from uavmap.lab.commands.cooperation_options import checked_robots
+from uavmap.lab.cooperation import Cooperation, Mode, Report, cooperate
+from uavmap.lab.polygon_file import Ground, read_polygon_file
+from uavmap.record.results_folder import make_folder
+from uavmap.results.atomic import write_text
+
+FILES: Final = ("summary.json", "moves.csv", "map.png")
+_THETA_DEG: Final = 60.0
+
+
+def run_cooperation(options: argparse.Namespace) -> int:
+    """Simulate; returns the exit code."""
+    terms = Cooperation(
+        mode=Mode(options.cooperate or Mode.TRAPEZOID),
+        robots=checked_robots(options),
+        range_m=options.range,
+        theta_rad=math.radians(_THETA_DEG if options.theta is None else options.theta),
+        cover=Cover(options.cover or Cover.TRIANGLES),
+        seed=1 if options.seed is None else options.seed,
+    )
+    out = _folder(options.out)
+    if options.animate is not None:
+        check_path(options.animate, FILMS)
+    ground = read_polygon_file(options.polygon)
+    start = _start(options.start, ground)
+    if out is not None:
+        make_folder(out)  # before anything is computed
+    try:
+        report = cooperate(ground.space, terms, start)
+    except (AreaError, StrategyError) as error:
+        raise type(error)(f"{options.polygon}: {error}") from None
+    except KeyboardInterrupt:
+        print("uavmap: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    summary = None if out is None else out / FILES[0]
+    if not print_figures(report.figures(), summary, as_json=options.json):
+        _table(report, Path(options.polygon).name)
+    if out is not None:
+        _write(out / FILES[1], moves_csv(report))
+        write_picture(report, out / FILES[2])
+        print(f"results in {out}", file=sys.stderr)
+    if options.animate is not None:
+        write_animation(report, options.animate)
+        print(f"animation in {options.animate}", file=sys.stderr)
+    return 0 if report.complete else INCOMPLETE
+
+
+def _folder(out: str | None) -> Path | None:
+    """The folder of the results; nothing is overwritten."""
+    if out is None:
+        return None
+    if not out or (Path(out).exists() and not Path(out).is_dir()):
+        raise OutputError(f"--out {out}: not a folder; choose another")
+    overwrite_nothing(Path(out), FILES)
+    return Path(out)
+
+
+def _start(text: str | None, ground: Ground) -> Point | None:
+    if text is None:
+        return None
+    if ground.plane is None:
+        return pair(f"--start {text}", text, "EAST,NORTH in metres, as the file has them")
+    lat_deg, lon_deg = pair(f"--start {text}", text, "LAT,LON in degrees")
+    return ground.plane.to_plane(LatLon(lat_deg, lon_deg))
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        write_text(path, text)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def moves_csv(report: Report) -> str:
+    """The moves: a line for each end of a leg, and where it began."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("move", "robot", "for", "east_m", "north_m"))
+    for number, move in enumerate(report.exploration.moves, 1):
+        for east, north in move.path:
+            row = (number, move.robot + 1, move.why.value, f"{east:.4f}", f"{north:.4f}")
+            writer.writerow(row)
+    return text.getvalue()
+
+
+def _table(report: Report, name: str) -> None:
+    """For people."""
+    figures, terms = report.figures(), report.terms
+    table = Table(title=f"{name}, {terms.robots} robots, {terms.mode}", title_justify="left")
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    pieces = "triangles" if terms.mode is Mode.TRIANGULATION else "stripes"
+    for label, value in (
+        ("path of all robots, m", f"{figures['path_m']:.1f}"),
+        ("of it through known ground, m", f"{figures['known_path_m']:.1f}"),
+        ("exchanges (steps)", str(figures["steps"])),
+        ("turns, as the paper counts", str(figures["turns"])),
+        ("changes of course", str(figures["corners"])),
+        (pieces, str(figures["pieces"])),
+        ("area mapped, sq m", f"{figures['mapped_m2']:.1f}"),
+        ("area missed, sq m", f"{figures['missed_m2']:.1f}"),
+        ("points seen by no robot", f"{figures['points_unseen']} of {figures['points_looked_at']}"),
+    ):
+        table.add_row(label, value)
+    Console().print(table)
+    ends = Table(title="where robots are in the end, one sigma", title_justify="left")
+    ends.add_column("robot", justify="right")
+    for title in ("error, m", "ellipse, m", "alone: error, m", "alone: ellipse, m"):
+        ends.add_column(title, justify="right")
+    for end in figures["final_places"]:
+        cells = [
+            text
+            for which in ("watched", "alone")
+            for text in (
+                f"{end[which]['error_m']:.2f}",
+                f"{end[which]['ellipse_major_m']:.2f} x {end[which]['ellipse_minor_m']:.2f}",
+            )
+        ]
+        ends.add_row(str(end["robot"]), *cells)
+    Console().print(ends)
+    print("alone: the same odometers, and nobody watching")

@@ -1,0 +1,154 @@
+"""uavmap simulate for strategies that do not stop over cells: runs and tables in seconds."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from missions.errors import StrategyError, UavmapError
+from missions.lab.arena.roi import Roi
+from missions.swath.strategies import WithoutStopping
+from uavmap.animation import film_of_nonstop
+from uavmap.cli.common import pair, print_figures
+from uavmap.cli.pictures import wants_pictures, write_pictures
+from uavmap.lab.commands.nonstop_options import DEFAULTS
+from uavmap.lab.commands.runs import run_all
+from uavmap.notices import tell_if_uncompiled
+from uavmap.record.results_folder import make_folder
+
+if TYPE_CHECKING:
+    from uavmap.lab.nonstop_trials import FlightTerms, NonstopTrial
+
+_SPEED_M_S: Final = 6.0
+_CELL_M: Final = 4.0
+
+
+def run_nonstop(
+    options: argparse.Namespace,
+    rois: Sequence[Roi],
+    strategies: Sequence[WithoutStopping],
+    out: Path | None,
+) -> int:
+    """Simulate; returns the exit code."""
+    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415 - numba takes a second
+
+    terms = _terms(options)
+    if out is not None:
+        make_folder(out.parent)  # before anything is computed
+    tell_if_uncompiled((s.name for s in strategies), lambda text: print(text, file=sys.stderr))
+    runs = trials.nonstop_trials(rois, strategies, terms)
+    done, code = run_all(runs, len(rois) * len(strategies))
+    if not print_figures(_figures(done, strategies), out, as_json=options.json):
+        _table(done, strategies, terms)
+    if wants_pictures(options) and code == 0:
+        _pictures(options, rois[options.index], strategies[0], terms)
+    return code
+
+
+def _terms(options: argparse.Namespace) -> FlightTerms:
+    """The options with their defaults.
+
+    Raises:
+        UavmapError: what these strategies do not take, or a footprint that is none.
+    """
+    from missions.lab.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
+    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    for name, why in (
+        ("drift", "these strategies are simulated on resting regions only"),
+        (
+            "comms",
+            "these vehicles always share what they know; with a radio between them they are flown: "
+            "uavmap fly MISSION --sim --comms HOW",
+        ),
+        ("tree", "these strategies have no tree"),
+    ):
+        if getattr(options, name) is not None:
+            raise StrategyError(f"--{name}: {why}")
+    given = {name: getattr(options, name) for name in DEFAULTS}
+    value = {name: DEFAULTS[name] if v is None else v for name, v in given.items()}
+    text = value["footprint"]
+    both = text if "," in text else f"{text},{text}"
+    east_m, north_m = pair(f"--footprint {text}", both, "metres, such as 15 or 20,15")
+    if not (0.0 < east_m <= 1000.0 and 0.0 < north_m <= 1000.0):
+        raise UavmapError(f"--footprint {text} is not between 0 and 1000")
+    camera = Camera(
+        east_m, north_m, value["frame_s"], error_rate=value["error_rate"],
+        loss_rate=value["loss_rate"],
+    )  # fmt: skip
+    cell_m, speed_m_s = options.cell_m or _CELL_M, options.speed or _SPEED_M_S
+    team = Team(options.robots, camera, cell_m, speed_m_s, value["accel"])
+    seed = 1 if options.seed is None else options.seed  # of the errors, and of the search for plans
+    return trials.FlightTerms(team, value["box_factor"], offline=value["offline"], seed=seed)
+
+
+def _figures(done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping]) -> dict[str, Any]:
+    """The figures of one strategy, or of several by name."""
+    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    every = {}
+    for strategy in strategies:
+        mine = [trial for trial in done if trial.strategy == strategy.name]
+        every[strategy.name] = {
+            "rois": [trial.figures() for trial in mine],
+            "means": trials.nonstop_means(mine),
+        }
+    return every if len(strategies) > 1 else every[strategies[0].name]
+
+
+def _table(
+    done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping], terms: FlightTerms
+) -> None:
+    """For people: of a ROI, or the means of several."""
+    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    runs = len(done) // len(strategies)
+    what = f"means of {runs} ROIs" if runs != 1 else done[0].roi
+    title = f"{what}, {_vehicles(terms)}" if done else ""
+    table = Table(title=title, title_justify="left")
+    table.add_column("strategy", no_wrap=True)
+    offline = ("offline, s", "T / offline") if terms.offline else ()
+    for title in ("T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"):
+        table.add_column(title, justify="right")
+    for strategy in strategies:
+        mean = trials.nonstop_means([trial for trial in done if trial.strategy == strategy.name])
+        if mean:
+            known = (f"{mean[k]:.2f}" for k in ("offline_s", "ratio_offline") if k in mean)
+            table.add_row(
+                strategy.name,
+                f"{mean['makespan_s']:.1f}",
+                f"{mean['lower_bound_s']:.1f}",
+                "" if mean["ratio"] is None else f"{mean['ratio']:.2f}",
+                *known,
+                f"{mean['cells_missed']:g}",
+                f"{mean['cells_wrong']:g}",
+                f"{mean['wall_s']:.3f}",
+            )
+    Console().print(table)
+    print("T makespan, LB lower bound for any strategy, s real time of a run; without take-off")
+    print("and search: from the start cell until everything is decided and everybody is back")
+    if terms.offline:
+        print("offline: the best way found for who knows the region; not proven to be the best")
+
+
+def _vehicles(terms: FlightTerms) -> str:
+    return f"{terms.team.robots} vehicle" + "s" * (terms.team.robots > 1)
+
+
+def _pictures(
+    options: argparse.Namespace, roi: Roi, strategy: WithoutStopping, terms: FlightTerms
+) -> None:
+    """One run again, to be looked at."""
+    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
+
+    shown = trials.flown_under(roi, strategy, terms, record=True)
+    camera, title = terms.team.camera, f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
+    shows_m = (camera.east_m, camera.north_m)
+    film = film_of_nonstop(shown, roi, terms.team.cell_m, shows_m, title)
+    write_pictures(options, film, None, lambda text: print(text, file=sys.stderr))

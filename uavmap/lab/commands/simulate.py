@@ -1,0 +1,304 @@
+"""uavmap simulate: strategies on ROIs without noise, and a certificate of each run."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from missions.errors import OutputError, RoiError, StrategyError, UavmapError
+from missions.explorers import Explorer
+from missions.explorers.metric import Metric
+from missions.lab.arena.radio import Links
+from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown
+from missions.lab.strategies import EXPLORERS
+from missions.swath.strategies import NONSTOP
+from missions.units import LatLon
+from uavmap.animation import film_of_run
+from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
+from uavmap.cli.pictures import (
+    add_picture_options,
+    check_pictures,
+    wants_pictures,
+    write_pictures,
+)
+from uavmap.lab.commands.comms_option import add_comms_option, comms_of, team_told
+from uavmap.lab.commands.cooperation_options import (
+    add_cooperation_options,
+    refuse_cooperation_options,
+)
+from uavmap.lab.commands.localize_options import add_localize_options, refuse_localize_options
+from uavmap.lab.commands.nonstop_options import add_nonstop_options, refuse_nonstop_options
+from uavmap.lab.commands.runs import run_all
+from uavmap.lab.roi_files import load_rois
+from uavmap.lab.simulated_links import draws
+from uavmap.lab.trials import Terms, Trial, explored, means, trials
+from uavmap.notices import tell_if_uncompiled
+from uavmap.record.results_folder import make_folder
+
+MAX_ROBOTS: Final = 1000
+_SUMMARY: Final = "summary.json"
+_CELLS, _COUNT, _SEED = 120, 1, 1
+
+_EXAMPLES = """\
+examples:
+  uavmap simulate --generate eden --cells 120 --count 10 --robots 4
+  uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
+  uavmap simulate --roi lake.geojson --cell-m 10 --start 46.7,-92.0 --robots 3
+  uavmap simulate --roi eden:120:7 --drift 0.4,90 --speed 1 --comms meeting
+  uavmap simulate --generate eden --count 10 --robots 4 --comms range:8,loss:0.2
+  uavmap simulate --roi eden:300:2 --robots 5 --animate five.gif --tree five.svg
+
+  uavmap simulate --generate ragged --strategy swath,survey --robots 3 --footprint 20,15
+  uavmap simulate --generate eden --count 10 --localize homing,plan
+  uavmap simulate --roi eden:120:7 --localize plan --noise 0.056,0.11 --slip 0.02 --trials 1000
+
+  uavmap simulate --polygon examples/hall.wkt --cooperate trapezoid --range 10 --out watched
+  uavmap simulate --polygon field.kml --cooperate column --robots 5 --range 40 --json
+
+A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
+Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
+which V cells are flown. swath and survey do not stop over cells: their times are seconds, and
+their speed and cells are in metres. wall_s (what the run took) and lower_bound_wall_s (what the
+lower bound took, once for all strategies) alone are not the same from run to run.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "simulate",
+        description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--roi", metavar="FILE", help="ROIs, or a growth KIND:CELLS:SEED")
+    where.add_argument("--generate", metavar="KIND", help=f"grow ROIs: {', '.join(KINDS)}")
+    where.add_argument(
+        "--polygon",
+        metavar="FILE",
+        help="a polygon with holes, for --cooperate: GeoJSON, KML, or WKT or JSON in metres",
+    )
+    cells = number_type(int, 1, MAX_CELLS)
+    count = number_type(int, 1, 100_000)
+    add("--cells", metavar="N", type=cells, help=f"of a grown ROI (default {_CELLS})")
+    add("--count", metavar="K", type=count, help=f"how many to grow (default {_COUNT})")
+    add(
+        "--seed",
+        metavar="S",
+        type=seed_number,
+        help=f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss",
+    )
+    cell_m = number_type(float, 0.01, 10_000.0)
+    add(
+        "--cell-m",
+        metavar="M",
+        type=cell_m,
+        help="cell size for GeoJSON, swath and survey (default 4)",
+    )
+    add(
+        "--start",
+        metavar="LAT,LON",
+        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
+        "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
+    )
+    add(
+        "--strategy",
+        metavar="NAME",
+        action="append",
+        help="one or, with commas or given again, several (default rdfs); see uavmap strategies",
+    )
+    add("--robots", metavar="R", type=number_type(int, 1, MAX_ROBOTS), help="default 1")
+    speed = number_type(float, 1e-3, 1e3)
+    add("--speed", metavar="V", type=speed, help="default 1; of swath and survey m/s, default 6")
+    add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
+    add_comms_option(parser)
+    add_nonstop_options(parser)
+    add_localize_options(parser)
+    add_cooperation_options(parser)
+    add_picture_options(parser, several=True)
+    add(
+        "--out",
+        metavar="DIR",
+        help=f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png",
+    )
+    add("--json", action="store_true", help="print the figures as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate."""
+    if options.localize is not None:
+        if options.polygon is not None:
+            raise StrategyError(
+                "--localize is of one robot on a grid, --polygon of several in a polygon; leave "
+                "out the one or the other"
+            )
+        refuse_cooperation_options(options)
+        return _localize(options)
+    refuse_localize_options(options)
+    if options.polygon is not None:
+        # its readers and pictures are nobody else's
+        from uavmap.lab.commands.cooperation import run_cooperation  # noqa: PLC0415
+
+        return run_cooperation(options)
+    refuse_cooperation_options(options)
+    options.robots = options.robots or 1
+    names = _names(options.strategy)
+    nonstop = [NONSTOP[name] for name in names if name in NONSTOP]
+    if nonstop and len(nonstop) < len(names):
+        raise StrategyError(
+            f"--strategy: {', '.join(NONSTOP)} count in seconds, the others in steps; they cannot "
+            "be compared in one table"
+        )
+    out = _free(options.out)
+    check_pictures(options)
+    if nonstop:
+        # its kernels take a second to load
+        from uavmap.lab.commands.nonstop import run_nonstop  # noqa: PLC0415
+
+        rois = _rois(options, nonstop=True)
+        return run_nonstop(options, rois, nonstop, out)
+    refuse_nonstop_options(options)
+    explorers = [EXPLORERS[name] for name in names]
+    metric = _metric(options.speed or 1.0, options.drift)
+    comms = comms_of(options, _SEED if options.seed is None else options.seed)
+    radio = options.comms if isinstance(comms, Links) else None
+    terms, team = Terms(options.robots, metric, comms), team_told(options.robots, radio)
+    rois = _rois(options, seeded=draws(comms))
+    if out is not None:
+        make_folder(out.parent)  # before anything is computed
+    tell_if_uncompiled((e.name for e in explorers), lambda text: print(text, file=sys.stderr))
+    done, code = run_all(trials(rois, explorers, terms), len(rois) * len(explorers))
+    if not print_figures(_figures(done, explorers, radio), out, as_json=options.json):
+        _table(done, explorers, team)
+    if wants_pictures(options) and code == 0:
+        _pictures(options, rois[options.index], explorers[0], terms, team)
+    return code
+
+
+def _localize(options: argparse.Namespace) -> int:
+    """Robots that do not know where they are."""
+    from uavmap.lab.commands.localize import run_localize  # noqa: PLC0415 - not for the others
+
+    return run_localize(options, lambda: _rois(options, nonstop=True), _free(options.out))
+
+
+def _pictures(
+    options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms, team: str
+) -> None:
+    """One run again, to be looked at."""
+    shown = explored(roi, explorer, terms)
+    film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
+    write_pictures(options, film, shown.tree, lambda text: print(text, file=sys.stderr))
+
+
+def _names(wanted: Sequence[str] | None) -> list[str]:
+    names = [name for part in wanted or ["rdfs"] for name in part.split(",")]
+    for name in names:
+        if name not in EXPLORERS and name not in NONSTOP:
+            known = ", ".join([*EXPLORERS, *NONSTOP])
+            raise StrategyError(f"--strategy {name!r} is not known; choose one of {known}")
+    return list(dict.fromkeys(names))
+
+
+def _metric(speed: float, drift: str | None) -> Metric:
+    toward, drift_speed = 0.0, 0.0
+    if drift is not None:
+        drift_speed, toward = pair(f"--drift {drift}", drift, "V,DEG, such as 0.4,90")
+    if not 0.0 <= drift_speed < speed:
+        raise UavmapError(f"--drift {drift}: robots of speed {speed:g} do not keep up with it")
+    bearing = math.radians(toward)
+    return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
+
+
+def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = False) -> list[Roi]:
+    found = _read_or_grown(options, nonstop=nonstop, seeded=nonstop or seeded)
+    if options.index >= len(found):
+        raise RoiError(f"--index {options.index}: there are {len(found)} ROIs, counted from 0")
+    return found
+
+
+def _read_or_grown(options: argparse.Namespace, *, nonstop: bool, seeded: bool) -> list[Roi]:
+    if options.generate is not None:
+        _refuse(
+            options, ("start",) if nonstop else ("cell_m", "start"), "is for --roi with GeoJSON"
+        )
+        seed = _SEED if options.seed is None else options.seed
+        cells = options.cells or _CELLS
+        return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]
+    _refuse(options, ("cells", "count"), "is for --generate")
+    if not seeded:
+        _refuse(options, ("seed",), "is for --generate, or for --comms with a loss")
+    start = None
+    if options.start is not None:
+        start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
+    return load_rois(options.roi, cell_m=options.cell_m or 4.0, start=start)
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
+    for name in names:
+        if getattr(options, name) is not None:
+            raise RoiError(f"--{name.replace('_', '-')} {why}")
+
+
+def _free(out: str | None) -> Path | None:
+    """The file for the figures; nothing is overwritten."""
+    if out is None:
+        return None
+    if not out or (Path(out).exists() and not Path(out).is_dir()):
+        raise OutputError(f"--out {out}: not a folder; choose another")
+    overwrite_nothing(Path(out), [_SUMMARY])
+    return Path(out) / _SUMMARY
+
+
+def _figures(
+    done: Sequence[Trial], explorers: Sequence[Explorer], comms: str | None
+) -> dict[str, Any]:
+    """The figures of one strategy, or of several by name; with the radio where there is one."""
+    every = {}
+    told = {} if comms is None else {"comms": comms}
+    for explorer in explorers:
+        mine = [trial for trial in done if trial.strategy == explorer.name]
+        rows = [trial.figures() for trial in mine]
+        every[explorer.name] = {**told, "rois": rows, "means": means(mine)}
+    return every if len(explorers) > 1 else every[explorers[0].name]
+
+
+def _table(done: Sequence[Trial], explorers: Sequence[Explorer], team: str) -> None:
+    """The certificates for people: of a ROI, or the means of several."""
+    runs = len(done) // len(explorers)
+    table = Table(
+        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {team}" if done else "",
+        title_justify="left",
+    )
+    table.add_column("strategy", no_wrap=True)
+    for title in ("T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"):
+        table.add_column(title, justify="right")
+    for explorer in explorers:
+        mean = means([trial for trial in done if trial.strategy == explorer.name])
+        if mean:
+            table.add_row(
+                explorer.name,
+                f"{mean['makespan']:.1f}",
+                f"{mean['lower_bound']:.1f}",
+                "" if mean["ratio"] is None else f"{mean['ratio']:.3f}",
+                "none" if mean["bound"] is None else f"{mean['bound']:.1f}",
+                {True: "yes", False: "NO", None: ""}[mean["bound_held"]],
+                f"{mean['tree_depth']:.1f}",
+                f"{mean['moves']:.1f}",
+                f"{mean['wall_s']:.3f}",
+            )
+    Console().print(table)
+    print("T makespan, LB lower bound for any strategy, bound what the strategy promises")
+    if done:
+        mean_s = means(done)["lower_bound_wall_s"]
+        print(f"s real time of a run; the lower bound of a ROI took another {mean_s:.3f} s")

@@ -1,0 +1,250 @@
+"""The Homing Robot of Wongngamnit and Angluin: their bounds and worst grids, and beyond them what
+a map, a planner, and errors of sensor and odometry change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import groupby
+from typing import Final
+
+import numpy as np
+
+from missions.lab.arena.roi import grown
+from missions.lab.localization.belief import Noise
+from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.grids import chevrons, cluttered, corridor, studded
+from missions.lab.localization.methods import METHODS
+from missions.lab.localization.noisy_run import Errors, localize_with_errors
+from missions.lab.localization.planner import Planner
+from missions.lab.localization.run import Localized, localize
+from missions.units import Cell
+from uavmap.lab.studies.homing_robot_page import (
+    BEST,
+    COMPARED,
+    MANY_GRIDS,
+    NOISE,
+    OPTIMUM,
+    WORST,
+    Found,
+    page,
+)
+from uavmap.lab.studies.study import Page, Study, trial_seed
+
+CHEVRONS: Final = ((4, 5), (10, 20), (20, 40), (40, 80), (60, 120))
+STUDS: Final = (3, 10, 50)
+CORRIDORS: Final = (3, 4, 10, 40)
+GRIDS, GRIDS_A_JOB = 10_000, 250
+KINDS: Final = ("eden", "ragged", "rectangle")
+CELLS: Final = (120, 500)
+ROIS: Final = {120: 100, 500: 20}
+STARTS: Final = 50
+RUNS: Final = 1000
+ERRORS: Final = Errors(Noise(27 / 483, 53 / 483), slip=0.02)
+"""The rates that Sung and Tokekar counted in flight, and a slip in fifty moves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A part of the study."""
+
+    part: str
+    grid: str
+    size: int
+    """k of a family of grids, otherwise cells; of a batch of grids how many."""
+    other: int = 0
+    """m of a family of grids."""
+    seed: int = 0
+    starts: int = 1
+
+
+def jobs(quick: bool, seed: int) -> list[Job]:
+    """Everything, the longest first."""
+    rois = {24: 3} if quick else ROIS
+    found = [Job(WORST, "chevrons", *km) for km in (CHEVRONS[:1] if quick else CHEVRONS)]
+    found += [Job(WORST, "studded", k) for k in STUDS]
+    found += [Job(WORST, "corridor", n) for n in CORRIDORS]
+    batches = 1 if quick else GRIDS // GRIDS_A_JOB
+    for i in range(batches):
+        size = 20 if quick else GRIDS_A_JOB
+        found.append(Job(MANY_GRIDS, "random", size, seed=trial_seed(seed, 0, i)))
+    for kind in KINDS:
+        for cells, number in rois.items():
+            runs = 5 if quick else max(RUNS // number, 1)
+            for i in range(number):
+                of = Job("", kind, cells, seed=trial_seed(seed, cells, i), starts=STARTS)
+                found += [replace(of, part=COMPARED), replace(of, part=NOISE, starts=runs)]
+                if cells <= min(CELLS):
+                    found.append(replace(of, part=OPTIMUM))
+    return sorted(found, key=lambda job: -job.size * job.starts)
+
+
+def trial(job: Job) -> list[Found]:
+    """Let robots localize."""
+    return {WORST: _worst, MANY_GRIDS: _many_grids, NOISE: _noise, OPTIMUM: _optimum}.get(
+        job.part, _methods
+    )(job)
+
+
+@lru_cache(256)
+def _map_of(kind: str, cells: int, seed: int) -> GridMap:
+    return GridMap.of(grown(kind, cells, seed).cells)
+
+
+def _count(
+    job: Job, method: str, with_map: bool, known: GridMap, done: Sequence[Localized]
+) -> Found:
+    bound = METHODS[method].bound
+    errs = job.part == NOISE
+    return Found(
+        job.part, job.grid, known.size, method, with_map, len(done),
+        float(sum(one.moves for one in done)),
+        max(one.moves for one in done) / known.size,
+        0 if errs else sum(
+            not one.right or (bound is not None and one.moves > bound(known.size)) for one in done
+        ),
+        sum(one.right for one in done),
+        sum(one.confidence for one in done),
+    )  # fmt: skip
+
+
+def _worst(job: Job) -> list[Found]:
+    """The paper's grids: Figure 6, Lemma 8, Theorem 3."""
+    rng = np.random.default_rng(1)
+    if job.grid == "studded":
+        known = GridMap.of(studded(job.size))
+        ratio = known.circumnavigation / known.size
+        return [Found(WORST, f"studded {job.size}", known.size, "c / b", False, 1,
+                      known.circumnavigation, ratio, 0, 1, 1.0)]  # fmt: skip
+    if job.grid == "chevrons":
+        cells, start = chevrons(job.size, job.other)
+        known = GridMap.of(cells)
+        done = [localize(known, start, METHODS["homing"], rng)]
+        own = replace(job, grid=f"chevrons {job.size}, {job.other}")
+        return [_count(own, "homing", False, known, done)]
+    known = GridMap.of(corridor(job.size))
+    found = []
+    for name, method in METHODS.items():
+        for planner in (None, Planner(known)):
+            if method.bound is not None and (planner or not method.needs_map):
+                done = [localize(known, start, method, rng, planner) for start in known.cells]
+                own = replace(job, grid=f"corridor {job.size}")
+                longest = max(done, key=lambda one: one.moves)
+                found.append(_count(own, name, planner is not None, known, [longest]))
+    return found
+
+
+def _many_grids(job: Job) -> list[Found]:
+    """Bounds on random grids of all kinds, from a random start each."""
+    rng = np.random.default_rng(job.seed)
+    found = []
+    for i in range(job.size):
+        kind = ("cluttered", "eden", "ragged", "thin", "rectangle")[i % 5]
+        if kind == "cluttered":
+            width, height = (int(side) for side in rng.integers(1, 25, size=2))
+            cells: frozenset[Cell] | set[Cell] = cluttered(
+                width, height, float(rng.uniform(0.0, 0.45)), rng
+            )
+        else:
+            cells = grown(kind, int(rng.integers(1, 250)), int(rng.integers(2**31))).cells
+        known = GridMap.of(cells)
+        planner = Planner(known)
+        start = known.cells[int(rng.integers(known.size))]
+        for name in ("homing", "depth-first", "plan"):
+            for of in (None, planner):
+                if of or name != "plan":
+                    done = [localize(known, start, METHODS[name], rng, of)]
+                    found.append(_count(job, name, of is not None, known, done))
+    return [_together(own) for own in _grouped(found)]
+
+
+def _methods(job: Job) -> list[Found]:
+    """All methods from the same starts, without and with a map."""
+    known = _map_of(job.grid, job.size, job.seed)
+    planner = Planner(known)
+    starts = np.random.default_rng(job.seed).integers(known.size, size=job.starts)
+    found = []
+    for name, method in METHODS.items():
+        for of in (None, planner):
+            if of is None and (method.needs_map or (name == "random" and job.size > min(CELLS))):
+                continue
+            done = [
+                localize(known, known.cells[start], method, np.random.default_rng(i), of)
+                for i, start in enumerate(starts.tolist())
+            ]
+            found.append(_count(job, name, of is not None, known, done))
+    return found
+
+
+def _optimum(job: Job) -> list[Found]:
+    """What the best of all plans needs, over all cells as starts."""
+    known = _map_of(job.grid, job.size, job.seed)
+    rng = np.random.default_rng(1)
+    if job.grid == "rectangle":  # alike in thousands of ways: searching them all takes too long
+        return []
+    best = Planner(known, exact=known.size).expected_moves() * known.size
+    alone = sum(len(alike) > 1 for alike in known.alike.values() for _ in alike)
+    found = [
+        Found(OPTIMUM, job.grid, known.size, name, True, known.size, moves, 0.0, 0, known.size,
+              float(known.size))
+        for name, moves in ((BEST, best), ("cells that look like others", alone))
+    ]  # fmt: skip
+    for name in ("plan", "homing"):
+        planner = Planner(known)
+        done = [localize(known, start, METHODS[name], rng, planner) for start in known.cells]
+        found.append(_count(job, name, True, known, done))
+    return found
+
+
+def _noise(job: Job) -> list[Found]:
+    """All methods with errors."""
+    known = _map_of(job.grid, job.size, job.seed)
+    found = []
+    for name, method in METHODS.items():
+        done = []
+        for i in range(job.starts):
+            rng = np.random.default_rng((job.seed, i))
+            start = known.cells[int(rng.integers(known.size))]
+            done.append(localize_with_errors(known, start, method, ERRORS, rng))
+        found.append(_count(job, name, True, known, done))
+    return found
+
+
+def _grouped(found: Sequence[Found]) -> list[list[Found]]:
+    """By part, grid, method and map; the cells are those of the first."""
+
+    def key(one: Found) -> tuple[str, str, int, int, bool]:
+        cells = 0 if one.part == MANY_GRIDS else one.cells
+        method = list(METHODS).index(one.method) if one.method in METHODS else -1
+        return one.part, one.grid, cells, method, one.with_map
+
+    ordered = sorted(found, key=lambda one: (*key(one), one.method))
+    return [list(group) for _, group in groupby(ordered, lambda one: (*key(one), one.method))]
+
+
+def _together(own: Sequence[Found]) -> Found:
+    """Several as one."""
+    return replace(
+        own[0],
+        runs=sum(one.runs for one in own),
+        moves=sum(one.moves for one in own),
+        most=max(one.most for one in own),
+        broken=sum(one.broken for one in own),
+        right=sum(one.right for one in own),
+        confidence=sum(one.confidence for one in own),
+    )
+
+
+def conclude(results: Sequence[Sequence[Found]]) -> Page:
+    """The page, beside the paper's numbers."""
+    return page([_together(own) for own in _grouped([one for some in results for one in some])])
+
+
+STUDY: Final = Study(
+    "homing-robot",
+    "where a robot is on a grid (Wongngamnit and Angluin)",
+    jobs,
+    trial,
+    conclude,
+)

@@ -1,0 +1,82 @@
+"""One exploration of a generated ROI, with its certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from missions.explorers.grid_paths import distances
+from missions.explorers.metric import Metric
+from missions.lab.arena.certificate import Certificate, certify
+from missions.lab.arena.fast import Lattice, run_rdfs
+from missions.lab.arena.roi import Roi, grown
+from missions.lab.arena.run import run
+from missions.lab.strategies import EXPLORERS
+from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.planning.bounds.promises import bound_time
+
+_SHARED_BY_TRIALS = 256
+MANY_CELLS = 5000
+PLAIN = "rdfs, plain"
+"""`rdfs` with the child rule and no more, as `missions.lab.arena.fast.run_rdfs` has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A strategy on a generated ROI."""
+
+    strategy: str
+    kind: str
+    cells: int
+    robots: int
+    seed: int
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def roi_of(kind: str, cells: int, seed: int) -> Roi:
+    """A generated ROI; of one that several trials share only one is made."""
+    return grown(kind, cells, seed)
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def bounds_of(roi: Roi) -> LowerBounds:
+    """Its lower bounds on a resting ROI."""
+    return LowerBounds.of(roi.cells, roi.start)
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def eccentricity(roi: Roi) -> int:
+    """Steps from the start to the farthest cell."""
+    return max(distances(roi.cells, roi.start).values())
+
+
+@lru_cache(_SHARED_BY_TRIALS)
+def lattice_of(roi: Roi) -> Lattice:
+    """Its arrays."""
+    return Lattice.of(roi.cells)
+
+
+def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) -> Certificate:
+    """Explore a ROI with a strategy, or with `PLAIN`; `rdfs` is compiled."""
+    metric = metric if metric is not None else Metric()
+    explorer = EXPLORERS["rdfs" if strategy == PLAIN else strategy]
+    if explorer.name != "rdfs":
+        result = run(explorer, roi.cells, roi.start, robots, metric=metric)
+        return certify(result, explorer, robots, metric, bounds_of(roi))
+    done = run_rdfs(lattice_of(roi), roi.start, robots, metric, plain=strategy == PLAIN)
+    return Certificate(
+        makespan=done.makespan,
+        lower_bound=_lower_bound(roi, robots, metric),
+        bound=bound_time(explorer.bound_moves(done.cells, done.depth, robots), metric),
+        tree_depth=done.depth,
+        cells=done.cells,
+        robots=robots,
+    )
+
+
+def _lower_bound(roi: Roi, robots: int, metric: Metric) -> float:
+    """The largest that is known; the one for blocks only where it does not take minutes."""
+    flight = flight_lower_bound(roi.cells, roi.start, robots, metric)
+    if len(roi.cells) > MANY_CELLS:
+        return max(flight, drift_lower_bound(2 * eccentricity(roi), metric))
+    return max(flight, drift_lower_bound(bounds_of(roi).moves(robots), metric))

@@ -1,0 +1,118 @@
+"""Trials: strategies on ROIs in the arena, each with its certificate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Any
+
+from missions.explorers import Explorer
+from missions.explorers.metric import Metric
+from missions.lab.arena.certificate import Certificate, certify
+from missions.lab.arena.fast import run_rdfs_legs
+from missions.lab.arena.radio import Links
+from missions.lab.arena.roi import Roi
+from missions.lab.arena.run import Comms, Run, run
+from missions.lab.strategies import EXPLORERS
+from missions.planning.bounds.lower_bounds import LowerBounds
+
+MANY_CELLS = 1000
+_KEYS = (
+    "makespan",
+    "lower_bound",
+    "bound",
+    "bound_held",
+    "moves",
+    "tree_depth",
+    "wall_s",
+    "lower_bound_wall_s",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Under what terms a team explores."""
+
+    robots: int
+    metric: Metric
+    comms: Comms | Links = Comms.SHARED
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One strategy on one ROI. `moves` counts those of all robots."""
+
+    roi: str
+    strategy: str
+    certificate: Certificate
+    moves: int
+    wall_s: float
+    """Real time of the run."""
+    lower_bound_wall_s: float
+    """Real time that the lower bounds of the ROI took, once for all strategies."""
+
+    def figures(self) -> dict[str, Any]:
+        """As in the JSON of `uavmap simulate`."""
+        known = self.certificate
+        values = (
+            round(known.makespan, 9),
+            round(known.lower_bound, 9),
+            None if known.bound is None else round(known.bound, 9),
+            known.bound_held,
+            self.moves,
+            known.tree_depth,
+            round(self.wall_s, 6),
+            round(self.lower_bound_wall_s, 6),
+        )
+        return dict(zip(_KEYS, values, strict=True))
+
+
+def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
+    """A run in the arena; in its compiled twin where there is one and it is worth the loading."""
+    cells, start, robots, metric = roi.cells, roi.start, terms.robots, terms.metric
+    if explorer == EXPLORERS["rdfs"] and terms.comms is Comms.SHARED and len(cells) >= MANY_CELLS:
+        from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second to load
+
+        if COMPILED:
+            return run_rdfs_legs(cells, start, robots, metric)
+    return run(explorer, cells, start, robots, metric=metric, comms=terms.comms)
+
+
+def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:
+    """Every strategy on every ROI, one ROI after the other.
+
+    Raises:
+        StrategyError: a strategy that breaks its protocol.
+    """
+    for roi in rois:
+        begin_s = time.perf_counter()
+        static = LowerBounds.of(roi.cells, roi.start)
+        static_s = time.perf_counter() - begin_s
+        for explorer in explorers:
+            begin_s = time.perf_counter()
+            done = explored(roi, explorer, terms)
+            wall_s = time.perf_counter() - begin_s
+            certificate = certify(
+                done, explorer, terms.robots, terms.metric, static, comms=terms.comms
+            )
+            yield Trial(roi.name, explorer.name, certificate, len(done.legs), wall_s, static_s)
+
+
+def means(done: Sequence[Trial]) -> dict[str, Any]:
+    """The means of the figures; `ratio` is mean makespan over mean lower bound, and `bound_held`
+    says of all trials whether they kept their bound."""
+    if not done:
+        return {}
+    rows = [trial.figures() for trial in done]
+    values: dict[str, Any] = {}
+    for key in _KEYS:
+        column = [row[key] for row in rows]
+        if None in column:
+            values[key] = None
+        else:
+            values[key] = all(column) if key == "bound_held" else round(fmean(column), 9)
+    lower = values["lower_bound"]
+    values["ratio"] = round(values["makespan"] / lower, 9) if lower else None
+    return values
