@@ -73,7 +73,7 @@ def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
         _feature(number, geometry or "null", values)
         for number, (geometry, values) in enumerate(written, start=1)
     )
-    return _collection(head, box, features)
+    return collection(head, box, features)
 
 
 # --- map.geojson ---------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ def _map(data: MapData, utc: str | None) -> Iterator[str]:
             geometry = "null" if shape.is_empty else json.dumps(mapping(shape))
             yield _feature(name, geometry, values)
 
-    return _collection(head, _map_bbox(data, [shape for _, shape, _ in marks]), features())
+    return collection(head, _map_bbox(data, [shape for _, shape, _ in marks]), features())
 
 
 _Mark = tuple[str, BaseGeometry, dict[str, Any]]
@@ -166,7 +166,8 @@ def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
 
 
 # --- parts ---------------------------------------------------------------------------------------
-def _collection(head: dict[str, Any], box: list[float], features: Iterable[str]) -> Iterator[str]:
+def collection(head: dict[str, Any], box: list[float], features: Iterable[str]) -> Iterator[str]:
+    """Encode a FeatureCollection, a feature a line, from its members, its box and its features."""
     members = {"type": "FeatureCollection", **head, **({"bbox": box} if box else {})}
     yield f'{json.dumps(members, allow_nan=False)[:-1]}, "features": [\n'
     between = ""
