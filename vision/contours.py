@@ -2,7 +2,8 @@
 
 Between two pixels' centres the level is taken for linear, so a line lies where it crosses, at a
 fraction of a pixel. Every line is closed: beyond the raster nothing is region. Crossings have
-numbers that hold over the whole raster, so that it can be gone through block by block.
+numbers that hold over the whole raster, so that it can be gone through block by block: contourpy
+takes all of it at once, as 8 bytes a pixel, and five times as long.
 """
 
 from __future__ import annotations

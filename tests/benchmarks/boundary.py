@@ -45,7 +45,7 @@ from uavmap.offline.tune.run import DETECTOR, MODEL, learned
 from uavmap.offline.tune.run import Wishes as TuneWishes
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
-from uavmap.results.boundary_file import FILE
+from uavmap.results.boundary_told import FILE
 from uavmap.results.score import true_roi
 from uavmap.toml_text import toml_text
 from vision.detectors.learned_model import model_bytes

@@ -1,4 +1,4 @@
-"""What `uavmap export` makes of a flown mission is read by MAVSDK, and taken by the simulator."""
+"""What `uavmap export` makes of a mission is read by MAVSDK, and taken by the simulator."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.e2e.conftest import Flight
-from tests.e2e.rig import PATIENCE_S, environment, simulator
+from tests.e2e.rig import PATIENCE_S, environment, mission, simulator
 from uavmap.cli import main
 
 CLIENT = Path(__file__).with_name("mavsdk_plan_client.py")
 WAYPOINT, RTL, TAKEOFF, SPEED, TRIGGER = 16, 20, 22, 178, 206
 
 
-def test_mavsdk_reads_an_exported_region_and_the_vehicle_tells_the_same(
-    speck: Flight, tmp_path: Path
-) -> None:
+def test_mavsdk_reads_an_exported_mission_and_the_vehicle_tells_the_same(tmp_path: Path) -> None:
     plan, rows = tmp_path / "again.plan", tmp_path / "again.waypoints"
     arguments = ["--plan", str(plan), "--waypoints", str(rows)]
-    assert main(["export", str(speck.folder), *arguments]) == 0
+    assert main(["export", mission("speck"), *arguments]) == 0
     with simulator("speck", speedup=12.0) as (url,):
         done = subprocess.run(
             [sys.executable, CLIENT, url, plan, rows],
@@ -36,7 +33,6 @@ def test_mavsdk_reads_an_exported_region_and_the_vehicle_tells_the_same(
     assert commands[:3] == [WAYPOINT, TAKEOFF, SPEED]  # MAVSDK puts the home in front
     assert commands[-1] == RTL
     assert set(commands[3:-1]) == {WAYPOINT, TRIGGER}
-    # of a survey it takes the items that fly it
     ring = json.loads(plan.read_text("utf-8"))["geoFence"]["polygons"][0]["polygon"]
     assert [item[1:3] for item in seen["fence"]] == [
         [round(degrees * 1e7) for degrees in corner] for corner in ring

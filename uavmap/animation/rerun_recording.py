@@ -67,16 +67,8 @@ def sdk() -> Any:
         ) from None
 
 
-class Recording:
-    """A recording that is being written, in whatever order things come.
-
-    Args:
-        path: Of the file, which is replaced.
-        title: Of the flight.
-        grid: Of the mission.
-
-    Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
-    """
+class _Recording:
+    """A recording that is being written."""
 
     def __init__(self, path: Path, title: str, grid: Grid) -> None:
         self._rr = rr = sdk()
@@ -89,8 +81,8 @@ class Recording:
             raise OutputError(f"{path}: {error}") from None
         self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
-    def take_in(self, event: Event) -> None:
-        """Where a vehicle is and its charge; or what went wrong."""
+    def add_event(self, event: Event) -> None:
+        """Add a vehicle's position and charge, or what went wrong."""
         rr, stream = self._rr, self._stream
         if isinstance(event, _TOLD):
             stream.set_time("mission", duration=event.t_s)
@@ -107,10 +99,7 @@ class Recording:
         stream.log(f"{path}/battery_wh", rr.Scalars(event.remaining_wh))
 
     def add_frame(self, frame: KeptFrame, picture: bytes) -> None:
-        """A picture, the file as it is, with its camera and its footprint.
-
-        One that is damaged is left out.
-        """
+        """Add a picture, the file as it is, with its camera and footprint, unless it is damaged."""
         rr, stream = self._rr, self._stream
         try:
             with Image.open(io.BytesIO(picture)) as opened:
@@ -139,7 +128,7 @@ class Recording:
         )
 
     def finish(self, film: Film) -> None:
-        """The map as it grew, the tree and the tracks; then the file is whole."""
+        """Add the map as it grew, the tree and the tracks, and close the file."""
         rr, stream = self._rr, self._stream
         stream.reset_time()
         for number, track in sorted(self._tracks.items()):
@@ -164,9 +153,9 @@ def write_recording(
 
     Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
     """
-    recording = Recording(path, film.title, grid)
+    recording = _Recording(path, film.title, grid)
     for event in events:
-        recording.take_in(event)
+        recording.add_event(event)
     for frame, picture in _kept_frames(folder):
         recording.add_frame(frame, picture)
     recording.finish(film)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 import pyproj
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from missions.errors import AreaError
 from missions.units import LatLon
@@ -25,6 +27,8 @@ LONGEST_NAME: Final = 60
 Point = tuple[float, float]
 """x and y in the file's own coordinates: longitude and latitude where these are degrees."""
 Points = tuple[Point, ...]
+Rings = Sequence[Sequence[Point]]
+"""The outer ring of a polygon and its holes."""
 
 
 class Role(Enum):
@@ -161,6 +165,75 @@ def polygon(
         raise AreaError(f"{where}: a polygon without a ring; draw it anew")
     ring, *holes = (opened(points, where) for points in rings)
     return Shape(name, role or role_of(name), ring, tuple(holes))
+
+
+def row_name(title: object, stem: str, number: int, rows: int) -> str:
+    """The name of a row of a table: its title, or the table's name and, of several, a number.
+
+    >>> row_name("North", "field", 2, 3), row_name(None, "field", 2, 3), row_name("", "field", 1, 1)
+    ('North', 'field 2', 'field')
+    """
+    return shown_name(title, stem if rows == 1 else f"{stem} {number}")
+
+
+def shapes_of(
+    name: str,
+    where: str,
+    notices: list[str],
+    polygons: Sequence[Rings],
+    lines: Sequence[Sequence[Point]] = (),
+    points: Iterable[Point] = (),
+) -> Iterator[Shape]:
+    """Make shapes of what a file draws under one name.
+
+    A line that ends where it begins is a polygon; a point is a home if its name says so.
+
+    Args:
+        name: Of the shapes; several polygons are numbered.
+        where: For errors: the file and the feature.
+        notices: Takes a line if open lines are left out.
+        polygons: The outer ring of each and its holes.
+        lines: Paths.
+        points: Places.
+
+    Raises:
+        AreaError: A polygon is none.
+    """
+    closed = [[line] for line in lines if len(line) > 3 and line[0] == line[-1]]
+    if len(closed) < len(lines):
+        notices.append("open paths are left out; an area is a polygon")
+    found = [*polygons, *closed]
+    for number, rings in enumerate(found, start=1):
+        yield polygon(f"{name} ({number})" if len(found) > 1 else name, rings, where)
+    if names_home(name):
+        yield from (Shape(name, Role.HOME, (point,)) for point in points)
+
+
+def drawn(geometry: BaseGeometry) -> tuple[list[Rings], list[Point]]:
+    """The polygons and the points of a geometry, those of its parts among them."""
+    if (inner := getattr(geometry, "geoms", None)) is not None:
+        found = [drawn(part) for part in inner]
+        return [p for part, _ in found for p in part], [p for _, part in found for p in part]
+    if geometry.is_empty:
+        return [], []
+    if isinstance(geometry, Polygon):
+        return [[_points(ring) for ring in (geometry.exterior, *geometry.interiors)]], []
+    return [], _points(geometry) if geometry.geom_type == "Point" else []
+
+
+def _points(geometry: BaseGeometry) -> list[Point]:
+    return [(float(x), float(y)) for x, y, *_ in geometry.coords]
+
+
+def layer_of(
+    shapes: Iterable[Shape], crs: pyproj.CRS | None, source: str, notices: Sequence[str] = ()
+) -> Layer:
+    """A layer of shapes that are made one after the other, each notice once.
+
+    Raises:
+        AreaError: There are more shapes, or corners, than anybody draws.
+    """
+    return Layer(bounded(shapes, source), crs, tuple(dict.fromkeys(notices)))
 
 
 def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:

@@ -11,17 +11,7 @@ import pyproj
 
 from missions.errors import AreaError
 from uavmap.areas import crs
-from uavmap.areas.drawing import (
-    Layer,
-    Point,
-    Role,
-    Shape,
-    bounded,
-    names_home,
-    number,
-    polygon,
-    shown_name,
-)
+from uavmap.areas.drawing import Layer, Point, Shape, layer_of, number, shapes_of, shown_name
 from uavmap.printable import printable
 
 _NAMES: Final = ("name", "title", "label", "kind", "id", "fid", "objectid")
@@ -43,8 +33,8 @@ def read_geojson(text: str, source: str) -> Layer:
     if not isinstance(kind, str):
         raise AreaError(f"{source}: JSON, but no GeoJSON; save the polygon as GeoJSON")
     notices: list[str] = []
-    shapes = bounded(_shapes(root, source, notices), source)
-    return Layer(shapes, _system(root.get("crs"), source), tuple(dict.fromkeys(notices)))
+    system = _system(root.get("crs"), source)
+    return layer_of(_shapes(root, source, notices), system, source, notices)
 
 
 def _parsed(text: str, source: str) -> Any:
@@ -94,7 +84,10 @@ def _shapes(root: Mapping[str, Any], source: str, notices: list[str]) -> Iterato
             geometry = feature.get("geometry") or {}
             values = feature.get("properties") or {}
         name = _name(values, f"polygon {i + 1}")
-        yield from _of_geometry(geometry, name, f"{source}: features[{i}]", _DEEPEST, notices)
+        where = f"{source}: features[{i}]"
+        polygons, lines, points = _Polygons(), _Lines(), list[Point]()
+        _collect(geometry, where, _DEEPEST, polygons, lines, points)
+        yield from shapes_of(name, where, notices, polygons, lines, points)
 
 
 def _name(properties: object, otherwise: str) -> str:
@@ -107,36 +100,38 @@ def _name(properties: object, otherwise: str) -> str:
     return otherwise
 
 
-def _of_geometry(
-    value: object, name: str, where: str, depth: int, notices: list[str]
-) -> Iterator[Shape]:
+_Lines = list[list[Point]]
+_Polygons = list[_Lines]
+
+
+def _collect(
+    value: object, where: str, depth: int, polygons: _Polygons, lines: _Lines, points: list[Point]
+) -> None:
+    """Add the parts of a geometry to those of its kind."""
     if not isinstance(value, Mapping):
         raise AreaError(f"{where}: its geometry is no table")
     kind, inside = value.get("type"), value.get("coordinates")
     if kind == "Polygon":
-        yield polygon(name, _rings(inside, where), where)
+        polygons.append(_lines(inside, where))
     elif kind == "MultiPolygon":
-        parts = _list(inside, where)
-        for i, part in enumerate(parts):
-            title = f"{name} ({i + 1})" if len(parts) > 1 else name
-            yield polygon(title, _rings(part, where), where)
-    elif kind == "Point" and names_home(name):
-        yield Shape(name, Role.HOME, (_point(inside, where),))
+        polygons += [_lines(part, where) for part in _list(inside, where)]
+    elif kind == "Point":
+        points.append(_point(inside, where))
     elif kind == "LineString":
-        points = [_point(point, where) for point in _list(inside, where)]
-        if len(points) > 3 and points[0] == points[-1]:
-            yield polygon(name, [points], where)
-        else:
-            notices.append("open paths are left out; an area is a polygon")
+        lines.append(_line(inside, where))
     elif kind == "GeometryCollection":
         if depth == 0:
             raise AreaError(f"{where}: collections in collections without an end")
         for part in _list(value.get("geometries"), where):
-            yield from _of_geometry(part, name, where, depth - 1, notices)
+            _collect(part, where, depth - 1, polygons, lines, points)
 
 
-def _rings(value: object, where: str) -> list[list[Point]]:
-    return [[_point(point, where) for point in _list(ring, where)] for ring in _list(value, where)]
+def _lines(value: object, where: str) -> _Lines:
+    return [_line(line, where) for line in _list(value, where)]
+
+
+def _line(value: object, where: str) -> list[Point]:
+    return [_point(point, where) for point in _list(value, where)]
 
 
 def _list(value: object, where: str) -> list[Any]:

@@ -10,8 +10,6 @@ from urllib.parse import quote
 
 import pyproj
 import shapely
-from shapely.geometry import Point as ShapelyPoint
-from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.errors import AreaError
@@ -22,13 +20,12 @@ from uavmap.areas.drawing import (
     MOST_SHAPES,
     NAME_COLUMNS,
     Layer,
-    Point,
-    Role,
     Shape,
-    bounded,
     bounded_together,
-    names_home,
-    polygon,
+    drawn,
+    layer_of,
+    row_name,
+    shapes_of,
     shown_name,
 )
 
@@ -95,8 +92,7 @@ def _layer(file: sqlite3.Connection, table: tuple[Any, ...], source: str) -> Lay
     query = f"SELECT {wanted} FROM {_quoted(name)} LIMIT {MOST_SHAPES + 1}"
     rows = [(blob, value if key else None) for blob, value in file.execute(query)]
     stem = shown_name(title, shown_name(name, "layer"))
-    shapes = bounded(_shapes(rows, stem, source), source)
-    return Layer(shapes, _system(file, srs, source))
+    return layer_of(_shapes(rows, stem, source), _system(file, srs, source), source)
 
 
 def _quoted(name: str) -> str:
@@ -118,31 +114,14 @@ def _system(file: sqlite3.Connection, srs: object, source: str) -> pyproj.CRS | 
 
 
 def _shapes(rows: list[tuple[object, object]], stem: str, source: str) -> Iterator[Shape]:
-    for i, (blob, title) in enumerate(rows):
-        otherwise = stem if len(rows) == 1 else f"{stem} {i + 1}"
-        name = shown_name(title, otherwise)
+    for number, (blob, title) in enumerate(rows, start=1):
+        name = row_name(title, stem, number, len(rows))
         if isinstance(title, int):
             name = f"{stem} {title}" if len(rows) > 1 else stem
-        where = f"{source}: {name}"
-        if blob is None:
-            continue
-        parts = [part for part in _parts(_geometry(blob, where)) if not part.is_empty]
-        polygons = [part for part in parts if isinstance(part, Polygon)]
-        for k, one in enumerate(polygons):
-            rings = [_ring(ring) for ring in (one.exterior, *one.interiors)]
-            yield polygon(f"{name} ({k + 1})" if len(polygons) > 1 else name, rings, where)
-        for part in parts:
-            if isinstance(part, ShapelyPoint) and names_home(name):
-                yield Shape(name, Role.HOME, ((part.x, part.y),))
-
-
-def _ring(ring: Any) -> list[Point]:
-    return [(float(x), float(y)) for x, y, *_ in ring.coords]
-
-
-def _parts(shape: BaseGeometry) -> list[BaseGeometry]:
-    inner = getattr(shape, "geoms", None)
-    return [shape] if inner is None else [part for one in inner for part in _parts(one)]
+        if blob is not None:
+            where = f"{source}: {name}"
+            polygons, points = drawn(_geometry(blob, where))
+            yield from shapes_of(name, where, [], polygons, points=points)
 
 
 def _geometry(blob: object, where: str) -> BaseGeometry:

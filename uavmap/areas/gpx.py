@@ -18,17 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.errors import AreaError
 from uavmap.areas import crs
-from uavmap.areas.drawing import (
-    Layer,
-    Point,
-    Role,
-    Shape,
-    bounded,
-    names_home,
-    number,
-    polygon,
-    shown_name,
-)
+from uavmap.areas.drawing import Layer, Point, Shape, layer_of, number, shapes_of, shown_name
 from uavmap.areas.markup import local, text_of
 from uavmap.printable import printable
 
@@ -47,8 +37,7 @@ _FINE_DEG: Final = 1e-6
 def read_gpx(root: Element, source: str) -> Layer:
     """The outlines and the home of a GPX document. Raises `AreaError`."""
     notices: list[str] = []
-    shapes = bounded(_shapes(root, source, notices), source)
-    return Layer(shapes, crs.WGS84, tuple(notices))
+    return layer_of(_shapes(root, source, notices), crs.WGS84, source, notices)
 
 
 def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
@@ -60,11 +49,11 @@ def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
         looked_at += len(points)
         if looked_at <= _MOST_MENDED:
             points = _without_loops(points, name, notices)
-        yield polygon(name, [points], f"{source}: {name}")
+        yield from shapes_of(name, f"{source}: {name}", notices, [[points]])
     for element in root:
-        name = shown_name(text_of(element, "name"), "")
-        if local(element) == "wpt" and names_home(name):
-            yield Shape(name, Role.HOME, (_place(element, source),))
+        if local(element) == "wpt":
+            name = shown_name(text_of(element, "name"), "")
+            yield from shapes_of(name, source, notices, [], points=[_place(element, source)])
     if open_ones:
         notices.append(
             f"{open_ones} tracks or routes are left out, for they do not come back to where they "

@@ -16,7 +16,7 @@ from missions.errors import AreaError, GeodesyError
 from missions.ground.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.areas import crs
-from uavmap.areas.drawing import MOST_VERTICES, Layer, Point, Role, Shape, bounded, number, polygon
+from uavmap.areas.drawing import MOST_VERTICES, Layer, Point, Role, Shape, layer_of, number, polygon
 from uavmap.printable import printable
 
 _GEOD: Final = pyproj.Geod(ellps="WGS84")
@@ -260,11 +260,11 @@ def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
     if fence is None:
         fence = len(points) > 4 and points[1] == points[-1]
     if not fence:
-        return Layer(bounded([polygon("polygon", [points], source, Role.AREA)], source), crs.WGS84)
+        return layer_of([polygon("polygon", [points], source, Role.AREA)], crs.WGS84, source)
     home, corners = points[:1], points[1:]
     shapes = [polygon("fence", [corners], source, Role.FENCE)]
     shapes.append(Shape("return point", Role.HOME, tuple(home)))
-    return Layer(bounded(shapes, source), crs.WGS84)
+    return layer_of(shapes, crs.WGS84, source)
 
 
 # --- all of them --------------------------------------------------------------------------------
@@ -279,7 +279,7 @@ def with_area(shapes: list[Shape], flown: list[Point], home: Point | None, sourc
         if isinstance(hull, Polygon):
             shapes.append(polygon("waypoints", [_corners(hull)], source, Role.AREA))
             notices.append(f"no survey; the area is what its {len(away)} waypoints span")
-    return Layer(bounded(shapes, source), crs.WGS84, tuple(notices))
+    return layer_of(shapes, crs.WGS84, source, notices)
 
 
 def _corners(hull: Polygon) -> list[Point]:

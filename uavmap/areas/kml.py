@@ -18,10 +18,9 @@ from uavmap.areas.drawing import (
     Point,
     Role,
     Shape,
-    bounded,
     bounded_together,
-    names_home,
-    polygon,
+    layer_of,
+    shapes_of,
     shown_name,
 )
 from uavmap.areas.markup import local, refused, root_of, text_of
@@ -74,8 +73,7 @@ def _root_in(archive: zipfile.ZipFile, name: str, source: str) -> Element:
 
 def _layer(root: Element, source: str) -> Layer:
     notices: list[str] = []
-    shapes = bounded(_shapes(root, source, notices), source)
-    return Layer(shapes, crs.WGS84, tuple(notices))
+    return layer_of(_shapes(root, source, notices), crs.WGS84, source, notices)
 
 
 def _areas(layer: Layer) -> bool:
@@ -95,7 +93,7 @@ def _elsewhere(source: str) -> AreaError:
 
 
 def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
-    number, paths = 0, 0
+    number = 0
     for placemark in root.iter():
         if local(placemark) != "Placemark":
             continue
@@ -106,41 +104,35 @@ def _shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
         of_polygons = {ring for part in inside if local(part) in _BOUNDARIES for ring in part}
         parts = [part for part in inside if local(part) in _KINDS and part not in of_polygons]
         polygons = [part for part in parts if local(part) == "Polygon"]
-        title = text_of(placemark, "name")
-        for i, part in enumerate(polygons):
-            number += 1
-            name = shown_name(title, f"polygon {number}")
-            name += f" ({i + 1})" if len(polygons) > 1 else ""
-            yield polygon(name, list(_rings(part, source, name)), f"{source}: {name}")
-        for part in parts:
-            kind, name = local(part), shown_name(title, "path")
-            if kind == "Point" and names_home(name):
-                for point in _points(part, source, name)[:1]:
-                    yield Shape(name, Role.HOME, (point,))
-            elif kind in ("LineString", "LinearRing"):
-                points = _points(part, source, name)
-                if len(points) > 3 and points[0] == points[-1]:
-                    yield polygon(name, [points], f"{source}: {name}")
-                else:
-                    paths += 1
-    if paths:
-        notices.append(f"{paths} open paths are left out; an area is a polygon")
+        number += bool(polygons)
+        otherwise = f"polygon {number}" if polygons else "path"
+        name = shown_name(text_of(placemark, "name"), otherwise)
+        where = f"{source}: {name}"
+        yield from shapes_of(
+            name,
+            where,
+            notices,
+            [list(_rings(part, where)) for part in polygons],
+            [_points(part, where) for part in parts if local(part) in _LINES],
+            [p for part in parts if local(part) == "Point" for p in _points(part, where)[:1]],
+        )
 
 
-_KINDS: Final = ("Polygon", "Point", "LineString", "LinearRing")
+_LINES: Final = ("LineString", "LinearRing")
+_KINDS: Final = ("Polygon", "Point", *_LINES)
 _BOUNDARIES: Final = ("outerBoundaryIs", "innerBoundaryIs")
 
 
-def _rings(part: Element, source: str, name: str) -> Iterator[list[Point]]:
+def _rings(part: Element, where: str) -> Iterator[list[Point]]:
     for kind in _BOUNDARIES:
         for boundary in part:
             if local(boundary) == kind:
                 # old files have several rings in one inner boundary
                 for ring in boundary:
-                    yield _points(ring, source, name)
+                    yield _points(ring, where)
 
 
-def _points(part: Element, source: str, name: str) -> list[Point]:
+def _points(part: Element, where: str) -> list[Point]:
     """The coordinates of an element: longitude, latitude and perhaps a height, commas between."""
     text = next((e.text or "" for e in part.iter() if local(e) == "coordinates"), "")
     found: list[Point] = []
@@ -150,6 +142,6 @@ def _points(part: Element, source: str, name: str) -> list[Point]:
             found.append((float(parts[0]), float(parts[1])))
         except (ValueError, IndexError):
             raise AreaError(
-                f"{source}: {name}: {printable(word, 40)!r} is not longitude,latitude[,height]"
+                f"{where}: {printable(word, 40)!r} is not longitude,latitude[,height]"
             ) from None
     return found

@@ -23,13 +23,12 @@ from uavmap.areas.drawing import (
     NAME_COLUMNS,
     Layer,
     Point,
-    Role,
+    Rings,
     Shape,
-    bounded,
     bounded_together,
-    names_home,
-    polygon,
-    shown_name,
+    layer_of,
+    row_name,
+    shapes_of,
 )
 
 _POLYGONS: Final = (shapefile.POLYGON, shapefile.POLYGONZ, shapefile.POLYGONM)
@@ -45,8 +44,7 @@ def read_shapefile(parts: Mapping[str, bytes], stem: str, source: str) -> Layer:
 
     Raises `AreaError`.
     """
-    shapes = bounded(_shapes(parts, stem, source), source)
-    return Layer(shapes, _system(parts, source))
+    return layer_of(_shapes(parts, stem, source), _system(parts, source), source)
 
 
 def read_zipped(data: bytes, source: str) -> list[Layer]:
@@ -83,20 +81,13 @@ def _shapes(parts: Mapping[str, bytes], stem: str, source: str) -> Iterator[Shap
         raise AreaError(
             f"{source}: a damaged Shapefile, or none; export it anew, as GeoJSON or KML if need be"
         ) from None
-    for i, (kind, rings, title) in enumerate(rows):
-        otherwise = stem if len(rows) == 1 else f"{stem} {i + 1}"
-        name = shown_name(title, otherwise)
-        where = f"{source}: {name}"
-        if kind == "Point":
-            if names_home(name):
-                yield Shape(name, Role.HOME, (rings[0][0][0],))
-            continue
-        for k, part in enumerate(rings):
-            yield polygon(f"{name} ({k + 1})" if len(rings) > 1 else name, part, where)
+    for number, (polygons, points, title) in enumerate(rows, start=1):
+        name = row_name(title, stem, number, len(rows))
+        yield from shapes_of(name, f"{source}: {name}", [], polygons, points=points)
 
 
-def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[str, list[list[list[Point]]], object]]:
-    """Kind, polygons as rings, and name of each record. A `.dbf` that cannot be read names none."""
+def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[list[Rings], list[Point], object]]:
+    """Polygons, points and name of each record. A `.dbf` that cannot be read names none."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(_quiet())
         reader = stack.enter_context(shapefile.Reader(shp=io.BytesIO(parts["shp"])))
@@ -106,16 +97,12 @@ def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[str, list[list[list[Poin
                 return  # counted, and refused, by whoever asks for the shapes
             title = next(titles, None)
             if shape.shapeType in _POINTS:
-                yield "Point", [[[_xy(shape.points[0])]]], title
+                yield [], [_xy(shape.points[0])], title
             elif shape.shapeType in _POLYGONS:
                 geometry = shape.__geo_interface__
                 inside = geometry["coordinates"]
                 several = inside if geometry["type"] == "MultiPolygon" else [inside]
-                yield (
-                    "Polygon",
-                    [[[_xy(p) for p in ring] for ring in one] for one in several],
-                    title,
-                )
+                yield [[[_xy(p) for p in ring] for ring in one] for one in several], [], title
 
 
 @contextlib.contextmanager

@@ -8,7 +8,6 @@ from pathlib import PurePath
 from typing import Final
 
 import shapely
-from shapely.geometry import Polygon
 
 from missions.errors import AreaError
 from uavmap.areas import crs
@@ -21,8 +20,11 @@ from uavmap.areas.drawing import (
     Point,
     Role,
     Shape,
-    bounded,
+    drawn,
+    layer_of,
     polygon,
+    row_name,
+    shapes_of,
     shown_name,
 )
 from uavmap.areas.ground_station import with_area
@@ -71,14 +73,12 @@ def read_table(text: str, source: str) -> Layer:
     wkt = next((names.index(one) for one in _WKT if one in names), None)
     if wkt is not None:
         title = next((names.index(one) for one in NAME_COLUMNS if one in names), None)
-        shapes = _by_wkt(rows, wkt, title, source)
-        return Layer(bounded(shapes, source), None)
+        return layer_of(_by_wkt(rows, wkt, title, source), None, source)
     columns = (_column(names, _LATITUDE), _column(names, _LONGITUDE))
     points = [_place(row, columns, f"{source}: row {i + 2}") for i, row in enumerate(rows)]
     if not set(names).isdisjoint(_WAYPOINTS):
         return with_area([], points, None, source)
-    shape = polygon("polygon", [points], source, Role.AREA)
-    return Layer(bounded([shape], source), crs.WGS84)
+    return layer_of([polygon("polygon", [points], source, Role.AREA)], crs.WGS84, source)
 
 
 def _rows(text: str, source: str) -> Iterator[list[str]]:
@@ -113,10 +113,9 @@ def _place(row: list[str], columns: tuple[int, int], where: str) -> Point:
 
 def _by_wkt(rows: list[list[str]], wkt: int, title: int | None, source: str) -> Iterator[Shape]:
     stem = shown_name(PurePath(source).stem, "polygon")
-    for i, row in enumerate(rows[: MOST_SHAPES + 1]):
+    for number, row in enumerate(rows[: MOST_SHAPES + 1], start=1):
         cells: Mapping[int, str] = dict(enumerate(row))
-        otherwise = stem if len(rows) == 1 else f"{stem} {i + 1}"
-        name = shown_name(cells.get(title, "") if title is not None else "", otherwise)
+        name = row_name("" if title is None else cells.get(title), stem, number, len(rows))
         where = f"{source}: {name}"
         try:
             shape = shapely.from_wkt(cells.get(wkt, ""))
@@ -124,13 +123,5 @@ def _by_wkt(rows: list[list[str]], wkt: int, title: int | None, source: str) -> 
             raise AreaError(
                 f"{where}: {printable(cells.get(wkt, ''), 40)!r} is no WKT; export it anew"
             ) from None
-        if shape is None:
-            continue
-        parts = shapely.get_parts(shape)
-        found = [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
-        for k, one in enumerate(found):
-            rings = [
-                [(float(x), float(y)) for x, y, *_ in ring.coords]
-                for ring in (one.exterior, *one.interiors)
-            ]
-            yield polygon(f"{name} ({k + 1})" if len(found) > 1 else name, rings, where)
+        if shape is not None:
+            yield from shapes_of(name, where, [], drawn(shape)[0])

@@ -28,10 +28,6 @@ class LocalSource:
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
     ) -> None:
         """Take those pictures from now on that an interval lies between."""
-        self.order(interval_s, count)
-
-    def order(self, interval_s: float, count: int) -> None:
-        """The same; there is nobody to wait for."""
         self._cadence.start(asyncio.get_running_loop().time(), interval_s, count)
 
     def stop(self) -> None:

@@ -32,7 +32,6 @@ COMMANDS: Final = {
     "resume": "go on with an interrupted mission",
     "watch": "show a flight in a browser, live or from its journal",
     "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",
-    "camera": "make a device of this computer a MAVLink camera",
     "sitl": "simulated vehicles on sockets, for any MAVLink client",
     "replay": "map what recorded pictures show",
     "look": "see what the detector says of one picture",

@@ -17,7 +17,7 @@ from uavmap.results.documents import refuse_open
 from uavmap.results.exports import FORMATS, Format, files_of
 from uavmap.results.flown import Flown
 
-_OF_PLANS = ("plan", "waypoints", "vehicle", "height", "overlap", "side_overlap")
+_OF_PLANS = ("plan", "waypoints", "vehicle")
 
 
 def add_map_options(parser: Any) -> None:

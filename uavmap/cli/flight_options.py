@@ -12,7 +12,7 @@ from uavmap.cameras.spec import HELP
 from uavmap.cli.common import DETECTOR_HELP, report, speedup
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, add_rerun_option, beside
+from uavmap.cli.page_options import add_page_options, beside
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
@@ -78,7 +78,6 @@ def add_flight_options(parser: argparse.ArgumentParser, *, fleet: bool = False) 
         help="keep every picture with its pose in the results, for `uavmap replay`",
     )
     add_page_options(parser)
-    add_rerun_option(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 

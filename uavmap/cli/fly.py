@@ -18,7 +18,6 @@ from uavmap.cli.flight_options import (
     preflight_of,
     wanted_of,
 )
-from uavmap.cli.page_options import check_beside
 from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.planned import planned
@@ -47,7 +46,6 @@ examples:
   uavmap fly field.toml --connect serial:///dev/ttyUSB0:57600 --forward udpout://127.0.0.1:14550
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --page         a live page in the browser
-  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --rerun field.rrd    for the Rerun viewer
 
 In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
@@ -117,7 +115,6 @@ def run(options: argparse.Namespace) -> int:
         member=0 if options.fleet else None,
         network=network,
     )
-    check_beside(options)
     plan, mission = planned(wanted)
     if options.comms is not None:
         return _fly_fleet(options, plan, mission)

@@ -16,7 +16,6 @@ from uavmap.cli.flight_options import (
     preflight_of,
     wanted_of,
 )
-from uavmap.cli.page_options import check_beside
 from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.planned import planned
 
@@ -73,7 +72,6 @@ def run(options: argparse.Namespace) -> int:
     """Fly."""
     network = network_of(options)
     wanted = replace(wanted_of(options), onboard=True, member=options.vehicle, network=network)
-    check_beside(options)
     check_network(network)
     plan, mission = planned(wanted)
     return begin(options, plan, mission, preflight_of(options))

@@ -51,17 +51,6 @@ def add_common_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_rerun_option(parser: argparse.ArgumentParser) -> None:
-    """Add --rerun."""
-    parser.add_argument(
-        "--rerun",
-        metavar="FILE.rrd",
-        type=Path,
-        help="record frames, poses, footprints, cells, tree and batteries on one timeline, for "
-        "the Rerun viewer (needs uavmap[rerun])",
-    )
-
-
 @contextlib.contextmanager
 def beside(
     options: argparse.Namespace,
@@ -69,46 +58,31 @@ def beside(
     folder: Path,
     progress: Progress,
 ) -> Iterator[tuple[Progress, Onlooker | None]]:
-    """What is beside a flight, where it is asked for: its page, and its recording.
+    """Open the live page where it is asked for.
 
-    Who hears of the flight then, and who looks on. `plan` is asked for, if it is not at hand, only
-    where there is something beside. Raises `UavmapError` where that cannot be.
+    Args:
+        options: Of the command.
+        plan: Of the flight, or what reads it; read only for a page.
+        folder: Of the results.
+        progress: What the flight is reported to.
+
+    Returns:
+        What the flight is reported to, and the page, or None.
+
+    Raises:
+        UavmapError: The page cannot be opened.
     """
-    known = None
-    if options.page is not None or options.rerun is not None:
-        known = plan() if callable(plan) else plan
-    with _page_beside(options, known, folder, progress) as (heard, seen):
-        if options.rerun is None or known is None:
-            yield heard, seen
-            return
-        from uavmap.animation.rerun_flight import recorded  # noqa: PLC0415 - takes a second
-
-        with recorded(options.rerun, known, heard, seen) as recorder:
-            yield recorder, recorder
-
-
-def check_beside(options: argparse.Namespace) -> None:
-    """Raise `UavmapError` where a recording is asked for that cannot be: before anything else."""
-    if options.rerun is not None:
-        from uavmap.animation.rerun_flight import check_recording  # noqa: PLC0415 - as above
-
-        check_recording(options.rerun)
-
-
-@contextlib.contextmanager
-def _page_beside(
-    options: argparse.Namespace, plan: FlightPlan | None, folder: Path, progress: Progress
-) -> Iterator[tuple[Progress, Onlooker | None]]:
-    if options.page is None or plan is None:
+    if options.page is None:
         if options.tiles or options.page_host != LOOPBACK:
             raise UavmapError("--tiles and --page-host go with --page")
         yield progress, None
         return
-    mission, wishes = plan.mission(), Wishes(options.page, "--page", options.page_host)
+    known = plan() if callable(plan) else plan
+    mission, wishes = known.mission(), Wishes(options.page, "--page", options.page_host)
     under = of_tiles(Path(options.tiles), Setting.of(mission)) if options.tiles else None
-    config = {"title": mission.name, "steers": not plan.simulated}
+    config = {"title": mission.name, "steers": not known.simulated}
     with opened(wishes, config, progress.say) as feed:
-        page = FlightPage(feed, progress, simulated=plan.simulated, background=under)
+        page = FlightPage(feed, progress, simulated=known.simulated, background=under)
         how = "was left before its end"
         try:
             yield page, page

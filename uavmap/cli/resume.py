@@ -14,7 +14,7 @@ from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
 from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
+from uavmap.cli.page_options import add_page_options, beside
 from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.progress import Terminal
 from uavmap.offline.after_flight import draw_boundary, kept_frames
@@ -82,14 +82,12 @@ def add_parser(commands: Any) -> None:
     add_link_options(parser)
     add_fleet_options(parser)
     add_page_options(parser)
-    add_rerun_option(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
-    check_beside(options)
     folder, progress = Path(options.folder), Terminal()
     if options.recover:
         _recover(folder, progress.say)

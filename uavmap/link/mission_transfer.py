@@ -47,13 +47,23 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """An item with a place; `first` is its first parameter (vertices of a polygon, a radius)."""
+    """A mission item.
+
+    Attributes:
+        command: MAV_CMD.
+        position: Of the item; zeros with MAV_FRAME_MISSION.
+        first: param1: vertices of a polygon, a radius.
+        frame: MAV_FRAME.
+        height_m: In this frame.
+        others: param2 to param4; NaN where the autopilot chooses. Fence and rally points have none.
+    """
 
     command: int
     position: LatLon
     first: float = 0.0
     frame: int = mav.MAV_FRAME_GLOBAL
     height_m: float = 0.0
+    others: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def equals(self, other: Item) -> bool:
         """Whether both mean the same; autopilots name frames differently, and fences have none.
@@ -225,9 +235,7 @@ class MissionTransfer:
                 0,
                 1,
                 item.first,
-                0.0,
-                0.0,
-                0.0,
+                *item.others,
                 round(item.position.lat_deg * 1e7),
                 round(item.position.lon_deg * 1e7),
                 item.height_m,

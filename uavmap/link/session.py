@@ -81,8 +81,6 @@ class Session:
         self._command_lock = asyncio.Lock()
         self.heard_s: dict[int, float] = {}
         """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
-        self.overheard: Listener = lambda message: None
-        """Called with every message that is not of the vehicle, or not to be believed."""
         self.view = VehicleView()
         self.flight: Commands = MavlinkCommands(self)
         """What the vehicle can be told in flight."""
@@ -120,7 +118,6 @@ class Session:
     def _take(self, message: Message, now_s: float) -> bool:
         """Take in one message; whether it is of our vehicle."""
         if not self.view.take(message, now_s):
-            self.overheard(message)
             return False
         self.bound_s = now_s if self.bound_s is None else self.bound_s
         if message.get_srcComponent() == self.view.autopilot_component:

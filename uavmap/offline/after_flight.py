@@ -27,6 +27,7 @@ from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.frames import FRAMES, POSES
 from uavmap.record.journal import Journal
 from uavmap.results import boundary_file, picture
+from uavmap.results.boundary_told import FILE
 from uavmap.results.documents import write_documents
 from uavmap.results.figures import figures
 from uavmap.results.flown import flown_from
@@ -57,12 +58,12 @@ def draw_boundary(
         complain(f"{error}; all other results are complete")
     except OSError as error:
         complain(
-            f"{boundary_file.FILE} is not written ({error.strerror}); all other results are "
+            f"{FILE} is not written ({error.strerror}); all other results are "
             f"complete, and `uavmap replay {folder}` makes it anew"
         )
     except KeyboardInterrupt:
         complain(
-            f"interrupted: not all of {boundary_file.FILE}, {ORTHO} is there; all other results "
+            f"interrupted: not all of {FILE}, {ORTHO} is there; all other results "
             f"are complete, and `uavmap replay {folder}` makes these anew"
         )
 
@@ -84,7 +85,7 @@ def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> Non
         return
     fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
     told = _told(fine, looked, state)
-    boundary_file.write(told, folder / boundary_file.FILE)
+    boundary_file.write(told, folder / FILE)
     truth = _truth(setting) if plan.simulated else None
     cells = map_data(setting, state, found, truth)
     data = replace(cells, boundary=fine.boundary.region)

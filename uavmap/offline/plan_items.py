@@ -1,8 +1,8 @@
-"""Mission items of an autopilot: a flight along lines, as ground stations write it into files.
+"""The search of a mission as items that an autopilot flies by itself.
 
-A flight climbs over its pad, flies its lines one after the other, takes pictures along them, comes
-back over its pad by a way inside the fence, and is told to return there (RTL): RTL itself flies
-straight home, over what the fence forbids. Nobody looks at the pictures while it is flown.
+A vehicle climbs over its pad, flies its lanes one after the other with pictures along them, comes
+back over its pad by a path inside the fence, and returns there (RTL): RTL alone would fly straight
+home, over ground that the fence excludes. The pictures are not judged.
 """
 
 from __future__ import annotations
@@ -10,198 +10,144 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Final
 
-from pymavlink.dialects.v20 import common as mav
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import GeodesyError
-from missions.ground.fence import Fence
-from missions.ground.grid import Grid
 from missions.ground.lanes import Lane
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import Mission
+from missions.mission_file.schema import Mission, positions
 from missions.mission_file.views import path_speed_m_s
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
+from uavmap.link.mission_transfer import Item
 
-DECIMALS: Final = 8
-"""Of degrees: a millimetre, and finer than the 1e-7 degrees that go over the link."""
 _SAME_M: Final = 0.01
+"""Distance below which two points of a path are one, m."""
 _GROUND_SPEED: Final = 1
-"""Of MAV_CMD_DO_CHANGE_SPEED: which speed is meant."""
-
-
-class Above(IntEnum):
-    """What heights are counted from; the value is the MAV_FRAME."""
-
-    SEA = mav.MAV_FRAME_GLOBAL
-    HOME = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
+"""SPEED_TYPE of MAV_CMD_DO_CHANGE_SPEED: over ground."""
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
-    """One mission item.
+class SearchFlight:
+    """The search of one vehicle.
 
     Attributes:
-        command: MAV_CMD.
-        frame: MAV_FRAME; MAV_FRAME_MISSION for what has no place.
-        params: param1 to param4; NaN where the autopilot chooses.
-        x, y, z: latitude and longitude in degrees, height in m; or param5 to param7.
+        vehicle: From 0.
+        home: Of the vehicle.
+        speed_m_s: Over ground.
+        items: The mission.
+        fence: Of the mission, as vertices of polygons.
+        rally: The vehicle's home alone: an autopilot returns to the nearest rally point, which
+            might be the pad of another vehicle.
+        left_out: Lanes that no path inside the fence leads to.
     """
 
-    command: int
-    frame: int
-    params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-
-    @property
-    def has_place(self) -> bool:
-        """Whether x, y and z are a place."""
-        return self.frame in tuple(Above)
-
-
-@dataclass(frozen=True, slots=True)
-class Profile:
-    """How lines are flown.
-
-    Attributes:
-        height_m: above `above`.
-        speed_m_s: over ground.
-        every_m: metres between two pictures along a line.
-    """
-
-    height_m: float
+    vehicle: int
+    home: LatLon
     speed_m_s: float
-    every_m: float
-    above: Above = Above.HOME
-
-    def at(self, place: LatLon, command: int = mav.MAV_CMD_NAV_WAYPOINT) -> Item:
-        """An item at a place, at the height of the flight."""
-        lat, lon = round(place.lat_deg, DECIMALS), round(place.lon_deg, DECIMALS)
-        return Item(
-            command, int(self.above), (0.0, 0.0, 0.0, math.nan), lat, lon, round(self.height_m, 3)
-        )
-
-    @property
-    def beginning(self) -> Item:
-        """Pictures from here on."""
-        return _trigger(self.every_m)
-
-    @property
-    def end(self) -> Item:
-        """No more pictures."""
-        return _trigger(0.0)
-
-
-def _trigger(every_m: float) -> Item:
-    first = 1.0 if every_m else 0.0  # take one at once
-    params = (round(every_m, 3), 0.0, first, 0.0)
-    return Item(mav.MAV_CMD_DO_SET_CAM_TRIGG_DIST, mav.MAV_FRAME_MISSION, params)
-
-
-def climb(home: LatLon, profile: Profile) -> list[Item]:
-    """Take off and set the speed."""
-    speed = (_GROUND_SPEED, round(profile.speed_m_s, 2), -1.0, 0.0)
-    return [
-        profile.at(home, mav.MAV_CMD_NAV_TAKEOFF),
-        Item(mav.MAV_CMD_DO_CHANGE_SPEED, mav.MAV_FRAME_MISSION, speed),
-    ]
-
-
-@dataclass(frozen=True, slots=True)
-class Flown:
-    """The items along some lines.
-
-    Attributes:
-        items: to the first line, along all that can be reached, with pictures along them.
-        ends: the beginning and the end of each line that is flown, in degrees.
-        last: where the last line ends; where it began if none can be flown.
-        left_out: lines that no way inside the fence leads to.
-    """
-
     items: tuple[Item, ...]
-    ends: tuple[LatLon, ...]
-    last: GridPoint
+    fence: tuple[Item, ...]
+    rally: tuple[Item, ...]
     left_out: tuple[Lane, ...]
 
 
-def along(
-    lines: Sequence[Lane], start: GridPoint, fence: Fence, grid: Grid, profile: Profile
-) -> Flown:
-    """The items that fly lines in their order, from `start`, around what the fence forbids."""
-    items: list[Item] = []
-    ends: list[LatLon] = []
-    left_out: list[Lane] = []
-    at = start
-    for line in lines:
-        way = fence.route(at, line[0])
-        if way is None:
-            left_out.append(line)
+def search_flight(
+    setting: Setting, vehicle: int, frame: int = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
+) -> SearchFlight:
+    """Plan the share of a vehicle (from 0) of the search lanes, in the order of flight.
+
+    `frame` is the MAV_FRAME of the heights: above home, or above the sea.
+
+    Raises:
+        GeodesyError: No path inside the fence leads back to the home.
+    """
+    mission, grid, fence = setting.mission, setting.grid, setting.fence
+    home, height_m = homes(mission)[vehicle], _height_m(mission, vehicle)
+    at_height_m = height_m + (mission.start.amsl_m if frame == mav.MAV_FRAME_GLOBAL else 0.0)
+
+    def at(place: LatLon, command: int = mav.MAV_CMD_NAV_WAYPOINT) -> Item:
+        return Item(command, place, 0.0, frame, round(at_height_m, 3), (0.0, 0.0, math.nan))
+
+    speed_m_s, every_m = mission.flight.speed_m_s, mission.grid.cell_m
+    if setting.nonstop:
+        speed_m_s = path_speed_m_s(mission, height_m)
+        every_m = speed_m_s * mission.camera.interval_s
+    items = [
+        at(home, mav.MAV_CMD_NAV_TAKEOFF),
+        _order(mav.MAV_CMD_DO_CHANGE_SPEED, _GROUND_SPEED, round(speed_m_s, 2), -1.0),
+    ]
+    here, left_out = grid.fixed(home), list[Lane]()
+    for lane in setting.shares[vehicle]:
+        path = fence.route(here, lane[0])
+        if path is None:
+            left_out.append(lane)
             continue
-        items += [profile.at(grid.position(point)) for point in _new(at, way)]
-        items.append(profile.beginning)
-        items.append(profile.at(grid.position(line[1])))
-        items.append(profile.end)
-        ends += [grid.position(point) for point in line]
-        at = line[1]
-    return Flown(tuple(items), tuple(ends), at, tuple(left_out))
+        items += [at(grid.position(point)) for point in _new(here, path)]
+        items += [_pictures(every_m), at(grid.position(lane[1])), _pictures(0.0)]
+        here = lane[1]
+    back = fence.route(here, grid.fixed(home))
+    if back is None:  # a path from the pad has led here
+        raise GeodesyError("no path inside the fence leads back to the home")
+    points = list(_new(here, back))
+    items += [at(grid.position(point)) for point in points[:-1]]
+    items += [at(home)] if points else []
+    items.append(_order(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH))
+    rally = Item(mav.MAV_CMD_NAV_RALLY_POINT, home, height_m=height_m)
+    return SearchFlight(
+        vehicle, home, speed_m_s, tuple(items), _fence(mission), (rally,), tuple(left_out)
+    )
 
 
-def _new(at: GridPoint, way: Sequence[GridPoint]) -> Iterator[GridPoint]:
-    """The points of a way, without those where the vehicle is already."""
-    for point in way:
+def _height_m(mission: Mission, vehicle: int) -> float:
+    return mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
+
+
+def _order(command: int, first: float = 0.0, second: float = 0.0, third: float = 0.0) -> Item:
+    """An item without a place."""
+    frame = mav.MAV_FRAME_MISSION
+    return Item(command, LatLon(0.0, 0.0), first, frame, others=(second, third, 0.0))
+
+
+def _pictures(every_m: float) -> Item:
+    """Take a picture at once and each so many metres; 0: no more."""
+    return _order(
+        mav.MAV_CMD_DO_SET_CAM_TRIGG_DIST, round(every_m, 3), 0.0, 1.0 if every_m else 0.0
+    )
+
+
+def _new(at: GridPoint, path: Sequence[GridPoint]) -> Iterator[GridPoint]:
+    """The points of a path, without those where the vehicle is already."""
+    for point in path:
         if at.distance_to(point) > _SAME_M:
             yield point
         at = point
 
 
-def way_back(at: GridPoint, home: LatLon, fence: Fence, grid: Grid, profile: Profile) -> list[Item]:
-    """Over the pad by a way inside the fence, and down by the autopilot's RTL.
-
-    Raises `GeodesyError` when there is no such way; from where a way from the pad led there is one.
-    """
-    route = fence.route(at, grid.fixed(home))
-    if route is None:
-        raise GeodesyError("no way inside the fence leads back to the home")
-    way = list(_new(at, route))
-    items = [profile.at(grid.position(point)) for point in way[:-1]]
-    if way:
-        items.append(profile.at(home))
-    return [*items, Item(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_FRAME_MISSION)]
-
-
-def search_profile(mission: Mission, vehicle: int, *, nonstop: bool, above: Above) -> Profile:
-    """How a vehicle (from 0) flies its search lanes: height, speed and pictures of the mission."""
-    layer_m = mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
-    height_m = layer_m + (mission.start.amsl_m if above is Above.SEA else 0.0)
-    if not nonstop:
-        return Profile(height_m, mission.flight.speed_m_s, mission.grid.cell_m, above)
-    speed_m_s = path_speed_m_s(mission, layer_m)
-    return Profile(height_m, speed_m_s, speed_m_s * mission.camera.interval_s, above)
-
-
-@dataclass(frozen=True, slots=True)
-class SearchFlight:
-    """The search of one vehicle as mission items, and the lanes that it leaves out."""
-
-    home: LatLon
-    profile: Profile
-    items: tuple[Item, ...]
-    left_out: tuple[Lane, ...]
-
-
-def search_flight(setting: Setting, vehicle: int, above: Above = Above.HOME) -> SearchFlight:
-    """The share of a vehicle (from 0) of the search lanes of a mission, in the order of flight."""
-    mission, grid, fence = setting.mission, setting.grid, setting.fence
-    profile = search_profile(mission, vehicle, nonstop=setting.nonstop, above=above)
-    home = homes(mission)[vehicle]
-    flown = along(setting.shares[vehicle], grid.fixed(home), fence, grid, profile)
-    items = (
-        *climb(home, profile),
-        *flown.items,
-        *way_back(flown.last, home, fence, grid, profile),
+def _fence(mission: Mission) -> tuple[Item, ...]:
+    inclusion = mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+    exclusion = mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+    rings = [(inclusion, mission.fence.polygon), *((exclusion, h) for h in mission.fence.holes)]
+    return tuple(
+        Item(command, corner, float(len(corners)))
+        for command, ring in rings
+        for corners in [clockwise(positions(ring))]
+        for corner in corners
     )
-    return SearchFlight(home, profile, items, flown.left_out)
+
+
+def clockwise(ring: Sequence[LatLon]) -> list[LatLon]:
+    """Open a ring and order its corners clockwise, as QGroundControl draws them.
+
+    >>> [c.lat_deg for c in clockwise([LatLon(0.0, 0.0), LatLon(0.0, 1.0), LatLon(1.0, 1.0)])]
+    [1.0, 0.0, 0.0]
+    """
+    corners = list(ring[:-1] if ring[0] == ring[-1] else ring)
+    # longitudes near the first one: a ring over the antimeridian would seem to go around the globe
+    east = [math.remainder(c.lon_deg - corners[0].lon_deg, 360.0) for c in corners]
+    area = sum(
+        east[i - 1] * corner.lat_deg - east[i] * corners[i - 1].lat_deg
+        for i, corner in enumerate(corners)
+    )
+    return corners[::-1] if area > 0 else corners

@@ -26,7 +26,8 @@ from uavmap.preflight.autopilot_fence import (
 )
 from uavmap.preflight.finding import Finding, bad, ok, warn
 from uavmap.preflight.kept import Before, Kept
-from uavmap.preflight.plan_file import write_plan
+from uavmap.results.atomic import write_text
+from uavmap.results.ground_station_plan import Firmware, plan_text
 
 RESTORE_S: Final = 60.0
 """So long putting everything back may take at the end of a flight."""
@@ -148,9 +149,9 @@ class AutopilotSetup:
         ]
         if any(old):
             path = self._folder / f"fence-before-{self._number}.plan"
-            px4 = self._view.kind is PX4
+            firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
             try:
-                write_plan(path, before.fence, before.rally, self._home, px4=px4)
+                write_text(path, plan_text(firmware, self._home, before.fence, before.rally))
             except OSError as error:
                 raise OutputError(f"{path} cannot be written: {error.strerror}") from None
             self._tell(

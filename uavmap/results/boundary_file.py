@@ -6,7 +6,6 @@ counter-clockwise and holes clockwise. The program's own page on replays tells w
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,11 +21,12 @@ from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from missions.ground.grid import Grid
 from missions.units import LatLon
+from uavmap.results import geojson
 from uavmap.results.atomic import write_text
 from uavmap.results.boundary import Boundary
+from uavmap.results.layers import turned
 from uavmap.results.outline import Runs, runs
 
-FILE: Final = "boundary.geojson"
 DECIMALS: Final = 8
 _ROWS: Final = 1_000_000  # cells that are looked at at once
 
@@ -97,16 +97,13 @@ def features_of(data: BoundaryMap) -> list[Feature]:
 
 def _text(data: BoundaryMap, features: Sequence[Feature]) -> str:
     head = {
-        "type": "FeatureCollection",
         "mission": data.mission,
         "t_s": round(data.t_s, 3),
         "computed_in": f"EPSG:{data.grid.zone.epsg}",
     }
-    if box := _bbox(features):
-        head["bbox"] = box
     # thousands of coordinates, all finite: json takes seven times as long
-    lines = ",\n".join(to_json(feature).decode() for feature in features)
-    return f'{json.dumps(head)[:-1]}, "features": [\n{lines}\n]}}\n'
+    lines = (to_json(feature).decode() for feature in features)
+    return "".join(geojson.collection(head, _bbox(features), lines))
 
 
 # --- the features --------------------------------------------------------------------------------
@@ -213,7 +210,7 @@ def _lon_lat(data: BoundaryMap, points: NDArray[np.float64]) -> NDArray[np.float
     drift = np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * data.t_s
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     found = grid.zone.lon_lat(origin + (points + drift) * grid.scale)
-    found[:, 0] += 360.0 * np.round((data.start.lon_deg - found[:, 0]) / 360.0)
+    found[:, 0] = turned(found[:, 0], data.start)
     if not np.isfinite(found).all():  # JSON has no word for it
         raise ValueError("a point of the boundary lies nowhere on Earth")
     return found.round(DECIMALS)

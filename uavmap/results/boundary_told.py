@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from shapely.errors import ShapelyError
 from shapely.geometry import MultiPolygon, Polygon
 
-from uavmap.results.boundary_file import FILE
 from uavmap.results.model import MapData
 from uavmap.text_files import read_text
 
+FILE: Final = "boundary.geojson"
 _MOST_BYTES: Final = 50_000_000
 _SAME_S: Final = 0.01
 

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 import shapely
 
 from uavmap.results.flown import Flown
-from uavmap.results.layers import DECIMALS, Layer, in_degrees
-from uavmap.results.told import described
+from uavmap.results.layers import DECIMALS, Layer, described, in_degrees
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 

@@ -29,8 +29,8 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
         "gpkg": Format("map.gpkg", "geopackage"),
         "shp": Format("shp", "shapefile_layers", several=True),
-        "geojson": Format("geojson", "geojson_layers", several=True),
-        "kml": Format("flight.kml", "kml_flight"),
+        "geojson": Format("geojson", "geojson", several=True),
+        "kml": Format("flight.kml", "kml"),
         "gpx": Format("flight.gpx", "gpx"),
         "csv": Format("csv", "csv_layers", several=True),
     }

@@ -1,4 +1,4 @@
-"""map.geojson: cells, outline and tracks as RFC 7946 reads them.
+"""GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file a layer.
 
 Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior
 rings counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
@@ -16,26 +16,32 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import LineString, mapping
+from shapely.geometry.base import BaseGeometry
 
-from missions.units import GridPoint, LatLon
 from uavmap.results.atomic import write_parts
-from uavmap.results.model import MapData, Track
-
-DECIMALS = 7
-
-Coordinates = list[float]
-Feature = dict[str, Any]
+from uavmap.results.flown import Flown
+from uavmap.results.layers import (
+    DECIMALS,
+    Layer,
+    described,
+    in_degrees,
+    line_in_degrees,
+    outline_in_degrees,
+    turned,
+)
+from uavmap.results.model import MapData
 
 
 def write(data: MapData, path: Path, utc: str | None = None) -> None:
-    """Write the map to `path`; `utc` is its date, ISO 8601, where anybody knows it."""
-    write_parts(path, (part.encode() for part in _parts(data, utc)))
+    """Write map.geojson to `path`; `utc` is its date, ISO 8601, if it is known."""
+    write_parts(path, (part.encode() for part in _map(data, utc)))
 
 
-def encode(data: MapData, utc: str | None = None) -> str:
-    """The map as a FeatureCollection, a feature a line; `utc` is its date.
+def encode_map(data: MapData, utc: str | None = None) -> str:
+    """Encode map.geojson, a feature a line; `utc` is its date.
 
     Features by their property `kind`:
 
@@ -46,22 +52,82 @@ def encode(data: MapData, utc: str | None = None) -> str:
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
     * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
-    return "".join(_parts(data, utc))
+    return "".join(_map(data, utc))
 
 
-def _parts(data: MapData, utc: str | None) -> Iterator[str]:
-    date = {} if utc is None else {"utc": utc}
-    features = [_outline(data, date), *_tracks(data), *_unsearched(data)]
-    head = json.dumps(
-        {"type": "FeatureCollection", "mission": data.mission, "t_s": round(data.t_s, 3)}
-        | date
-        | ({"bbox": box} if (box := _bbox(features, _extremes(data))) else {})
+def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
+    """Encode a file a layer, by name.
+
+    Mission, version, dates, and the coordinate system of the grid, which the coordinates are not
+    in, are members beside the features.
+    """
+    return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
+
+
+def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    head = {"name": layer.name, **described(flown)}
+    box = _bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
+    written = zip(shapely.to_geojson(shapes), layer.records(), strict=True)
+    features = (
+        _feature(number, geometry or "null", values)
+        for number, (geometry, values) in enumerate(written, start=1)
     )
-    yield f'{head[:-1]}, "features": [\n'
-    for cell in _cells(data):
-        yield f"{cell},\n"
-    yield ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
-    yield "\n]}\n"
+    return collection(head, box, features)
+
+
+# --- map.geojson ---------------------------------------------------------------------------------
+def _map(data: MapData, utc: str | None) -> Iterator[str]:
+    date = {} if utc is None else {"utc": utc}
+    marks = [_outline(data, date), *_tracks(data), *_unsearched(data)]
+    head = {"mission": data.mission, "t_s": round(data.t_s, 3)} | date
+
+    def features() -> Iterator[str]:
+        yield from _cells(data)
+        for name, shape, values in marks:
+            geometry = "null" if shape.is_empty else json.dumps(mapping(shape))
+            yield _feature(name, geometry, values)
+
+    return collection(head, _map_bbox(data, [shape for _, shape, _ in marks]), features())
+
+
+_Mark = tuple[str, BaseGeometry, dict[str, Any]]
+"""Id, geometry in degrees and properties of a feature."""
+
+
+def _outline(data: MapData, date: dict[str, str]) -> _Mark:
+    values = {
+        "kind": "outline",
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "cells": len(data.roi_cells),
+        "area_m2": round(data.outline.area, 3),
+        **date,
+    }
+    return "outline", outline_in_degrees(data), values
+
+
+def _tracks(data: MapData) -> Iterator[_Mark]:
+    for track in data.tracks:
+        if len(track.points) < 2:  # a LineString has two positions at least
+            continue
+        places = line_in_degrees(data, (place for _, place, _ in track.points))
+        heights_m = (round(height_m, 2) for _, _, height_m in track.points)
+        line = LineString([(*place, h) for place, h in zip(places, heights_m, strict=True)])
+        values = {
+            "kind": "track",
+            "vehicle": track.vehicle,
+            "start_s": round(track.points[0][0], 3),
+            "end_s": round(track.points[-1][0], 3),
+            "altitude": "metres above home",
+        }
+        yield f"track {track.vehicle}", line, values
+
+
+def _unsearched(data: MapData) -> Iterator[_Mark]:
+    for number, lane in enumerate(data.unsearched, start=1):
+        line = LineString(line_in_degrees(data, lane))
+        yield f"unsearched {number}", line, {"kind": "unsearched"}
 
 
 def _cells(data: MapData) -> Iterator[str]:
@@ -69,14 +135,14 @@ def _cells(data: MapData) -> Iterator[str]:
     parts: numbers, and names of states that need no quoting."""
 
     def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
-        both = zip(_turned(data, lon_deg).tolist(), lat_deg.tolist(), strict=True)
+        both = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
         return [f"[{round(lon, DECIMALS)!r}, {round(lat, DECIMALS)!r}]" for lon, lat in both]
 
     parts = zip(data.table.parts(), data.corners.written(places), strict=True)
     for table, rings in parts:
         for (sw, se, ne, nw), row in zip(rings, table.values(), strict=True):
-            (east, north), state, positive, votes, told = row
-            belief = "" if told is None else f', "belief": {round(told, 3)!r}'
+            (east, north), state, positive, votes, known = row
+            belief = "" if known is None else f', "belief": {round(known, 3)!r}'
             yield (
                 f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": '
                 f'"Polygon", "coordinates": [[{sw}, {se}, {ne}, {nw}, {sw}]]}}, '
@@ -85,124 +151,45 @@ def _cells(data: MapData) -> Iterator[str]:
             )
 
 
-def _extremes(data: MapData) -> list[Coordinates]:
-    """The south-western and the north-eastern corner of the box around all cells, if any."""
-    lons, lats = data.corners.lon_deg, data.corners.lat_deg
-    if not len(lons):
-        return []
-    turned = _turned(data, lons)
-    corners = np.array([[turned.min(), lats.min()], [turned.max(), lats.max()]])
-    return [[round(value, DECIMALS) for value in corner] for corner in corners.tolist()]
+def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
+    """The box of all features; the heights are those of tracks."""
+    lons, lats = turned(data.corners.lon_deg, data.start), data.corners.lat_deg
+    places = [shapely.get_coordinates(shape) for shape in shapes]
+    if len(lons):
+        corners = [[lons.min(), lats.min()], [lons.max(), lats.max()]]
+        places.append(np.array(corners).round(DECIMALS))
+    low, high = _split(_bbox(np.concatenate(places)))
+    heights = shapely.get_coordinates([s for s in shapes if s.has_z], include_z=True)[:, 2]
+    if not len(heights):
+        return [*low, *high]
+    return [*low, float(heights.min()), *high, float(heights.max())]
 
 
-def _turned(data: MapData, lon_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longitudes in the turn of the start's."""
-    return lon_deg + 360.0 * np.round((data.start.lon_deg - lon_deg) / 360.0)
+# --- parts ---------------------------------------------------------------------------------------
+def collection(head: dict[str, Any], box: list[float], features: Iterable[str]) -> Iterator[str]:
+    """Encode a FeatureCollection, a feature a line, from its members, its box and its features."""
+    members = {"type": "FeatureCollection", **head, **({"bbox": box} if box else {})}
+    yield f'{json.dumps(members, allow_nan=False)[:-1]}, "features": [\n'
+    between = ""
+    for feature in features:
+        yield f"{between}{feature}"
+        between = ",\n"
+    yield "\n]}\n"
 
 
-def _outline(data: MapData, date: dict[str, str]) -> Feature:
-    shape = data.outline
-    return {
-        "type": "Feature",
-        "id": "outline",
-        "geometry": _polygons(data, shape),
-        "properties": {
-            "kind": "outline",
-            "mission": data.mission,
-            "t_s": round(data.t_s, 3),
-            "cells": len(data.roi_cells),
-            "area_m2": round(shape.area, 3),
-            **date,
-        },
-    }
+def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
+    properties = json.dumps(values, allow_nan=False)
+    return (
+        f'{{"type": "Feature", "id": {json.dumps(identity)}, "geometry": {geometry}, '
+        f'"properties": {properties}}}'
+    )
 
 
-def _polygons(data: MapData, shape: Polygon | MultiPolygon) -> dict[str, Any] | None:
-    if shape.is_empty:
-        return None
-    rings = [
-        [_ring(data, _points(ring.coords)) for ring in (part.exterior, *part.interiors)]
-        for part in (shape.geoms if isinstance(shape, MultiPolygon) else [shape])
-    ]
-    if len(rings) == 1:
-        return {"type": "Polygon", "coordinates": rings[0]}
-    return {"type": "MultiPolygon", "coordinates": rings}
+def _bbox(points: NDArray[np.float64]) -> list[float]:
+    """West, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
+    return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []
 
 
-def _points(coordinates: Iterable[tuple[float, ...]]) -> list[GridPoint]:
-    return [GridPoint(east, north) for east, north, *_ in coordinates]
-
-
-def _tracks(data: MapData) -> Iterator[Feature]:
-    for track in data.tracks:
-        if len(track.points) < 2:  # a LineString has two positions at least
-            continue
-        yield {
-            "type": "Feature",
-            "id": f"track {track.vehicle}",
-            "geometry": {"type": "LineString", "coordinates": _line(data, track)},
-            "properties": {
-                "kind": "track",
-                "vehicle": track.vehicle,
-                "start_s": round(track.points[0][0], 3),
-                "end_s": round(track.points[-1][0], 3),
-                "altitude": "metres above home",
-            },
-        }
-
-
-def _unsearched(data: MapData) -> Iterator[Feature]:
-    for number, lane in enumerate(data.unsearched, start=1):
-        yield {
-            "type": "Feature",
-            "id": f"unsearched {number}",
-            "geometry": {
-                "type": "LineString",
-                "coordinates": [_lon_lat(place, data.start) for place in lane],
-            },
-            "properties": {"kind": "unsearched"},
-        }
-
-
-def _line(data: MapData, track: Track) -> list[Coordinates]:
-    return [
-        [*_lon_lat(place, data.start), round(height_m, 2)] for _, place, height_m in track.points
-    ]
-
-
-def _ring(data: MapData, points: Iterable[GridPoint]) -> list[Coordinates]:
-    """A closed ring of points of the moving frame, in their order."""
-    ring = [_lon_lat(data.place(point), data.start) for point in points]
-    return ring if ring[0] == ring[-1] else [*ring, ring[0]]
-
-
-def _lon_lat(place: LatLon, start: LatLon) -> Coordinates:
-    return [_longitude(place.lon_deg, start), round(place.lat_deg, DECIMALS)]
-
-
-def _longitude(lon_deg: float, start: LatLon) -> float:
-    """A longitude in the turn of the start's."""
-    turns = round((start.lon_deg - lon_deg) / 360.0)
-    return round(lon_deg + 360.0 * turns, DECIMALS)
-
-
-def _bbox(features: Iterable[Feature], cells: Sequence[Coordinates]) -> Coordinates:
-    """West, south, east, north of all features, and of cells; empty without any geometry."""
-    places = [place for f in features if f["geometry"] for place in _flat(f["geometry"])]
-    lons, lats = ([place[axis] for place in (*places, *cells)] for axis in (0, 1))
-    if not lons:
-        return []
-    heights = [place[2] for place in places if len(place) > 2]
-    low, high = [min(lons), min(lats)], [max(lons), max(lats)]
-    # as many numbers a corner as there are dimensions (section 5)
-    return [*low, min(heights), *high, max(heights)] if heights else [*low, *high]
-
-
-def _flat(geometry: dict[str, Any]) -> Iterator[Coordinates]:
-    stack: list[Any] = [geometry["coordinates"]]
-    while stack:
-        item = stack.pop()
-        if isinstance(item[0], float):
-            yield item
-        else:
-            stack.extend(item)
+def _split(box: list[float]) -> tuple[list[float], list[float]]:
+    half = len(box) // 2
+    return box[:half], box[half:]

@@ -14,9 +14,8 @@ import shapely
 
 from uavmap import __version__
 from uavmap.results.flown import Flown
-from uavmap.results.layers import Layer, in_degrees
+from uavmap.results.layers import Layer, described, in_degrees
 from uavmap.results.map_layers import track_parts
-from uavmap.results.told import in_words
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
@@ -25,7 +24,7 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     file = gpx.GPX()
     file.creator = f"uavmap {__version__}"
     file.name = flown.data.mission
-    file.description = in_words(flown)
+    file.description = _in_words(flown)
     file.time = _date(flown, flown.data.t_s)
     if "places" in known:
         file.waypoints.extend(_homes(flown, known["places"]))
@@ -34,6 +33,17 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     if "region" in known:
         file.tracks.extend(_outline(flown, known["region"]))
     return f"{file.to_xml('1.1')}\n".encode()
+
+
+def _in_words(flown: Flown) -> str:
+    known = {name: value for name, value in described(flown).items() if value not in (None, "")}
+    return "; ".join(f"{name} {_word(value)}" for name, value in known.items())
+
+
+def _word(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)
 
 
 def _date(flown: Flown, t_s: float) -> Any:

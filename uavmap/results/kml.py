@@ -1,89 +1,99 @@
-"""map.kml: the map for Google Earth, in folders with styles.
+"""KML 2.2 for Google Earth: map.kml of each flight, and the export with times and all layers.
 
-KML 2.2: coordinates are longitude, latitude and, for tracks, the height above the ground, which
-is taken to be level with home. Colours are written alpha, blue, green, red.
+Coordinates are longitude, latitude and, of tracks, the height above the ground, which is taken to
+be level with home. Colours are written alpha, blue, green, red. The elements of a placemark come in
+the order of the schema.
 """
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon
+from shapely.geometry import LineString
+from shapely.geometry.base import BaseGeometry
 
-from missions.units import GridPoint, LatLon
 from uavmap.results.atomic import write_parts
-from uavmap.results.model import NOT_ROI, MapData, State
-from uavmap.results.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
+from uavmap.results.flown import Flown
+from uavmap.results.layers import (
+    DECIMALS,
+    Layer,
+    described,
+    in_degrees,
+    line_in_degrees,
+    outline_in_degrees,
+    turned,
+)
+from uavmap.results.map_layers import track_parts
+from uavmap.results.model import NOT_ROI, MapData
+from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, UNSEARCHED, Colour, track_colour
+from uavmap.results.picture import BOX, FENCE, INK
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
+_EXTENSIONS = "http://www.google.com/kml/ext/2.2"
+_SHOWN = ("region", "boundary", "cells", "tracks", "unsearched", "fence", "places")
+_ABOVE_GROUND = "<altitudeMode>relativeToGround</altitudeMode>"
 
 
 def write(data: MapData, path: Path) -> None:
-    """Write the map to `path`."""
-    write_parts(path, (f"{line}\n".encode() for line in _all_lines(data)))
+    """Write map.kml to `path`."""
+    write_parts(path, (part.encode() for part in _map(data)))
 
 
-def encode(data: MapData) -> bytes:
-    """The map as a KML document in UTF-8: folders Outline, Cells (a folder a state), Tracks,
-    and Not searched where ground was left out."""
-    return "".join(f"{line}\n" for line in _all_lines(data)).encode()
+def encode_map(data: MapData) -> bytes:
+    """Encode map.kml: folders Outline, Cells (a folder a state), Tracks, and Not searched where
+    ground was left out."""
+    return "".join(_map(data)).encode()
 
 
-def _all_lines(data: MapData) -> Iterator[str]:
-    document, after = ET.Element("Document"), ET.Element("Document")
-    _text(document, "name", data.mission)
-    _styles(document, data)
-    _outline(document, data)
-    _tracks(after, data)
-    _unsearched(after, data)
-    yield "<?xml version='1.0' encoding='utf-8'?>"
-    yield f'<kml xmlns="{NAMESPACE}">'
-    yield "  <Document>"
-    yield from _written(document)
-    yield from _cells(data)
-    yield from _written(after)
-    yield "  </Document>"
-    yield "</kml>"
+def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+    """Encode a flight with its times: tracks as gx:Track, a folder a layer."""
+    known = {layer.name: layer for layer in layers}
+    head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
+    vehicles = {number for number, _, _ in track_parts(flown)}
+    folders = (_layer(flown, known[name]) for name in _SHOWN if name in known)
+    parts = _document(flown.data, head, vehicles, _extended(described(flown)), folders)
+    return "".join(parts).encode()
 
 
-def _written(document: ET.Element) -> Iterator[str]:
-    """The parts of the document as text, indented as they lie in the file."""
-    for part in document:
-        ET.indent(part, level=2)
-        part.tail = None
-        yield f"    {ET.tostring(part, encoding='unicode')}"
+def _document(
+    data: MapData, head: str, vehicles: Iterable[int], tail: str, folders: Iterable[Iterator[str]]
+) -> Iterator[str]:
+    yield (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        f'<kml xmlns="{NAMESPACE}" xmlns:gx="{_EXTENSIONS}">\n'
+        f"<Document><name>{_text(data.mission)}</name>{head}\n{''.join(_styles(vehicles))}{tail}\n"
+    )
+    for folder in folders:
+        yield from folder
+    yield "</Document>\n</kml>\n"
 
 
-# --- styles ----------------------------------------------------------------------------------
-def _styles(document: ET.Element, data: MapData) -> None:
+# --- styles --------------------------------------------------------------------------------------
+def _styles(vehicles: Iterable[int]) -> Iterator[str]:
     for state, colour in STATES.items():
-        style = ET.SubElement(document, "Style", id=_style_id(state))
-        _line_style(style, colour, 255, 1)
-        poly = ET.SubElement(style, "PolyStyle")
-        _text(poly, "color", _abgr(colour, 90 if state in NOT_ROI else 150))
-    style = ET.SubElement(document, "Style", id="outline")
-    _line_style(style, OUTLINE, 255, 3)
-    _text(ET.SubElement(style, "PolyStyle"), "fill", "0")
-    if data.unsearched:
-        _line_style(ET.SubElement(document, "Style", id="unsearched"), UNSEARCHED, 255, 3)
-    for track in data.tracks:
-        style = ET.SubElement(document, "Style", id=f"track-{track.vehicle}")
-        _line_style(style, track_colour(track.vehicle), 220, 2)
+        yield _style(_id(state), colour, 1, _abgr(colour, 90 if state in NOT_ROI else 150))
+    yield _style("region", OUTLINE, 3)
+    yield _style("boundary", BOUNDARY, 2)
+    yield _style("unsearched", UNSEARCHED, 3)
+    yield _style("fence", FENCE, 2)
+    yield _style("box", BOX, 2)
+    yield _style("places", INK, 2)
+    for vehicle in sorted(vehicles):
+        yield _style(f"track-{vehicle}", track_colour(vehicle), 2)
 
 
-def _line_style(style: ET.Element, colour: Colour, alpha: int, width: int) -> None:
-    line = ET.SubElement(style, "LineStyle")
-    _text(line, "color", _abgr(colour, alpha))
-    _text(line, "width", str(width))
-
-
-def _style_id(state: State) -> str:
-    return state.replace(" ", "-")
+def _style(name: str, line: Colour, width: int, fill: str | None = None) -> str:
+    inside = "<fill>0</fill>" if fill is None else f"<color>{fill}</color>"
+    return (
+        f"<Style id={quoteattr(name)}><LineStyle><color>{_abgr(line, 255)}</color>"
+        f"<width>{width}</width></LineStyle><PolyStyle>{inside}</PolyStyle></Style>\n"
+    )
 
 
 def _abgr(colour: Colour, alpha: int) -> str:
@@ -91,114 +101,176 @@ def _abgr(colour: Colour, alpha: int) -> str:
     return f"{alpha:02x}{blue:02x}{green:02x}{red:02x}"
 
 
-# --- folders ---------------------------------------------------------------------------------
-def _outline(document: ET.Element, data: MapData) -> None:
-    folder = _folder(document, "Outline")
-    shape = data.outline
-    if shape.is_empty:
-        return
-    told = f"{len(data.roi_cells)} cells, {shape.area:.0f} m2"
-    mark = _placemark(folder, "Region", "outline", told)
-    many = ET.SubElement(mark, "MultiGeometry")
-    for part in shape.geoms if isinstance(shape, MultiPolygon) else [shape]:
-        polygon = ET.SubElement(many, "Polygon")
-        for tag, ring in [("outerBoundaryIs", part.exterior)] + [
-            ("innerBoundaryIs", hole) for hole in part.interiors
-        ]:
-            _ring(polygon, tag, data, (GridPoint(e, n) for e, n, *_ in ring.coords))
+def _id(state: str) -> str:
+    return state.replace(" ", "-")
+
+
+# --- map.kml -------------------------------------------------------------------------------------
+def _map(data: MapData) -> Iterator[str]:
+    tracks = [track for track in data.tracks if len(track.points) > 1]
+    folders = [_folder("Outline", _outline(data)), _folder("Cells", _cells(data))]
+    lines = (
+        _mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _track_line(data, track.points))
+        for track in tracks
+    )
+    folders.append(_folder("Tracks", lines))
+    if data.unsearched:
+        folders.append(_folder("Not searched", _lanes(data)))
+    yield from _document(data, "", {track.vehicle for track in tracks}, "", folders)
+
+
+def _outline(data: MapData) -> Iterator[str]:
+    shape = outline_in_degrees(data)
+    if not shape.is_empty:
+        size = f"{len(data.roi_cells)} cells, {data.outline.area:.0f} m2"
+        yield _mark("Region", "region", _geometry(shape), description=size)
+
+
+def _track_line(data: MapData, points: Iterable[tuple[float, Any, float]]) -> str:
+    line = line_in_degrees(data, (place for _, place, _ in points))
+    heights_m = [height_m for _, _, height_m in points]
+    return _line((lon, lat, height_m) for (lon, lat), height_m in zip(line, heights_m, strict=True))
+
+
+def _lanes(data: MapData) -> Iterator[str]:
+    for number, lane in enumerate(data.unsearched, start=1):
+        line = LineString(line_in_degrees(data, lane))
+        yield _mark(f"Lane {number}, without a judged frame", "unsearched", _geometry(line))
+
+
+# --- layers --------------------------------------------------------------------------------------
+def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
+    if layer.name == "cells":
+        return _folder(layer.title, _cells(flown.data))
+    marks = _tracks(flown, layer) if layer.name == "tracks" else _marks(flown, layer)
+    return _folder(layer.title, marks)
 
 
 def _cells(data: MapData) -> Iterator[str]:
-    """The lines of the folder of cells. There are thousands of these, so they are written without
-    a tree of elements: numbers, and names of states that need no quoting."""
-    yield "    <Folder>\n      <name>Cells</name>"
+    """A folder a state. There are thousands of cells: `AT_ONCE` of them are text at a time."""
+
+    def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
+        points = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
+        return [_place(point) for point in points]
+
     for state in STATES:
         there = data.table.are(state)
         if not there.any():
             continue
-        yield f"      <Folder>\n        <name>{state}</name>"
+        yield f"<Folder><name>{state}</name>\n"
         some, corners = data.table.which(there), data.corners.which(there)
-        for table, rings in zip(some.parts(), corners.written(_places), strict=True):
+        for table, rings in zip(some.parts(), corners.written(places), strict=True):
             for ring, row in zip(rings, table.values(), strict=True):
-                (east, north), _, positive, votes, _ = row
-                closed = " ".join([*ring, ring[0]])
-                yield _CELL.format(east, north, _style_id(state), positive, votes, closed)
-        yield "      </Folder>"
-    yield "    </Folder>"
+                (east, north), _, positive, votes, belief = row
+                frames = f"{positive} of {votes} frames positive"
+                frames += "" if belief is None else f", belief {belief:.3f}"
+                square = (
+                    f"<Polygon>{_ring('outerBoundaryIs', ' '.join([*ring, ring[0]]))}</Polygon>"
+                )
+                yield _mark(f"{east}, {north}", _id(state), square, description=frames)
+        yield "</Folder>\n"
 
 
-def _places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
-    """Corners of cells as they are written."""
-    both = zip(lon_deg.tolist(), lat_deg.tolist(), strict=True)
-    return [f"{lon:.7f},{lat:.7f}" for lon, lat in both]
+def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    stamp = flown.calendar.utc(flown.data.t_s)
+    dated = layer.name in ("region", "boundary") and stamp is not None
+    when = f"<TimeStamp><when>{stamp}</when></TimeStamp>" if dated else ""
+    for shape, values in zip(shapes, layer.records(), strict=True):
+        style = str(values["kind"]) if layer.name == "fence" else layer.name
+        yield _mark(values["name"], style, _geometry(shape), when=when, values=values)
 
 
-_CELL: Final = """\
-        <Placemark>
-          <name>{0}, {1}</name>
-          <description>{3} of {4} frames positive</description>
-          <styleUrl>#{2}</styleUrl>
-          <Polygon>
-            <outerBoundaryIs>
-              <LinearRing>
-                <coordinates>{5}</coordinates>
-              </LinearRing>
-            </outerBoundaryIs>
-          </Polygon>
-        </Placemark>"""
+def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
+    """Lines in time; without dates plain lines."""
+    fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    for shape, values in zip(shapes, layer.records(), strict=True):
+        vehicle, sortie = values["vehicle"], values["sortie"]
+        times = [flown.calendar.utc(fix.t_s) for fix in fixes[int(vehicle or 0), int(sortie or 0)]]
+        points = shapely.get_coordinates(shape, include_z=True).tolist()
+        if None in times:
+            geometry = _line(points)
+        else:
+            whens = "".join(f"<when>{time}</when>" for time in times)
+            coords = "".join(f"<gx:coord>{x} {y} {z:.2f}</gx:coord>" for x, y, z in points)
+            geometry = f"<gx:Track>{_ABOVE_GROUND}\n{whens}\n{coords}</gx:Track>"
+        yield _mark(values["name"], f"track-{vehicle}", geometry, values=values)
 
 
-def _tracks(document: ET.Element, data: MapData) -> None:
-    folder = _folder(document, "Tracks")
-    for track in data.tracks:
-        if len(track.points) < 2:
-            continue
-        mark = _placemark(folder, f"Vehicle {track.vehicle}", f"track-{track.vehicle}")
-        line = ET.SubElement(mark, "LineString")
-        _text(line, "altitudeMode", "relativeToGround")
-        _text(
-            line,
-            "coordinates",
-            " ".join(f"{_lon_lat(place)},{height_m:.2f}" for _, place, height_m in track.points),
-        )
+# --- parts ---------------------------------------------------------------------------------------
+def _folder(title: str, marks: Iterable[str]) -> Iterator[str]:
+    yield f"<Folder><name>{_text(title)}</name>\n"
+    yield from marks
+    yield "</Folder>\n"
 
 
-def _unsearched(document: ET.Element, data: MapData) -> None:
-    if not data.unsearched:
-        return
-    folder = _folder(document, "Not searched")
-    for number, lane in enumerate(data.unsearched, start=1):
-        mark = _placemark(folder, f"Lane {number}, without a judged frame", "unsearched")
-        line = ET.SubElement(mark, "LineString")
-        _text(line, "tessellate", "1")
-        _text(line, "coordinates", " ".join(_lon_lat(place) for place in lane))
+def _mark(
+    title: object,
+    style: str,
+    geometry: str,
+    *,
+    description: str = "",
+    when: str = "",
+    values: Mapping[str, Any] | None = None,
+) -> str:
+    about = f"<description>{_text(description)}</description>" if description else ""
+    return (
+        f"<Placemark><name>{_text(title)}</name>{about}{when}<styleUrl>#{style}</styleUrl>"
+        f"{_extended(values or {})}{geometry}</Placemark>\n"
+    )
 
 
-def _folder(parent: ET.Element, name: str) -> ET.Element:
-    folder = ET.SubElement(parent, "Folder")
-    _text(folder, "name", name)
-    return folder
+def _geometry(shape: BaseGeometry | None) -> str:
+    match shape:
+        case None:
+            return ""
+        case shapely.Point():
+            return f"<Point>{_coordinates(shape.coords)}</Point>"
+        case shapely.LineString():
+            return (
+                f"<LineString><tessellate>1</tessellate>{_coordinates(shape.coords)}</LineString>"
+            )
+        case shapely.Polygon():
+            outer = _ring("outerBoundaryIs", _places(shape.exterior.coords))
+            holes = (_ring("innerBoundaryIs", _places(hole.coords)) for hole in shape.interiors)
+            return f"<Polygon>{outer}{''.join(holes)}</Polygon>"
+    parts = "".join(map(_geometry, shapely.get_parts(shape)))
+    return f"<MultiGeometry>{parts}</MultiGeometry>"
 
 
-def _placemark(parent: ET.Element, name: str, style: str, description: str = "") -> ET.Element:
-    """Its elements stand in the order of the schema."""
-    mark = ET.SubElement(parent, "Placemark")
-    _text(mark, "name", name)
-    if description:
-        _text(mark, "description", description)
-    _text(mark, "styleUrl", f"#{style}")
-    return mark
+def _line(points: Iterable[Sequence[float]]) -> str:
+    """A line above the ground."""
+    return f"<LineString>{_ABOVE_GROUND}{_coordinates(points)}</LineString>"
 
 
-def _ring(polygon: ET.Element, tag: str, data: MapData, points: Iterable[GridPoint]) -> None:
-    ring = ET.SubElement(ET.SubElement(polygon, tag), "LinearRing")
-    places = (data.place(point) for point in points)
-    _text(ring, "coordinates", " ".join(_lon_lat(place) for place in places))
+def _ring(tag: str, places: str) -> str:
+    return f"<{tag}><LinearRing><coordinates>{places}</coordinates></LinearRing></{tag}>"
 
 
-def _lon_lat(place: LatLon) -> str:
-    return f"{place.lon_deg:.7f},{place.lat_deg:.7f}"
+def _coordinates(points: Iterable[Sequence[float]]) -> str:
+    return f"<coordinates>{_places(points)}</coordinates>"
 
 
-def _text(parent: ET.Element, tag: str, text: str) -> None:
-    ET.SubElement(parent, tag).text = text
+def _places(points: Iterable[Sequence[float]]) -> str:
+    return " ".join(map(_place, points))
+
+
+def _place(point: Sequence[float]) -> str:
+    return ",".join(f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".") for value in point)
+
+
+def _extended(values: Mapping[str, Any]) -> str:
+    data = "".join(
+        f"<Data name={quoteattr(name)}><value>{_text(value)}</value></Data>"
+        for name, value in values.items()
+        if value is not None and name != "name"
+    )
+    return f"<ExtendedData>{data}</ExtendedData>" if data else ""
+
+
+def _text(value: object) -> str:
+    """A value without the characters that XML cannot hold at all."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return escape("".join(c for c in str(value) if c >= " " and c not in "\ufffe\uffff"))

@@ -6,17 +6,22 @@ into WGS84. Names of columns have at most ten letters, for a Shapefile holds no 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
 
 from missions.ground.grid import Grid
-from missions.units import LatLon
+from missions.units import GridPoint, LatLon
+from uavmap import __version__
+from uavmap.printable import printable
 from uavmap.results.cell_table import AT_ONCE
+from uavmap.results.flown import Flown
+from uavmap.results.model import MapData
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""
@@ -79,17 +84,67 @@ class Layer:
         """The values by column."""
         return {field.name: list(self.column(field.name)) for field in self.fields}
 
+    def records(self) -> Iterator[dict[str, Value]]:
+        """The rows, each value by its column."""
+        names = [field.name for field in self.fields]
+        return (dict(zip(names, row, strict=True)) for row in self.rows)
 
+
+# --- in degrees ----------------------------------------------------------------------------------
 def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
-    """The geometries in WGS84, longitude first, rounded to `DECIMALS`.
+    """The geometries in WGS84, longitude first, rounded to `DECIMALS`, in the turn of the start."""
 
-    Longitudes are in the turn of the start's, so that no polygon spans the globe.
-    """
-
-    def turned(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
         there = grid.zone.lon_lat(points[:, :2])
-        there[:, 0] += 360.0 * np.round((start.lon_deg - there[:, 0]) / 360.0)
+        there[:, 0] = turned(there[:, 0], start)
         return np.column_stack([there.round(DECIMALS), points[:, 2:]])
 
-    shapes: Shapes = shapely.transform(layer.shapes, turned, include_z=layer.heights)
+    shapes: Shapes = shapely.transform(layer.shapes, placed, include_z=layer.heights)
     return shapes
+
+
+def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
+    """The outline of a map's region in WGS84, as `in_degrees`."""
+
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        places = (data.place(GridPoint(east, north)) for east, north in points.tolist())
+        return np.array(line_in_degrees(data, places))
+
+    shape: Polygon | MultiPolygon = shapely.transform(data.outline, placed)
+    return shape
+
+
+def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float, float]]:
+    """Longitudes and latitudes of places, as `in_degrees`."""
+    known = list(places)
+    lons = turned(np.array([place.lon_deg for place in known]), data.start).tolist()
+    return [
+        (round(lon, DECIMALS), round(place.lat_deg, DECIMALS))
+        for lon, place in zip(lons, known, strict=True)
+    ]
+
+
+def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
+    """Longitudes in the turn of the start's, so that no polygon spans the globe."""
+    return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
+
+
+# --- what a file is of ---------------------------------------------------------------------------
+def described(flown: Flown) -> dict[str, Any]:
+    """Mission, version, dates, coordinate system and extent, by name."""
+    data, found = flown.data, flown.extent
+    return {
+        "mission": data.mission,
+        "completed": flown.completed,
+        "finding": printable(str(flown.values.get("finding", ""))),
+        "version": __version__,
+        "begun_utc": flown.calendar.utc(0.0),
+        "map_utc": flown.calendar.utc(data.t_s),
+        "t_s": round(data.t_s, 3),
+        "simulated": flown.simulated,
+        "computed_in": flown.crs,
+        "area_m2": round(found.area_m2, 1),
+        "area_low_m2": round(found.low_m2, 1),
+        "area_high_m2": round(found.high_m2, 1),
+        "perimeter_m": round(found.perimeter_m, 1),
+    }

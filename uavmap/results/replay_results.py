@@ -17,7 +17,7 @@ from missions.units import LatLon
 from uavmap.results import boundary_file, geojson, kml, picture
 from uavmap.results import summary as summary_file
 from uavmap.results.boundary_file import BoundaryMap
-from uavmap.results.boundary_told import BoundaryTold, boundary_of
+from uavmap.results.boundary_told import FILE, BoundaryTold, boundary_of
 from uavmap.results.calendar import Calendar
 from uavmap.results.extent import Extent, extent
 from uavmap.results.flown import dated
@@ -125,7 +125,7 @@ def _write_others(
     also: Callable[[Written], None] | None,
 ) -> None:
     """What is written of the boundary, the figures, and what others make of all that."""
-    features = () if found is None else boundary_file.write(found, folder / boundary_file.FILE)
+    features = () if found is None else boundary_file.write(found, folder / FILE)
     summary_file.write(values, folder / "summary.json")
     if also is not None:
         also(Written(data, values, size, boundary_of(features, data) if features else None))

@@ -27,7 +27,7 @@ from tests.unit.uavmap.photographs import dji, write_photo
 from tests.unit.uavmap.test_replay import FILM_MM, GRID, HEIGHT, UP_M, WIDTH, geotag
 from uavmap.cli import main
 from uavmap.offline import geotiff, rasters
-from uavmap.results.boundary_file import FILE
+from uavmap.results.boundary_told import FILE
 
 TRUTH = shapely.Polygon(
     [(2.0, 3.0), (32.0, 3.0), (32.0, 23.0), (2.0, 23.0)],

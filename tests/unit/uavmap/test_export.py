@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,10 +25,9 @@ from tests.small_missions import mission_text, square
 from tests.unit.uavmap.journals import PLAN
 from uavmap.cli import main
 from uavmap.mission_source import MissionSource
-from uavmap.offline.plan_file import ring_of
+from uavmap.offline.plan_items import clockwise
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.record.journal import Journal
-from uavmap.results.outline import outline
 
 E7 = 1e-7
 LONGEST_M = 500.0
@@ -37,7 +36,6 @@ MISSION, FENCE, RALLY = 0, 1, 2
 AUTO = 3
 FENCE_RING = square(-20.0, -20.0, 120.0, 90.0)
 HOLE = square(30.0, 10.0, 12.0, 20.0)
-RING = frozenset(Cell(i, k) for i in range(3, 8) for k in range(8, 13)) - {Cell(5, 10)}
 ISLAND = frozenset(Cell(i, k) for i in range(14, 18) for k in range(9, 11))
 
 
@@ -78,15 +76,6 @@ def results(tmp: Path, cells: frozenset[Cell], **more: Any) -> tuple[Path, Setti
 
 def places_of(items: list[dict[str, Any]]) -> list[LatLon]:
     return [LatLon(*item["params"][4:6]) for item in items if item["frame"] != 2]
-
-
-def simple(plan: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The items of a mission, those of surveys among them."""
-    for item in plan["mission"]["items"]:
-        if item["type"] == "SimpleItem":
-            yield item
-        else:
-            yield from item["TransectStyleComplexItem"]["Items"]
 
 
 def near(one: LatLon, other: LatLon) -> bool:
@@ -191,81 +180,6 @@ def test_mission_planner_reads_the_waypoints(tmp_path: Path) -> None:
         assert found == pytest.approx(params, abs=E7)
 
 
-# --- results ------------------------------------------------------------------------------------
-def test_each_part_of_a_region_is_a_survey_and_holes_are_said_to_be_dropped(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder, setting = results(tmp_path, RING | ISLAND)
-    plan = exported(tmp_path, folder, "--overlap", "80", "--side-overlap", "60", "--height", "20")
-    said = capsys.readouterr().err
-    assert "1 holes of the region are dropped" in said
-    assert "the map is not complete" in said
-    surveys = [item for item in plan["mission"]["items"] if item["type"] == "ComplexItem"]
-    shape = outline(RING | ISLAND, setting.grid)
-    assert len(surveys) == len(shape.geoms) == 2
-    number = 3  # after take-off and speed
-    for survey, part in zip(surveys, shape.geoms, strict=True):
-        assert (survey["complexItemType"], survey["version"]) == ("survey", 5)
-        corners = [setting.grid.position(GridPoint(x, y)) for x, y, *_ in part.exterior.coords[:-1]]
-        drawn = [LatLon(*corner) for corner in survey["polygon"]]
-        assert len(drawn) == len(corners)
-        assert all(any(near(corner, place) for place in drawn) for corner in corners)
-        inner = survey["TransectStyleComplexItem"]
-        items = inner["Items"]
-        assert [item["doJumpId"] for item in items] == list(range(number, number + len(items)))
-        number += len(items)
-        assert len(inner["VisualTransectPoints"]) >= 2
-        camera = inner["CameraCalc"]
-        assert (camera["FrontalOverlap"], camera["SideOverlap"]) == (80.0, 60.0)
-        assert camera["DistanceToSurface"] == 20.0
-        hfov_deg = 2 * math.degrees(math.atan(camera["SensorWidth"] / 2 / camera["FocalLength"]))
-        assert hfov_deg == pytest.approx(setting.mission.camera.hfov_deg, abs=0.01)
-        across_m, along_m = setting.mission.camera.optics.footprint(20.0)
-        assert camera["AdjustedFootprintSide"] == pytest.approx(0.4 * across_m, abs=1e-3)
-        assert camera["AdjustedFootprintFrontal"] == pytest.approx(0.2 * along_m, abs=1e-3)
-    way = [setting.grid.fixed(place) for place in places_of(list(simple(plan)))]
-    allowed = setting.fence.shrunk(-0.02)  # degrees in the file are rounded
-    assert all(allowed.covers(LineString([a, b])) for a, b in pairwise(way))
-    assert sum(a.distance_to(b) for a, b in pairwise(way)) < LONGEST_M
-
-
-def test_the_lines_of_a_survey_leave_no_cell_out(tmp_path: Path) -> None:
-    folder, setting = results(tmp_path, RING | ISLAND)
-    items = list(simple(exported(tmp_path, folder)))
-    across_m = setting.mission.camera.optics.footprint(12.0).across_m
-    way = [setting.grid.fixed(place) for place in places_of(items)]
-    for cell in RING | ISLAND:
-        centre = setting.grid.centre_of(cell)
-        away_m = min(distance_m(centre, a, b) for a, b in pairwise(way))
-        assert away_m + setting.grid.cell_m / 2 <= across_m / 2
-
-
-def distance_m(point: GridPoint, a: GridPoint, b: GridPoint) -> float:
-    """From a point to a leg."""
-    length_m = a.distance_to(b)
-    if length_m == 0.0:
-        return point.distance_to(a)
-    dot = (point.east_m - a.east_m) * (b.east_m - a.east_m)
-    dot += (point.north_m - a.north_m) * (b.north_m - a.north_m)
-    share = min(max(dot / length_m**2, 0.0), 1.0)
-    return math.hypot(
-        point.east_m - a.east_m - share * (b.east_m - a.east_m),
-        point.north_m - a.north_m - share * (b.north_m - a.north_m),
-    )
-
-
-def test_a_region_that_drifts_is_where_it_was_last(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder, setting = results(tmp_path, ISLAND, drift_m_s=0.5, toward_deg=180.0)
-    plan = exported(tmp_path, folder)
-    assert "the region drifts" in capsys.readouterr().err
-    (survey,) = (item for item in plan["mission"]["items"] if item["type"] == "ComplexItem")
-    corner = outline(ISLAND, setting.grid).exterior.coords[0]
-    moved = setting.grid.position(setting.grid.to_fixed(GridPoint(*corner[:2]), 5.0))
-    assert any(near(moved, LatLon(*place)) for place in survey["polygon"])
-
-
 # --- what cannot be written ---------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("arguments", "said"),
@@ -274,7 +188,6 @@ def test_a_region_that_drifts_is_where_it_was_last(
         (["--plan", "x.plan", "--waypoints", "x.plan"], "give each its own file"),
         (["--waypoints", "x.waypoints", "--firmware", "px4"], "use --plan"),
         (["--plan", "x.plan", "--vehicle", "2"], "has 1"),
-        (["--plan", "x.plan", "--height", "20"], "is for a results folder"),
         (["--plan", "missing/x.plan"], "cannot be written"),
     ],
 )
@@ -292,22 +205,6 @@ def test_what_cannot_be_exported_is_said_in_a_line(
     assert line.startswith("uavmap: ")
     assert said in line
     assert [path.name for path in tmp_path.iterdir()] == ["field.toml"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--above-sea"], "is for a mission"),
-        (["--height", "500"], "above fence.ceiling_m"),
-    ],
-)
-def test_what_a_survey_cannot_be_is_said_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
-) -> None:
-    folder, _ = results(tmp_path, ISLAND)
-    assert main(["export", str(folder), "--plan", str(tmp_path / "x.plan"), *arguments]) == 2
-    assert said in capsys.readouterr().err
-    assert not (tmp_path / "x.plan").exists()
 
 
 def test_nothing_is_overwritten_and_no_file_is_written_alone(
@@ -330,23 +227,20 @@ def test_heights_above_the_sea_need_the_height_of_the_start(
     assert "start.amsl_m is missing" in capsys.readouterr().err
 
 
-def test_a_folder_without_a_region_has_nothing_to_survey(
+def test_export_plan_of_a_results_folder_is_refused_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder, _ = results(tmp_path, frozenset())
+    folder, _ = results(tmp_path, ISLAND)
     assert main(["export", str(folder), "--plan", str(tmp_path / "x.plan")]) == 2
-    assert "no region was mapped" in capsys.readouterr().err
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    assert main(["export", str(empty), "--plan", str(tmp_path / "x.plan")]) == 2
+    assert "is a folder, and a plan is of a mission" in capsys.readouterr().err
+    assert not (tmp_path / "x.plan").exists()
 
 
 def test_a_ring_over_the_antimeridian_is_clockwise_too() -> None:
     west, east = 179.999, -179.999
     ring = [LatLon(0.0, west), LatLon(0.0, east), LatLon(0.001, east), LatLon(0.001, west)]
-    clockwise = [[c.lat_deg, c.lon_deg] for c in reversed(ring)]
-    assert ring_of(ring) == clockwise
-    assert ring_of(ring[::-1]) == clockwise
+    assert clockwise(ring) == ring[::-1]
+    assert clockwise(ring[::-1]) == ring[::-1]
 
 
 # --- the autopilots take it and fly it ----------------------------------------------------------
@@ -356,7 +250,7 @@ def mission_messages(plan: dict[str, Any], *, home: bool) -> list[Any]:
     if home:
         lat, lon, amsl_m = plan["mission"]["plannedHomePosition"]
         rows.append((0, 16, (0.0, 0.0, 0.0, 0.0, lat, lon, amsl_m)))
-    for item in simple(plan):
+    for item in plan["mission"]["items"]:
         params = tuple(math.nan if value is None else value for value in item["params"])
         rows.append((item["frame"], item["command"], params))
     return [message(seq, MISSION, *row) for seq, row in enumerate(rows)]
@@ -411,8 +305,8 @@ def download(vehicle: Vehicle, kind: int) -> list[Any]:
 def test_an_autopilot_takes_mission_fence_and_rally_points_and_tells_the_same(
     tmp_path: Path, sitl_fleet: Callable[..., Fleet], autopilot: str
 ) -> None:
-    folder, setting = results(tmp_path, RING | ISLAND)
-    plan = exported(tmp_path, folder, "--firmware", autopilot)
+    file, setting = mission_file(tmp_path)
+    plan = exported(tmp_path, file, "--firmware", autopilot)
     start = setting.mission.start
     (vehicle,) = sitl_fleet(1, autopilot=autopilot, home=(*start.position, 488.5, 0.0))
     vehicle.run(6.0)

@@ -18,7 +18,6 @@ KINDS = {
     "shp": ("out/region.shp", ()),
     "gpkg": ("out.gpkg", ("--area", "region")),
     "kml": ("out.kml", ("--area", "region")),
-    "plan": ("out.plan", ()),
 }
 
 
@@ -34,14 +33,13 @@ def test_the_region_is_the_box_of_the_next_mission(kind: str, tmp_path: Path) ->
     folder, setting = results(tmp_path, ISLAND)
     name, options = KINDS[kind]
     out = tmp_path / name.partition("/")[0]
-    to = ("--plan", out) if kind == "plan" else ("--to", kind, "--out", out)
-    assert main(["export", str(folder), *map(str, to)]) == 0
+    assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
     found = made_of(tmp_path / name, *options).parse()
     box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
     region = outline(ISLAND, setting.grid)
     # degrees in the file of a mission have seven decimals, a centimetre
     assert box.symmetric_difference(region).area < 0.01 * region.area
-    if kind in ("gpkg", "kml", "plan"):  # which have the fence, with its hole, too
+    if kind in ("gpkg", "kml"):  # which have the fence, with its hole, too
         fence = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.fence.polygon)])
         drawn = shapely.Polygon(setting.fence.outer.exterior)
         assert fence.symmetric_difference(drawn).area < 0.001 * drawn.area

@@ -31,7 +31,7 @@ from uavmap.offline.sources.srt import parse_srt
 from uavmap.offline.sources.tags import tags_of
 from uavmap.offline.sources.tlog import read_tlog
 from uavmap.record.frames import WAITING, FrameKeeper, KeptFrame, read_kept
-from uavmap.results.boundary_file import FILE
+from uavmap.results.boundary_told import FILE
 
 LOG = Path(__file__).resolve().parents[3] / "../shared/data/arducopter/flight-4.6.tlog"
 RNG = np.random.default_rng(5)

@@ -18,12 +18,9 @@ from missions.mission_file.schema import Mission
 from missions.state import Setting, State
 from tests.unit.uavmap.cameras.conformance import inline, running
 from tests.unit.uavmap.flights import small_mission
-from uavmap.cameras.component import CameraComponent, CameraFacts
 from uavmap.cameras.folder import FolderSource
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.cameras.mount import Mount
-from uavmap.cameras.picture_server import PictureStore
-from uavmap.cameras.pose import Poses
 from uavmap.cameras.source import FrameSource
 from uavmap.cameras.triggered import TriggeredSource
 from uavmap.fly.flight import Flight
@@ -159,59 +156,7 @@ async def triggered(
         yield source
 
 
-@contextlib.asynccontextmanager
-async def companion(
-    simulation: Simulation, session: Session, card: Path, said: list[str]
-) -> AsyncIterator[FrameSource]:
-    """`uavmap camera` between the aircraft and the service, its source a folder."""
-    store = PictureStore()
-    loop = asyncio.get_running_loop()
-    out = mav.MAVLink(None)
-
-    def from_camera(frame: bytes) -> None:
-        """The router passes on what it says, to both sides."""
-        loop.call_soon(session.feed, frame)
-
-    theirs = Session(lambda frame: None, lambda frame: None)
-    poses = Poses(theirs, Mount(), None)
-    source = FolderSource(card, LATENCY_S, said.append, inline)
-    await source.begin()
-    facts = CameraFacts((640, 480), 80.0, "a folder")
-    component = CameraComponent(
-        theirs, from_camera, source, poses, facts, store, lambda path: f"http://pi{path}"
-    )
-    writer = Card(simulation, theirs, card)
-
-    # the aircraft's own camera is heard by nobody but the card writer
-    feed, send = session.feed, session._send
-
-    def route_down(data: bytes) -> bool:
-        theirs.feed(data)
-        kept = [
-            bytes(m.get_msgbuf()) for m in out.parse_buffer(data) or [] if m.get_srcComponent() == 1
-        ]
-        return feed(b"".join(kept))
-
-    def route_up(frame: bytes) -> None:
-        (message,) = mav.MAVLink(None).parse_buffer(frame)
-        if getattr(message, "target_component", 0) == mav.MAV_COMP_ID_CAMERA:
-            loop.call_soon(theirs.feed, frame)
-        else:
-            send(frame)
-
-    async def fetch(url: str) -> bytes:
-        data = store.get(url.removeprefix("http://pi"))
-        assert data is not None
-        return data
-
-    simulation._sessions[0] = type("Routed", (), {"feed": staticmethod(route_down)})()  # type: ignore[assignment]
-    session._send = route_up
-    camera = MavlinkSource(session, fetch)
-    async with running(component.run), running(source.run), running(writer.shoot):
-        yield camera
-
-
-RIGS = [folder, triggered, companion]
+RIGS = [folder, triggered]
 FIGURES = (
     "completed",
     "cells_roi",

@@ -202,7 +202,7 @@ def test_kml_is_valid_against_the_schema_of_the_ogc(
 def test_the_map_of_a_flight_is_valid_kml_too(
     make_map: MapMaker, schema: lxml.etree.XMLSchema
 ) -> None:
-    schema.assertValid(lxml.etree.fromstring(kml.encode(make_map())))
+    schema.assertValid(lxml.etree.fromstring(kml.encode_map(make_map())))
 
 
 def test_tracks_run_in_time(folder: Path, tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ def test_holes_the_south_and_the_date_line_keep_the_rules(
     there = flown_at(data, tmp_path)
     for text in files_of(there, "geojson").values():
         assert_rfc_7946(text.decode())
-    assert_rfc_7946(geojson.encode(data))
+    assert_rfc_7946(geojson.encode_map(data))
     region = json.loads(files_of(there, "geojson")["region.geojson"])["features"][0]
     outer, *holes = region["geometry"]["coordinates"][0]
     assert len(holes) == 1

@@ -17,7 +17,7 @@ NS = {"k": kml.NAMESPACE}
 
 
 def read(data: MapData) -> ET.Element:
-    return ET.fromstring(kml.encode(data))
+    return ET.fromstring(kml.encode_map(data))
 
 
 def folder(root: ET.Element, name: str) -> ET.Element:

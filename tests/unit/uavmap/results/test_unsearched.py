@@ -21,10 +21,12 @@ def with_a_gap(full: MapData) -> MapData:
 
 def test_geojson_has_a_line_for_each_stretch(make_map: Callable[..., MapData]) -> None:
     full = make_map()
-    kinds = [f["properties"]["kind"] for f in json.loads(geojson.encode(full))["features"]]
+    kinds = [f["properties"]["kind"] for f in json.loads(geojson.encode_map(full))["features"]]
     assert "unsearched" not in kinds
     gap = with_a_gap(full)
-    (line,) = (f for f in json.loads(geojson.encode(gap))["features"] if f["id"] == "unsearched 1")
+    (line,) = (
+        f for f in json.loads(geojson.encode_map(gap))["features"] if f["id"] == "unsearched 1"
+    )
     assert line["geometry"]["type"] == "LineString"
     (start, _), place = gap.unsearched[0], line["geometry"]["coordinates"][0]
     assert place == [round(start.lon_deg, 7), round(start.lat_deg, 7)]
@@ -32,8 +34,8 @@ def test_geojson_has_a_line_for_each_stretch(make_map: Callable[..., MapData]) -
 
 def test_kml_has_a_folder_of_them(make_map: Callable[..., MapData]) -> None:
     full = make_map()
-    assert b"Not searched" not in kml.encode(full)
-    assert kml.encode(with_a_gap(full)).count(b"without a judged frame") == 1
+    assert b"Not searched" not in kml.encode_map(full)
+    assert kml.encode_map(with_a_gap(full)).count(b"without a judged frame") == 1
 
 
 def test_the_picture_shows_them(make_map: Callable[..., MapData]) -> None:
