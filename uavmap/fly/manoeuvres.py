@@ -30,8 +30,7 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
-from uavmap.fly.frames import Frames
-from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.imaging import CameraDriver, Frames
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.navigation import Navigation
 from uavmap.fly.over_ground import OTHER_LAYER_M, aim_over_ground, at_height
