@@ -35,6 +35,7 @@ from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.over_ground import aim_over_ground, leg_over_ground_s
 from uavmap.fly.reporter import Reporter
+from uavmap.link.commands import Commands
 from uavmap.link.session import Session
 
 HEARTBEAT_S: Final = 1.0
@@ -75,12 +76,14 @@ class Guardian:
     def __init__(
         self,
         session: Session,
+        commands: Commands,
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,
         tell: Callable[[str], None],
     ) -> None:
         self._session = session
+        self._commands = commands
         self._view = session.view
         self._reporter = reporter
         self._monitor = monitor
@@ -289,7 +292,7 @@ class Guardian:
                 await self._aim_or_point(self._reporter.position(), aim_m)
                 if slow:  # after the target: an ArduPilot forgets its speeds at the first one
                     with contextlib.suppress(CommandRefusedError):
-                        await session.flight.descent_speed(HASTE_M_S)
+                        await self._commands.descent_speed(HASTE_M_S)
                     slow = False
             except CommandRefusedError:
                 return False
@@ -308,15 +311,15 @@ class Guardian:
             if kind.streams_apart or self._view.mode != kind.follows:
                 raise
             aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
-            self._session.flight.point_to(self._reporter.grid.position(aim), aim_m)
+            self._commands.point_to(self._reporter.grid.position(aim), aim_m)
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
         """Into the mode that follows targets, and a target. Raises `LinkError`."""
-        view, session = self._view, self._session
+        view = self._view
         if view.mode != view.kind.follows:
-            await session.flight.follow()
+            await self._commands.follow()
         aim, aim_m = aim_over_ground(view, self._reporter.position(), point, height_m)
-        await session.flight.fly_to(self._reporter.grid.position(aim), aim_m)
+        await self._commands.fly_to(self._reporter.grid.position(aim), aim_m)
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
@@ -327,8 +330,8 @@ class Guardian:
         quickly = hurry and await self._descend()
         self._monitor.commanded = (kind.rtl, kind.land)  # in the descent targets were ours, too
         wanted = kind.rtl if action == "rtl" else kind.land
-        flight = self._session.flight
-        ask = flight.return_to_launch if action == "rtl" else flight.land
+        commands = self._commands
+        ask = commands.return_to_launch if action == "rtl" else commands.land
         while self._view.mode != wanted and self._view.armed and not self._monitor.overridden:
             try:
                 await ask()
@@ -361,7 +364,7 @@ class Guardian:
             corners = corners_home(fence, here, home)
             try:
                 await self._aim(corners[0] if corners else home, height_m)
-                await self._session.flight.speed(self._limits.energy.speed_m_s)
+                await self._commands.speed(self._limits.energy.speed_m_s)
             except CommandRefusedError:
                 return False
             except LinkError:
@@ -469,7 +472,7 @@ class Guardian:
         while not over() and self._endurance_left_s() > 0.0:
             try:
                 await self._aim(corner, height_m)
-                await self._session.flight.speed(self._limits.energy.speed_m_s)
+                await self._commands.speed(self._limits.energy.speed_m_s)
             except CommandRefusedError:
                 return False
             except LinkError:

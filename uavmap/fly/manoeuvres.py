@@ -39,6 +39,7 @@ from uavmap.fly.reporter import Reporter
 from uavmap.fly.speed_watch import SpeedWatch
 from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.fly.waiting import Waiting
+from uavmap.link.commands import Commands
 from uavmap.link.session import Session
 
 Crew = Callable[[int], Awaitable[None]]
@@ -84,6 +85,7 @@ class Manoeuvres:
     def __init__(
         self,
         session: Session,
+        commands: Commands,
         camera: CameraDriver,
         reporter: Reporter,
         monitor: Monitor,
@@ -95,6 +97,7 @@ class Manoeuvres:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._session = session
+        self._commands = commands
         self._tell = tell
         self._view = session.view
         self._camera = camera
@@ -103,7 +106,7 @@ class Manoeuvres:
         self._mission = mission
         self._grid = reporter.grid
         self._crew = crew
-        self._stream = PathStream(session, reporter, monitor, by_places=by_places)
+        self._stream = PathStream(session, commands, reporter, monitor, by_places=by_places)
         self._timeout = None if by_places else timeout
         self._on_path = False
         """Whether a path is flown that another may replace on the way."""
@@ -166,7 +169,7 @@ class Manoeuvres:
             await session.until(lambda: view.position_s > armed_s, HOME_S)
         lifted = lambda: self._monitor.was_airborne  # noqa: E731 - a name for three places
         try:
-            await self._insist(lambda: session.flight.take_off(order.height_m, lifted))
+            await self._insist(lambda: self._commands.take_off(order.height_m, lifted))
         except CommandRefusedError:
             # its first copy may have been carried out, and only the answer was lost
             if not await session.until(lifted, LIFT_S):
@@ -193,10 +196,10 @@ class Manoeuvres:
         for attempt in range(ARM_TRIES):
             try:
                 self._monitor.commanded = (*self._monitor.commanded, *kind.ours)
-                await self._session.flight.follow()
+                await self._commands.follow()
                 # a PX4 acknowledges it unseen: only a heartbeat tells
                 await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
-                await self._session.flight.arm()
+                await self._commands.arm()
                 break
             except LinkError:
                 if attempt == ARM_TRIES - 1:
@@ -286,13 +289,13 @@ class Manoeuvres:
         speed back.
         """
         aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
-        await self._session.flight.fly_to(self._grid.position(aim), aim_m)
+        await self._commands.fly_to(self._grid.position(aim), aim_m)
         if not self._aimed and self._order is not None:
             self._aimed = True
             self.under_way(self._order, point)
         changes = self._monitor.mode_changes
         if self._paced_in != changes:
-            await self._session.flight.speed(self._mission.flight.speed_m_s)
+            await self._commands.speed(self._mission.flight.speed_m_s)
             self._paced_in = changes
 
     async def _hold(self) -> None:
@@ -420,7 +423,7 @@ class Manoeuvres:
         if not self._monitor.was_airborne:  # a slow link tells of its take-off after it
             self._monitor.commanded = (kind.land, *kind.ours)
         landing = lambda: self._view.mode == kind.land  # noqa: E731
-        await self._insist(lambda: self._session.flight.land(landing))
+        await self._insist(lambda: self._commands.land(landing))
         if len(self._monitor.commanded) > 1:
             await self._session.until(landing, MODE_S)
             self._monitor.commanded = (kind.land,)

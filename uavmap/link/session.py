@@ -15,7 +15,6 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.frames import sender_of
 from uavmap.link.losses import Losses
 from uavmap.link.px4_events import EVENT_ID, event_text
@@ -84,8 +83,6 @@ class Session:
         self.overheard: Listener = lambda message: None
         """Called with every message that is not of the vehicle, or not to be believed."""
         self.view = VehicleView()
-        self.flight: Commands = MavlinkCommands(self)
-        """What the vehicle can be told in flight."""
         self.losses = Losses()
         self.signing: Signing | None = None
         """With a key, what is not signed with it is not heard, and what is sent is signed."""
