@@ -27,9 +27,10 @@ from uavmap.fly.clock_rate import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.leapfrog import Leapfrog
-from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
+from uavmap.fly.manoeuvres import Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.navigation import Navigation
+from uavmap.fly.pad import READY_S, Crew
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.fly.spoken import Spoken
 from uavmap.fly.stream_timeout import StreamTimeout

@@ -20,6 +20,7 @@ from uavmap.link.losses import Losses
 from uavmap.link.px4_events import EVENT_ID, event_text
 from uavmap.link.signing import Signing
 from uavmap.link.view import VehicleView
+from uavmap.link.view_updates import update
 
 Message = Any  # pymavlink carries no types
 Listener = Callable[[Message], None]
@@ -116,7 +117,7 @@ class Session:
 
     def _take(self, message: Message, now_s: float) -> bool:
         """Take in one message; whether it is of our vehicle."""
-        if not self.view.take(message, now_s):
+        if not update(self.view, message, now_s):
             self.overheard(message)
             return False
         self.bound_s = now_s if self.bound_s is None else self.bound_s

@@ -25,7 +25,7 @@ from uavmap.link.session import (
     Session,
     result_name,
 )
-from uavmap.link.view import is_autopilot
+from uavmap.link.view_updates import is_autopilot
 from uavmap.mavsdk_driver.messages import Message, fields_of, message_of
 from uavmap.mavsdk_driver.outbox import Outbox
 from uavmap.mavsdk_driver.process import MavsdkProcess, Words
