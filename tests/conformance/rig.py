@@ -17,7 +17,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.mission_file.schema import Mission
 from tests.unit.uavmap.flights import Flight, running, small_mission, under_way
 from uavmap.clock import ScaledClock, VirtualClock, run
+from uavmap.link.commands import Commands
 from uavmap.link.session import GROUND_SYSTEM_ID, Session
+from uavmap.mavsdk_driver.commands import MavsdkCommands
 from uavmap.mavsdk_driver.session import MavsdkSession
 from uavmap.simulation import STEP_S
 
@@ -65,11 +67,12 @@ def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
         told: list[str] = []
         slack_s = SLOW_MACHINE_S * speedup
 
-        def session(send: Callable[[bytes], None]) -> Session:
-            return MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
+        def driver(send: Callable[[bytes], None]) -> tuple[Session, Commands]:
+            session = MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
+            return session, MavsdkCommands(session)
 
         flight = Flight(
-            over(autopilot), session=session, link_lost_s=slack_s, battery_stale_s=slack_s,
+            over(autopilot), driver=driver, link_lost_s=slack_s, battery_stale_s=slack_s,
             slack_s=slack_s,
         )  # fmt: skip
         flight.told = told

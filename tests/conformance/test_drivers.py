@@ -288,7 +288,7 @@ def test_no_number_that_does_not_fit_is_sent(driver: str) -> None:
     async def body(flight: Flight) -> None:
         for bad_m in (math.nan, math.inf, 1e300):
             with pytest.raises(LinkError, match=r"cannot be sent|no place"):
-                await flight.session.flight.fly_to(LatLon(47.0, 8.0), bad_m)
+                await flight.commands.fly_to(LatLon(47.0, 8.0), bad_m)
         with pytest.raises(LinkError, match="cannot be sent"):
             flight.session.send(mav.MAVLink_command_ack_message(-1, 0))
 

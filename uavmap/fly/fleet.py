@@ -76,6 +76,7 @@ def vehicles_of(
             number,
             link.name,
             link.session,
+            link.commands,
             CameraDriver(number, link.camera, poses, classifier, mission_time_s, keeper),
             setting,
             mission_time_s,

@@ -18,7 +18,6 @@ from missions.events import Event, Recalled, Resumed
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
-from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.comms.fleet_clock import AGREE_S
 from uavmap.comms.fleet_radio import check_network, joined_fleet
@@ -35,7 +34,14 @@ from uavmap.fly.ground_service import GroundService
 from uavmap.fly.interrupts import interrupts, like_control_c
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import Keys
-from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
+from uavmap.fly.links import (
+    Link,
+    LinkOptions,
+    check_urls,
+    mavlink_link,
+    opened_links,
+    refuse_rivals,
+)
 from uavmap.fly.map_so_far import leave_map, patiently
 from uavmap.fly.onlooker import Both, Onlooker, folded
 from uavmap.fly.progress import Progress
@@ -404,7 +410,7 @@ class Flight:
         self._truth = simulation.truth
         with self._log() as log:
             links = [
-                Link(name, session, MavlinkSource(session, simulation.fetch))
+                mavlink_link(name, session, simulation.fetch)
                 for index, name in enumerate(simulation.names())
                 for session in [simulation.open_session(index, log.record)]
             ]
@@ -418,9 +424,7 @@ class Flight:
         index = (self._setting.member or 1) - 1
         with self._log() as log:
             session = world.open_session(index, log.record)
-            await self._serve(
-                [Link(world.names()[index], session, MavlinkSource(session, world.fetch))]
-            )
+            await self._serve([mavlink_link(world.names()[index], session, world.fetch)])
 
     # --- connected -------------------------------------------------------------------------
     async def _fly_connected(self) -> None:

@@ -14,12 +14,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
-from missions.errors import CommandRefusedError, LinkError
 from missions.events import Crashed, Guarded
 from missions.guardian import (
-    HASTE_M_S,
     PAD_M,
     Action,
     Guard,
@@ -27,38 +23,26 @@ from missions.guardian import (
     Seen,
     Task,
     corners_home,
-    quick_aim_m,
     watch,
 )
 from missions.guardian.down import low
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
-from uavmap.fly.over_ground import aim_over_ground, leg_over_ground_s
+from uavmap.fly.over_ground import leg_over_ground_s
+from uavmap.fly.recovery import BRISK_M_S, LOOK_S, RecoveryFlight
 from uavmap.fly.reporter import Reporter
+from uavmap.link.commands import Commands
 from uavmap.link.session import Session
 
 HEARTBEAT_S: Final = 1.0
-WATCH_S: Final = 0.5
-"""Between two looks, if the vehicle has told a new position; else twice as long."""
 SLEW_S: Final = 4.0
 """So long a navigation filter takes to follow a leap."""
 STALE_S: Final = 3.0
 """Telemetry that is older says nothing of now."""
-RETRY_S: Final = 2.0
-DESCENT_M_S: Final = 1.0
-"""A multicopter that is told to sink does so at least this fast, in GUIDED or Hold."""
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
-CORNER_M: Final = 2.0
-"""A corner of the way around a fence is turned so near to it."""
-OVER_HOME_M: Final = 1.0
-"""Who is nearer than this to the place above its home lands there."""
-BRISK_M_S: Final = 1.0
-"""Who is slower than this turns on the spot."""
 CORNER_S: Final = 5.0
 """To get going towards one, and to come to rest there."""
-PAUSE_S: Final = 0.1
-"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
 LEAVE_S: Final = 15.0
 """An operator who leaves at once still waits so long to see that the autopilot returns."""
 
@@ -75,12 +59,14 @@ class Guardian:
     def __init__(
         self,
         session: Session,
+        commands: Commands,
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,
         tell: Callable[[str], None],
     ) -> None:
         self._session = session
+        self._flight = RecoveryFlight(session, commands, reporter, monitor, limits)
         self._view = session.view
         self._reporter = reporter
         self._monitor = monitor
@@ -130,7 +116,8 @@ class Guardian:
         kind = self._view.kind
         self._monitor.commanded = (kind.rtl, kind.land)
         number = self._reporter.number
-        way = "fly home by its own map" if action == "rtl" and self._by_map else _WORDS[action]
+        by_map = action == "rtl" and self._monitor.by_map
+        way = "fly home by its own map" if by_map else _WORDS[action]
         self._tell(f"vehicle {number}: {reason}; it is told to {way}")
         self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
         if self._pursuit is not None:
@@ -165,9 +152,9 @@ class Guardian:
         """Look at every new position, but not too often: of an old one it seems to stand still."""
         looked_s = seen_s = float("-inf")
         while True:
-            await asyncio.sleep(WATCH_S)
+            await asyncio.sleep(LOOK_S)
             now_s, told_s = self._reporter.loop_s(), self._view.position_s
-            if told_s > seen_s or now_s - looked_s >= 2.0 * WATCH_S:
+            if told_s > seen_s or now_s - looked_s >= 2.0 * LOOK_S:
                 looked_s, seen_s = now_s, told_s
                 self._look()
 
@@ -234,7 +221,7 @@ class Guardian:
             remaining_wh=reporter.remaining_wh(),
             wind_m_s=self._monitor.wind.speed_m_s,
             struck_m_s=self._monitor.struck_m_s,
-            by_map=self._by_map,
+            by_map=self._monitor.by_map,
         )
 
     def _age_s(self) -> float:
@@ -267,109 +254,22 @@ class Guardian:
             self._pursuit.cancel()
             self._pursuit = None
 
-    def _aim_m(self) -> float | None:
-        """How high to aim in a quick descent; None where it should land from, on the ground, and
-        when a pilot has it."""
-        ours = self._monitor.airborne and not self._monitor.overridden
-        return quick_aim_m(self._view.height_m) if ours else None
-
-    async def _descend(self) -> bool:
-        """Quickly down to where a landing takes but a few seconds; False if it refuses that."""
-        kind, view, session = self._view.kind, self._view, self._session
-        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
-        loop = asyncio.get_running_loop()
-        due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
-        fenced, slow = kind.fence_by_command, True
-        while (aim_m := self._aim_m()) is not None and view.armed and loop.time() < due_s:
-            try:
-                if fenced:  # outside of its own fence it takes no target, and turns round
-                    with contextlib.suppress(CommandRefusedError):
-                        await session.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
-                    fenced = False
-                await self._aim_or_point(self._reporter.position(), aim_m)
-                if slow:  # after the target: an ArduPilot forgets its speeds at the first one
-                    with contextlib.suppress(CommandRefusedError):
-                        await session.flight.descent_speed(HASTE_M_S)
-                    slow = False
-            except CommandRefusedError:
-                return False
-            except LinkError:
-                await asyncio.sleep(PAUSE_S)
-                continue
-            await session.until(lambda: self._aim_m() is None, RETRY_S)
-        return True
-
-    async def _aim_or_point(self, point: GridPoint, height_m: float) -> None:
-        """A target, if need be by a message where the command for it is refused."""
-        try:
-            await self._aim(point, height_m)
-        except CommandRefusedError:
-            kind = self._view.kind
-            if kind.streams_apart or self._view.mode != kind.follows:
-                raise
-            aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
-            self._session.flight.point_to(self._reporter.grid.position(aim), aim_m)
-
-    async def _aim(self, point: GridPoint, height_m: float) -> None:
-        """Into the mode that follows targets, and a target. Raises `LinkError`."""
-        view, session = self._view, self._session
-        if view.mode != view.kind.follows:
-            await session.flight.follow()
-        aim, aim_m = aim_over_ground(view, self._reporter.position(), point, height_m)
-        await session.flight.fly_to(self._reporter.grid.position(aim), aim_m)
-
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
         kind = self._view.kind
-        if action == "rtl" and await self._home_by_map():
+        if action == "rtl" and await self._flight.fly_home_by_map():
             self.take_over("land", "it is over its home, as its own map tells")
             return
-        quickly = hurry and await self._descend()
+        quickly = hurry and await self._flight.descend()
         self._monitor.commanded = (kind.rtl, kind.land)  # in the descent targets were ours, too
-        wanted = kind.rtl if action == "rtl" else kind.land
-        flight = self._session.flight
-        ask = flight.return_to_launch if action == "rtl" else flight.land
-        while self._view.mode != wanted and self._view.armed and not self._monitor.overridden:
-            try:
-                await ask()
-            except CommandRefusedError as refusal:
-                if action == "rtl":
-                    self.take_over("land", str(refusal))
-                    return
-            except LinkError:
-                pass  # no answer: ask again, for as long as it takes
-            await self._session.until(lambda: self._view.mode == wanted, RETRY_S)
+        refusal = await self._flight.ask_autopilot(action)
+        if refusal:
+            self.take_over("land", refusal)
+            return
         # where it has been carried to the ground may be lower than at its home
-        if quickly and await self._session.until(lambda: self._aim_m() is not None, PATIENCE_S):
+        high = lambda: self._flight.descent_aim_m() is not None  # noqa: E731
+        if quickly and await self._session.until(high, PATIENCE_S):
             await self._pursue(action, hurry=True)
-
-    @property
-    def _by_map(self) -> bool:
-        """Whether its autopilot does not know where it is, and its pictures do."""
-        navigation = self._monitor.navigation
-        return navigation is not None and navigation.by_map
-
-    async def _home_by_map(self) -> bool:
-        """To its home by targets; False where it does not take them, or needs none."""
-        kind, view, fence = self._view.kind, self._view, self._limits.fence
-        height_m = self._view.height_m
-        while self._by_map and view.armed and not self._monitor.overridden:
-            self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
-            here, home = self._reporter.position(), self._reporter.home()
-            if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
-                return True
-            corners = corners_home(fence, here, home)
-            try:
-                await self._aim(corners[0] if corners else home, height_m)
-                await self._session.flight.speed(self._limits.energy.speed_m_s)
-            except CommandRefusedError:
-                return False
-            except LinkError:
-                await asyncio.sleep(PAUSE_S)
-                continue
-            # the place that its autopilot takes for home changes with every picture
-            await asyncio.sleep(WATCH_S)
-        return False
 
     # --- the end of a flight ----------------------------------------------------------------
     @property
@@ -431,13 +331,13 @@ class Guardian:
         if self._view.ground_speed_m_s > BRISK_M_S:
             # who flies fast flies on for a while, perhaps over a corner
             self.told(self._towards(here, here, height_m, CORNER_S))
-            if not await self._reach(here, height_m, slow=True):
+            if not await self._flight.reach(here, height_m, self._over, slow=True):
                 return
         for corner in self._corners():
             here = reporter.position()
             leg_s = leg_over_ground_s(self._view, energy, here, corner) + CORNER_S
             self.told(self._towards(here, corner, height_m, leg_s))
-            if not await self._reach(corner, height_m):
+            if not await self._flight.reach(corner, height_m, self._over):
                 return
 
     def _corners(self) -> tuple[GridPoint, ...]:
@@ -455,31 +355,9 @@ class Guardian:
             estimate_s=estimate_s, name="way home",
         )  # fmt: skip
 
-    async def _reach(self, corner: GridPoint, height_m: float, *, slow: bool = False) -> bool:
-        """Fly to a corner, or, `slow`, only come to rest; False if that ends, or is refused."""
-
-        def there() -> bool:
-            if slow:
-                return self._view.ground_speed_m_s <= BRISK_M_S
-            return self._reporter.position().distance_to(corner) <= CORNER_M
-
-        def over() -> bool:
-            return self.acting or not self._flies_for_us()
-
-        while not over() and self._endurance_left_s() > 0.0:
-            try:
-                await self._aim(corner, height_m)
-                await self._session.flight.speed(self._limits.energy.speed_m_s)
-            except CommandRefusedError:
-                return False
-            except LinkError:
-                await asyncio.sleep(PAUSE_S)
-                continue
-            pause_s = RETRY_S if self._view.ground is None else WATCH_S
-            await self._session.until(lambda: there() or over(), pause_s)
-            if there():
-                return not over()
-        return False
+    def _over(self) -> bool:
+        """Whether a flight to a corner ends: the guardian acts, a pilot has it, or it is empty."""
+        return self.acting or not self._flies_for_us() or self._endurance_left_s() <= 0.0
 
     def _flies_for_us(self) -> bool:
         """Whether it is in the air, heard, and in a mode that follows targets."""
@@ -516,9 +394,5 @@ class Guardian:
             return f"left to its autopilot in {view.mode_name} at {where}"
         if self._monitor.was_airborne:
             return f"left to whoever flies it in {view.mode_name} at {where}"
-        away_m = self._away_m()
+        away_m = reporter.position().distance_to(reporter.home())
         return f"on the ground {away_m:.0f} m from home, at {where}" if away_m > PAD_M else ""
-
-    def _away_m(self) -> float:
-        home: GridPoint = self._reporter.home()
-        return self._reporter.position().distance_to(home)

@@ -12,16 +12,19 @@ from typing import Final
 
 from missions.errors import LinkError
 from missions.mission_file.schema import CameraSection
+from uavmap.cameras.mavlink import Fetch, MavlinkSource
 from uavmap.cameras.opening import opened_camera
 from uavmap.cameras.source import FrameSource
 from uavmap.cameras.spec import CameraSpec
 from uavmap.fly.cameras_of import settings_of
 from uavmap.fly.http_pictures import PictureFetcher
+from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.forwarding import Forwarding
 from uavmap.link.key_file import signing_with
 from uavmap.link.session import ACK_WAIT_S, Session
 from uavmap.link.transports import Transport, open_shared, open_transport
 from uavmap.link.urls import Endpoint, parse_url
+from uavmap.mavsdk_driver.commands import MavsdkCommands
 from uavmap.mavsdk_driver.session import opened_session
 from uavmap.record.flight_plan import MAVSDK, PYMAVLINK, FlightPlan
 
@@ -37,6 +40,12 @@ class Link:
     """What the operator calls it: its URL."""
     session: Session
     camera: FrameSource
+    commands: Commands
+
+
+def mavlink_link(name: str, session: Session, fetch: Fetch) -> Link:
+    """Return a link whose commands and camera are MAVLink messages of its session."""
+    return Link(name, session, MavlinkSource(session, fetch), MavlinkCommands(session))
 
 
 class _Line:
@@ -46,6 +55,7 @@ class _Line:
         self.endpoint = endpoint
         self._opened: list[Transport] = []
         self.session = Session(self.send, record, wait_s)
+        self.commands = MavlinkCommands(self.session)
 
     def send(self, frame: bytes) -> None:
         """Send a frame, or nothing before it is open."""
@@ -115,9 +125,10 @@ async def opened_links(
         for url, line in zip(urls, lines, strict=True):
             if options.driver == MAVSDK:
                 speaks = partial(_say_of_link, say, url)
-                line.session = await stack.enter_async_context(
+                session = await stack.enter_async_context(
                     opened_session(line.send, record, wait_s, speaks, options.speedup)
                 )
+                line.session, line.commands = session, MavsdkCommands(session)
             line.session.view.wanted_system = line.endpoint.system
             line.session.signing = signing
             line.session.onboard = options.onboard
@@ -133,7 +144,7 @@ async def opened_links(
             camera = await stack.enter_async_context(
                 opened_camera(spec, line.session, fetch, settings_of(section), say)
             )
-            links.append(Link(url, line.session, camera))
+            links.append(Link(url, line.session, camera, line.commands))
         yield links
         _tell_refused(lines, say)
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
 from collections.abc import Awaitable, Callable
 from typing import Final
 
 from missions.errors import CommandRefusedError, LinkError
-from missions.events import Airborne, Arrived, BatterySwapped, LookEnded
+from missions.events import Arrived, LookEnded
 from missions.mission_file.schema import Mission
 from missions.orders import (
     AwaitBattery,
@@ -30,20 +29,17 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
-from uavmap.fly.frames import Frames
-from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.imaging import CameraDriver, Frames
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.navigation import Navigation
 from uavmap.fly.over_ground import OTHER_LAYER_M, aim_over_ground, at_height
+from uavmap.fly.pad import MODE_S, Crew, Pad, insist
 from uavmap.fly.path_stream import PathStream
 from uavmap.fly.reporter import Reporter
 from uavmap.fly.speed_watch import SpeedWatch
 from uavmap.fly.stream_timeout import StreamTimeout
-from uavmap.fly.waiting import Waiting
+from uavmap.link.commands import Commands
 from uavmap.link.session import Session
-
-Crew = Callable[[int], Awaitable[None]]
-"""Returns once the people on the ground have swapped a vehicle's battery and stand clear."""
 
 FIND_WAY_S: Final = 0.5
 """Between two pictures on a leg, where a vehicle may have to find its way by them."""
@@ -53,26 +49,12 @@ SINK_S: Final = 12.0
 """To come down to that height takes no longer, or it lands from where it is."""
 LOW_M: Final = 4.0
 """Pictures from lower down show too little to find the way by."""
-READY_S: Final = 120.0
-ARM_TRIES: Final = 10
-ARM_PAUSE_S: Final = 3.0
 RESEND_S: Final = 3.0
 DRIFT_RESEND_S: Final = 0.5
-CLIMB_TOLERANCE_M: Final = 0.4
 STOP_RADIUS_M: Final = 0.7
 PASS_RADIUS_M: Final = 2.0
-PAUSE_S: Final = 0.1
-"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
-MODE_S: Final = 2.5
-"""A new mode is told within this time."""
-HOME_S: Final = 5.0
-"""A position above the home that arming has set comes within this time."""
-LIFT_S: Final = 12.0
-"""A take-off that was accepted leaves the ground within this time."""
 GROUND_S: Final = 15.0
 """A vehicle that is told to land and has not left the ground says so within this time."""
-FULL: Final = 0.9
-"""From this part of its capacity on a battery counts as fresh."""
 
 
 async def _nothing_to_wait_for() -> None:
@@ -85,6 +67,7 @@ class Manoeuvres:
     def __init__(
         self,
         session: Session,
+        commands: Commands,
         camera: CameraDriver,
         reporter: Reporter,
         monitor: Monitor,
@@ -96,6 +79,7 @@ class Manoeuvres:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._session = session
+        self._commands = commands
         self._tell = tell
         self._view = session.view
         self._camera = camera
@@ -103,8 +87,10 @@ class Manoeuvres:
         self._monitor = monitor
         self._mission = mission
         self._grid = reporter.grid
-        self._crew = crew
-        self._stream = PathStream(session, reporter, monitor, by_places=by_places)
+        self._pad = Pad(
+            session, commands, reporter, monitor, mission.battery.capacity_wh, crew, tell
+        )
+        self._stream = PathStream(session, commands, reporter, monitor, by_places=by_places)
         self._timeout = None if by_places else timeout
         self._on_path = False
         """Whether a path is flown that another may replace on the way."""
@@ -126,7 +112,7 @@ class Manoeuvres:
             case FlyPath():
                 await self._fly_path(order)
             case TakeOff():
-                await self._take_off(order)
+                await self._pad.take_off(order)
             case FlyTo():
                 await self._fly_to(order)
             case Sweep():
@@ -136,74 +122,11 @@ class Manoeuvres:
             case Land():
                 await self._land()
             case AwaitBattery():
-                await self._await_battery()
+                await self._pad.swap_battery()
             case Hold():
                 await self._hold()
             case StandDown() | ReturnToLaunch():  # returning by itself is the guardian's
                 pass
-
-    async def _insist(self, ask: Callable[[], Awaitable[None]]) -> None:
-        """Ask until acknowledged: the watch on the link ends this when there is no link."""
-        while True:
-            try:
-                await ask()
-                return
-            except CommandRefusedError:
-                raise
-            except LinkError:
-                await asyncio.sleep(PAUSE_S)
-
-    # --- up -----------------------------------------------------------------------------------
-    async def _take_off(self, order: TakeOff) -> None:
-        session, view, kind = self._session, self._view, self._view.kind
-        waiting = Waiting(self._reporter.name, session, self._tell)
-        if not await waiting.until(
-            lambda: view.ready_to_arm, READY_S, lambda: "the checks before arming"
-        ):
-            raise LinkError(f"not ready to arm within {READY_S:g} s{view.recent_texts()}")
-        await self._arm(waiting)
-        if kind.amsl:  # arming has moved home, and the height is to be above the new one
-            armed_s = asyncio.get_running_loop().time()
-            await session.until(lambda: view.position_s > armed_s, HOME_S)
-        lifted = lambda: self._monitor.was_airborne  # noqa: E731 - a name for three places
-        try:
-            await self._insist(lambda: session.flight.take_off(order.height_m, lifted))
-        except CommandRefusedError:
-            # its first copy may have been carried out, and only the answer was lost
-            if not await session.until(lifted, LIFT_S):
-                raise
-        reached = order.height_m - CLIMB_TOLERANCE_M
-        if not await session.until(
-            lambda: view.height_m >= reached and view.mode == kind.follows,
-            60.0 + 3.0 * order.height_m,
-        ):
-            raise LinkError(f"did not climb to {order.height_m:g} m{view.recent_texts()}")
-        reporter = self._reporter
-        reporter.report(
-            Airborne(
-                reporter.number,
-                reporter.t_s(),
-                home=reporter.home(),
-                home_amsl_m=reporter.home_amsl_m(),
-            )
-        )
-
-    async def _arm(self, waiting: Waiting) -> None:
-        """Into the mode that follows us, and motors on."""
-        kind = self._view.kind
-        for attempt in range(ARM_TRIES):
-            try:
-                self._monitor.commanded = (*self._monitor.commanded, *kind.ours)
-                await self._session.flight.follow()
-                # a PX4 acknowledges it unseen: only a heartbeat tells
-                await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
-                await self._session.flight.arm()
-                break
-            except LinkError:
-                if attempt == ARM_TRIES - 1:
-                    raise
-                await asyncio.sleep(ARM_PAUSE_S)
-        self._monitor.commanded = kind.ours
 
     # --- along --------------------------------------------------------------------------------
     async def _fly_to(self, order: FlyTo) -> None:
@@ -267,7 +190,7 @@ class Manoeuvres:
         ordered_m_s, begin_s = self._mission.flight.speed_m_s, self._reporter.now_s()
         watch = SpeedWatch(self._reporter.name, self._view, ordered_m_s, begin_s)
         while True:
-            await self._insist(lambda: self._aim(target(), height_m))
+            await insist(lambda: self._aim(target(), height_m))
             if await self._session.until(there, pause_s()):
                 return
             left_m = self._reporter.position().distance_to(target())
@@ -287,13 +210,13 @@ class Manoeuvres:
         speed back.
         """
         aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
-        await self._session.flight.fly_to(self._grid.position(aim), aim_m)
+        await self._commands.fly_to(self._grid.position(aim), aim_m)
         if not self._aimed and self._order is not None:
             self._aimed = True
             self.under_way(self._order, point)
         changes = self._monitor.mode_changes
         if self._paced_in != changes:
-            await self._session.flight.speed(self._mission.flight.speed_m_s)
+            await self._commands.speed(self._mission.flight.speed_m_s)
             self._paced_in = changes
 
     async def _hold(self) -> None:
@@ -403,7 +326,7 @@ class Manoeuvres:
     async def _stay_over(self, order: Look) -> None:
         target = self._follow(order.cell)
         while True:
-            await self._insist(lambda: self._aim(target(), order.height_m))
+            await insist(lambda: self._aim(target(), order.height_m))
             await asyncio.sleep(DRIFT_RESEND_S)
 
     async def _watch_frames(self, frames: Frames, vantage: Cell | None) -> None:
@@ -421,7 +344,7 @@ class Manoeuvres:
         if not self._monitor.was_airborne:  # a slow link tells of its take-off after it
             self._monitor.commanded = (kind.land, *kind.ours)
         landing = lambda: self._view.mode == kind.land  # noqa: E731
-        await self._insist(lambda: self._session.flight.land(landing))
+        await insist(lambda: self._commands.land(landing))
         if len(self._monitor.commanded) > 1:
             await self._session.until(landing, MODE_S)
             self._monitor.commanded = (kind.land,)
@@ -444,29 +367,9 @@ class Manoeuvres:
             async with asyncio.TaskGroup() as tasks:
                 looking = tasks.create_task(self._find_way())
                 for _ in range(round(SINK_S / DRIFT_RESEND_S)):
-                    await self._insist(lambda: self._aim(here, LOW_M))
+                    await insist(lambda: self._aim(here, LOW_M))
                     low = self._view.height_m <= LOW_M + OTHER_LAYER_M
                     if low or not self._goes_by_map:
                         break
                     await asyncio.sleep(DRIFT_RESEND_S)
                 looking.cancel()
-
-    async def _await_battery(self) -> None:
-        reporter = self._reporter
-        capacity_wh = self._mission.battery.capacity_wh
-
-        def fresh() -> bool:
-            return (reporter.remaining_wh() or 0.0) >= FULL * capacity_wh
-
-        def what() -> str:
-            left_wh = reporter.remaining_wh()
-            told = "no charge told" if left_wh is None else f"{left_wh / capacity_wh:.0%} told"
-            return f"a fresh battery ({told}, {FULL:.0%} wanted)"
-
-        if self._view.is_simulator:
-            await self._session.until(fresh)
-        else:
-            await self._crew(reporter.number)
-            # a word without a battery is heard, and nothing would tell why nobody takes off
-            await Waiting(reporter.name, self._session, self._tell).until(fresh, math.inf, what)
-        reporter.report(BatterySwapped(reporter.number, reporter.t_s(), reporter.remaining()))

@@ -109,6 +109,11 @@ class Monitor:
         return "follow" if streamed or view.mode in kind.ours else "other"
 
     @property
+    def by_map(self) -> bool:
+        """Whether its autopilot does not know where it is, and its pictures do."""
+        return self.navigation is not None and self.navigation.by_map
+
+    @property
     def airborne(self) -> bool:
         """Armed, and not on the ground by the autopilot's own word."""
         return self._view.off_ground

@@ -23,6 +23,7 @@ from missions.orders import FlyPath
 from missions.units import GridPoint
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.reporter import Reporter
+from uavmap.link.commands import Commands
 from uavmap.link.session import Message, Session
 
 INTERVAL_S: Final = 0.1
@@ -88,9 +89,16 @@ class PathStream:
     """The stream to one vehicle. `run` sends it; other orders `leave` it first."""
 
     def __init__(
-        self, session: Session, reporter: Reporter, monitor: Monitor, *, by_places: bool = False
+        self,
+        session: Session,
+        commands: Commands,
+        reporter: Reporter,
+        monitor: Monitor,
+        *,
+        by_places: bool = False,
     ) -> None:
         self._session = session
+        self._commands = commands
         self._by_places = by_places
         """Whether places ahead are told instead of a stream: nothing runs away when they stop."""
         self._view = session.view
@@ -147,7 +155,7 @@ class PathStream:
             tasks.create_task(self._send_on())
             await asyncio.sleep(FIRST_S)
             kind = self._view.kind
-            await self._into(kind.stream_mode, self._session.flight.follow_stream)
+            await self._into(kind.stream_mode, self._commands.follow_stream)
             # Hold is now somebody else's word
             self._monitor.commanded = (kind.stream_mode,)
 
@@ -282,7 +290,7 @@ class PathStream:
         elif view.mode == kind.stream_mode:
             async with asyncio.TaskGroup() as tasks:
                 sending = tasks.create_task(self._send_on())
-                await self._into(kind.follows, self._session.flight.follow)
+                await self._into(kind.follows, self._commands.follow)
                 sending.cancel()
             await self._session.until(lambda: view.ground_speed_m_s <= SLOW_M_S, BRAKE_S)
         self._left = True

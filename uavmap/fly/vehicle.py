@@ -27,9 +27,10 @@ from uavmap.fly.clock_rate import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.leapfrog import Leapfrog
-from uavmap.fly.manoeuvres import READY_S, Crew, Manoeuvres
+from uavmap.fly.manoeuvres import Manoeuvres
 from uavmap.fly.monitor import Monitor
 from uavmap.fly.navigation import Navigation
+from uavmap.fly.pad import READY_S, Crew
 from uavmap.fly.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.fly.spoken import Spoken
 from uavmap.fly.stream_timeout import StreamTimeout
@@ -37,6 +38,7 @@ from uavmap.fly.streams import Streams
 from uavmap.fly.tasks import TasksOf
 from uavmap.fly.waiting import Waiting
 from uavmap.link.answer import answered
+from uavmap.link.commands import Commands
 from uavmap.link.ground import GroundBelow
 from uavmap.link.session import Message, Session
 from uavmap.link.view import VehicleView
@@ -60,6 +62,7 @@ class MavlinkVehicle:
         number: int,
         name: str,
         session: Session,
+        commands: Commands,
         camera: CameraDriver,
         setting: Setting,
         mission_time_s: Callable[[], float],
@@ -76,6 +79,7 @@ class MavlinkVehicle:
         self.number = number
         self.name = name
         self._session = session
+        self._commands = commands
         self._view = session.view
         if setting.ground is not None:
             session.view.ground = GroundBelow(setting.ground, setting.grid)
@@ -98,14 +102,14 @@ class MavlinkVehicle:
         self._monitor = Monitor(self._reporter, session.view)
         self._monitor.why = Spoken(self._reporter, session.view, tell).why
         limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
-        self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
+        self.guardian = Guardian(session, commands, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
         self._tell = tell
         self._timeout = StreamTimeout(name, session, tell)
         self._manoeuvres = Manoeuvres(
-            session, camera, self._reporter, self._monitor, setting.mission, crew, self._timeout,
-            by_places=by_places, tell=tell,
+            session, commands, camera, self._reporter, self._monitor, setting.mission, crew,
+            self._timeout, by_places=by_places, tell=tell,
         )  # fmt: skip
         self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)
         self._navigation.act = self.guardian.take_over
@@ -244,7 +248,7 @@ class MavlinkVehicle:
 
     async def _tell_place(self, place: LatLon, sigma_m: float) -> None:
         try:
-            await self._session.flight.you_are_at(place, sigma_m)
+            await self._commands.you_are_at(place, sigma_m)
         except CommandRefusedError:
             self._aids = False
         except LinkError:

@@ -12,15 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-
-if TYPE_CHECKING:
-    from uavmap.link.session import Session
-
+from uavmap.link.session import Session
 
 _STAMP_WRAPS_S: Final = 250.0
 """Before a time of transmission loses its milliseconds in a float, it begins anew."""

@@ -15,12 +15,12 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.frames import sender_of
 from uavmap.link.losses import Losses
 from uavmap.link.px4_events import EVENT_ID, event_text
 from uavmap.link.signing import Signing
 from uavmap.link.view import VehicleView
+from uavmap.link.view_updates import update
 
 Message = Any  # pymavlink carries no types
 Listener = Callable[[Message], None]
@@ -82,8 +82,6 @@ class Session:
         self.heard_s: dict[int, float] = {}
         """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
         self.view = VehicleView()
-        self.flight: Commands = MavlinkCommands(self)
-        """What the vehicle can be told in flight."""
         self.losses = Losses()
         self.signing: Signing | None = None
         """With a key, what is not signed with it is not heard, and what is sent is signed."""
@@ -117,7 +115,7 @@ class Session:
 
     def _take(self, message: Message, now_s: float) -> bool:
         """Take in one message; whether it is of our vehicle."""
-        if not self.view.take(message, now_s):
+        if not update(self.view, message, now_s):
             return False
         self.bound_s = now_s if self.bound_s is None else self.bound_s
         if message.get_srcComponent() == self.view.autopilot_component:

@@ -1,8 +1,4 @@
-"""The latest of what a vehicle has said, in our units.
-
-Only what the gate admits gets here (`uavmap.link.gate`): the handlers may rely on the ranges of
-`uavmap.link.rules`.
-"""
+"""The latest of what a vehicle has said, in our units; `uavmap.link.view_updates` keeps it so."""
 
 from __future__ import annotations
 
@@ -16,27 +12,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from uavmap.link.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
-from uavmap.link.continuity import CameraClock
 from uavmap.link.gate import Gate
 from uavmap.link.ground import GroundBelow
-from uavmap.link.rules import RULES, Sender
 from uavmap.link.texts import Text, Texts
-from uavmap.link.whereabouts import Fix, Place, Whereabouts
+from uavmap.link.whereabouts import Place, Whereabouts
 
 Message = Any
 
-_NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
-"""What gimbals, cameras and companion computers say in their heartbeats."""
-_OTHER: Final = frozenset({Sender.ANY})
-_AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
-_CAMERA: Final = _OTHER | {Sender.CAMERA}
-PREARM_BIT: Final = 0x10000000
 EKF_RELATIVE: Final = 0x08
 EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
-CAMERA_SILENT_S: Final = 10.0
-"""After so long another camera of the vehicle may take the place of the one that was heard."""
 STAMP_SLACK_S: Final = 0.5
 _OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
@@ -112,27 +98,8 @@ class VehicleView:
     texts_heard: int = 0
     hear: Callable[[Text], None] = lambda text: None
     """Takes every text of the vehicle as it is complete."""
-    _chunks: Texts = field(default_factory=Texts)
-
-    def take(self, message: Message, now_s: float) -> bool:
-        """Note a message; False when it is not from our vehicle, or not to be believed."""
-        name = message.get_type()
-        system, component = message.get_srcSystem(), message.get_srcComponent()
-        if name == "HEARTBEAT" and self.system_id == 0:
-            self._bind(message, system, component)
-        if system != self.system_id or system == 0:
-            return False
-        if not self.gate.admits(message, self._senders(component), now_s):
-            return False
-        if name == "HEARTBEAT" and component == self.autopilot_component:
-            if message.autopilot != self.autopilot and self.autopilot is not None:
-                self.gate.refuse(name, "another autopilot", now_s)
-                return False
-            self.heard_s = now_s
-        handler = _HANDLERS.get(name)
-        if handler is not None:
-            handler(self, message, now_s, component)
-        return True
+    chunks: Texts = field(default_factory=Texts)
+    """Texts that are not yet complete."""
 
     def corrected(self, told: LatLon) -> LatLon:
         """The place that the vehicle means where it tells one of its own."""
@@ -167,20 +134,6 @@ class VehicleView:
         """Whether its filter goes on without satellites: by optical flow, or by what it is told."""
         known = self.ekf_flags & EKF_RELATIVE and not self.ekf_flags & EKF_CONSTANT
         return bool(known) and not self.by_satellites
-
-    def _bind(self, message: Message, system: int, component: int) -> None:
-        """The first heartbeat of an autopilot says which vehicle is at the other end."""
-        if self.wanted_system not in (None, system):
-            return
-        if is_autopilot(message):
-            self.system_id, self.autopilot_component = system, component
-
-    def _senders(self, component: int) -> frozenset[Sender]:
-        """Who a component of our system may speak as."""
-        if component == self.autopilot_component:
-            both = component == self.camera_component
-            return _AUTOPILOT | _CAMERA if both else _AUTOPILOT
-        return _CAMERA if component == self.camera_component else _OTHER
 
     def expect_near(self, place: LatLon) -> None:
         """Where the mission is: no position far away from there is believed."""
@@ -286,131 +239,3 @@ class VehicleView:
             now_s = asyncio.get_running_loop().time()
         texts = self.words_since(min(now_s - TEXT_HORIZON_S, since_s))
         return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")" if texts else ""
-
-
-def is_autopilot(heartbeat: Message) -> bool:
-    """Whether a heartbeat is an autopilot's, by which a vehicle is known."""
-    known = heartbeat.autopilot not in _NO_AUTOPILOT
-    return known and RULES["HEARTBEAT"].fault(heartbeat) is None
-
-
-def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    if message.type == mav.MAV_TYPE_CAMERA:
-        _camera_heard(view, now_s, component)
-    if component != view.autopilot_component or message.autopilot in _NO_AUTOPILOT:
-        return
-    view.autopilot = message.autopilot
-    view.mode = message.custom_mode
-    view.armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
-    critical = message.system_status == mav.MAV_STATE_CRITICAL
-    view.failsafe = critical and view.kind.tells_failsafe
-    view.critical = critical
-    _spoken(view, view._chunks.late(now_s), now_s)
-
-
-def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
-    """One camera takes the pictures; a second does not take its place while it speaks."""
-    if component != view.camera_component:
-        if now_s - view.camera_heard_s < CAMERA_SILENT_S:
-            return
-        view.camera_component = component
-        view.gate.camera_clock = CameraClock()
-    view.camera_heard_s = now_s
-
-
-def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
-    view.position = view.corrected(view.told)
-    view.position_s = now_s
-    if not (view.kind.amsl and view.off_ground and view.position is not None):
-        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
-    view.height_m = view.height_of(message)
-    view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
-    boot_s = message.time_boot_ms / 1000.0
-    view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
-
-
-def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    boot_s = message.time_boot_ms / 1000.0
-    view.gate.camera_clock.take(boot_s, now_s, view.boot_offset_s or 0.0)
-
-
-def _home(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.home = LatLon(message.latitude / 1e7, message.longitude / 1e7)
-    if view.ground_home is None or not (view.kind.amsl and view.off_ground):
-        view.ground_home = view.home
-
-
-def _sys_status(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.prearm_ok = bool(message.onboard_control_sensors_health & PREARM_BIT)
-    _percent(view, message, now_s)
-
-
-def _battery(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    if view.battery_id is not None and message.id > view.battery_id:
-        return  # a second battery: of the camera, of a winch
-    if view.battery_id != message.id:
-        view.battery_id, view.energy_consumed_j = message.id, None
-    _percent(view, message, now_s)
-    view.energy_consumed_j = None
-    if message.energy_consumed >= 0:
-        view.energy_consumed_j = message.energy_consumed * 100.0
-        view.battery_s = now_s
-
-
-def _percent(view: VehicleView, message: Message, now_s: float) -> None:
-    """Two messages tell the percentage; one that does not know it unsays only what it said."""
-    kind = message.get_type()
-    if message.battery_remaining >= 0:
-        view.battery_percent, view.battery_percent_from = message.battery_remaining, kind
-        view.battery_s = now_s
-    elif view.battery_percent_from == kind:
-        view.battery_percent = None
-
-
-def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.landed_state = message.landed_state
-
-
-def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.ekf_flags = message.flags
-
-
-def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.gps_fix = message.fix_type
-
-
-def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.identity = (message.vendor_id, message.product_id)
-    long_uid = bytes(message.uid2)
-    if any(long_uid):
-        view.uid = long_uid.hex()
-    elif message.uid:
-        view.uid = f"{message.uid:016x}"
-
-
-def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    _spoken(view, view._chunks.take(component, message, now_s), now_s)
-
-
-def _spoken(view: VehicleView, texts: list[Text], now_s: float) -> None:
-    for text in texts:
-        view.texts.append((now_s, text.words))
-        view.texts_heard += 1
-        view.hear(text)
-
-
-_HANDLERS: Final = {
-    "HEARTBEAT": _heartbeat,
-    "GLOBAL_POSITION_INT": _position,
-    "HOME_POSITION": _home,
-    "SYS_STATUS": _sys_status,
-    "BATTERY_STATUS": _battery,
-    "EXTENDED_SYS_STATE": _extended,
-    "EKF_STATUS_REPORT": _ekf,
-    "ESTIMATOR_STATUS": _ekf,  # the flags are the same
-    "GPS_RAW_INT": _gps,
-    "AUTOPILOT_VERSION": _version,
-    "STATUSTEXT": _text,
-    "CAMERA_IMAGE_CAPTURED": _captured,
-}

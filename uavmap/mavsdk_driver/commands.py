@@ -15,16 +15,14 @@ waits for just so:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.link.autopilots import PX4
 from uavmap.link.commands import MavlinkCommands
-
-if TYPE_CHECKING:
-    from uavmap.mavsdk_driver.session import MavsdkSession
+from uavmap.mavsdk_driver.session import MavsdkSession
 
 MODE_S: Final = 2.5
 """A mode that was taken shows in a heartbeat within this time."""

@@ -25,8 +25,7 @@ from uavmap.link.session import (
     Session,
     result_name,
 )
-from uavmap.link.view import is_autopilot
-from uavmap.mavsdk_driver.commands import MavsdkCommands
+from uavmap.link.view_updates import is_autopilot
 from uavmap.mavsdk_driver.messages import Message, fields_of, message_of
 from uavmap.mavsdk_driver.outbox import Outbox
 from uavmap.mavsdk_driver.process import MavsdkProcess, Words
@@ -58,7 +57,6 @@ class MavsdkSession(Session):
         self.process = MavsdkProcess(
             GROUND_SYSTEM_ID, COMPONENT, self.outbox.take, self._hear, say, speedup
         )
-        self.flight = MavsdkCommands(self)
         self._complained = False
 
     # --- frames ---------------------------------------------------------------------------

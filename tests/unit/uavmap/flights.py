@@ -24,6 +24,7 @@ from uavmap.fly.cameras_of import mount_of
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.vehicle import MavlinkVehicle
+from uavmap.link.commands import Commands, MavlinkCommands
 from uavmap.link.session import GROUND_SYSTEM_ID, Session
 from uavmap.simulation import STEP_S, make_vehicles
 
@@ -46,6 +47,11 @@ def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
     return made.model_copy(update={"sim": sim, "camera": camera})
 
 
+def by_pymavlink(send: Callable[[bytes], None]) -> tuple[Session, Commands]:
+    session = Session(send, lambda frame: None)
+    return session, MavlinkCommands(session)
+
+
 class Flight:
     """A driver and the simulated vehicle at the other end.
 
@@ -57,7 +63,7 @@ class Flight:
         made: Mission,
         seed: int = 1,
         *,
-        session: Callable[[Callable[[bytes], None]], Session] | None = None,
+        driver: Callable[[Callable[[bytes], None]], tuple[Session, Commands]] | None = None,
         **patience: Any,
     ) -> None:
         self.setting = Setting.of(made)
@@ -72,9 +78,7 @@ class Flight:
         self.change: Callable[[bytes], bytes] = lambda picture: picture
         self._ours, self._theirs = mav.MAVLink(None), mav.MAVLink(None)
         self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
-        self.session = (
-            Session(self._send, lambda frame: None) if session is None else session(self._send)
-        )
+        self.session, self.commands = (driver or by_pymavlink)(self._send)
         grid = self.setting.grid
         classifier = Classifier.of(made, grid)
         source = MavlinkSource(self.session, self._fetch)
@@ -83,6 +87,7 @@ class Flight:
             1,
             "sim",
             self.session,
+            self.commands,
             CameraDriver(1, source, poses, classifier, self.now_s),
             self.setting,
             self.now_s,

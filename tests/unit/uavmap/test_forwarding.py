@@ -21,6 +21,7 @@ from tests.unit.uavmap.peer import Peer, heartbeat
 from uavmap.cameras.spec import parse_camera
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
+from uavmap.link.commands import MavlinkCommands
 from uavmap.link.forwarding import Forwarding
 from uavmap.link.frames import Splitter, sender_of, target_of
 from uavmap.link.serial_port import MOST_UNSENT, SerialPort
@@ -321,7 +322,7 @@ def ours_says(process: int) -> bytes:
 def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
     peer = Peer()
     peer.session.process_number = 7
-    link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures)
+    link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures, MavlinkCommands(peer.session))
 
     async def body() -> None:
         peer.say(heartbeat())

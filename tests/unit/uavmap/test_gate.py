@@ -25,6 +25,7 @@ from uavmap.link.gate import TELL_EVERY_S
 from uavmap.link.identity import same_aircraft
 from uavmap.link.session import Session
 from uavmap.link.view import VehicleView
+from uavmap.link.view_updates import update
 
 Message = Any
 LAT, LON = 47.3, 8.5
@@ -88,7 +89,7 @@ class Vehicle:
     def hear(self, message: Message, now_s: float, component: int = 1, system: int = 1) -> bool:
         out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         (decoded,) = mav.MAVLink(None).parse_buffer(message.pack(out))
-        return self.view.take(decoded, now_s)
+        return update(self.view, decoded, now_s)
 
     def at(self, t_s: float, north_m: float = 0.0, **how: Any) -> bool:
         return self.hear(position(LAT + north_m / M_PER_DEG, t_s=t_s, **how), t_s)

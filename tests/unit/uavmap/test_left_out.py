@@ -8,8 +8,7 @@ from typing import Any, cast
 
 from missions.events import FrameLost, FrameSeen
 from uavmap.clock import VirtualClock, run
-from uavmap.fly.frames import MOST_WAITING, Frames
-from uavmap.fly.imaging import CameraDriver
+from uavmap.fly.imaging import MOST_WAITING, CameraDriver, Frames
 
 
 class SlowCamera:

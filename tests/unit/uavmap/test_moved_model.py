@@ -11,11 +11,10 @@ from missions.errors import ImageError, MissionFileError
 from missions.mission_file.detector_section import DetectorSection
 from missions.state import Setting
 from tests.unit.uavmap.flights import small_mission
-from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.fly.classifier import Blind
 from uavmap.fly.fleet import vehicles_of
 from uavmap.fly.ground_crew import Crew
-from uavmap.fly.links import Link
+from uavmap.fly.links import mavlink_link
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.link.session import Session
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
@@ -33,7 +32,7 @@ def fleet(model: Path, told: list[str], *, recall: bool) -> dict[int, MavlinkVeh
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )  # fmt: skip
     session = Session(lambda frame: None, lambda frame: None)
-    link = Link("one", session, MavlinkSource(session, _no_picture))
+    link = mavlink_link("one", session, _no_picture)
     crew = Crew(told.append, automatic=False)
     return vehicles_of(
         plan, Setting.of(made), [link], crew, lambda: 0.0, told.append, recall=recall

@@ -30,6 +30,7 @@ from uavmap.fly.path_stream import (
 from uavmap.fly.reporter import Reporter
 from uavmap.fly.stream_timeout import StreamTimeout
 from uavmap.link.autopilots import ARDUPILOT, PX4
+from uavmap.link.commands import MavlinkCommands
 
 # far from the zone's meridian: grid north is 1.3 degrees off true north
 GRID = Grid.at(LatLon(47.4, 10.8), 4.0)
@@ -46,7 +47,9 @@ class Wire:
         session = self.peer.session
         self.reporter = Reporter(1, "sim", session.view, 60.0, GRID, self.now_s, self.now_s)
         self.monitor = Monitor(self.reporter, session.view)
-        self.stream = PathStream(session, self.reporter, self.monitor, by_places=by_places)
+        self.stream = PathStream(
+            session, MavlinkCommands(session), self.reporter, self.monitor, by_places=by_places
+        )
         self.autopilot: int = mav.MAV_AUTOPILOT_PX4 if px4 else mav.MAV_AUTOPILOT_ARDUPILOTMEGA
         self.tell(HOLD if px4 else 4)
 

@@ -26,6 +26,7 @@ from uavmap.cameras.triggered import TriggeredSource
 from uavmap.fly.flight import Flight
 from uavmap.fly.links import Link
 from uavmap.fly.progress import Progress
+from uavmap.link.commands import MavlinkCommands
 from uavmap.link.session import Session
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.journal import Journal
@@ -104,7 +105,7 @@ class RiggedFlight(Flight):
         async with asyncio.TaskGroup() as tasks:
             world = tasks.create_task(simulation.run())
             async with self.rig(simulation, session, card, self.said) as source:
-                await self._serve([Link("sim", session, source)])
+                await self._serve([Link("sim", session, source, MavlinkCommands(session))])
             world.cancel()
 
 

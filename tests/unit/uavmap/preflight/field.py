@@ -16,9 +16,8 @@ from missions.mission_file.sim_section import SimFault
 from missions.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.unit.uavmap.flights import small_mission
-from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.clock import VirtualClock, run
-from uavmap.fly.links import Link
+from uavmap.fly.links import Link, mavlink_link
 from uavmap.link.session import Session
 from uavmap.preflight.examination import connect
 from uavmap.preflight.setting_up import AutopilotSetup
@@ -50,7 +49,7 @@ class Field:
 
     def _link(self, vehicle: SimVehicle) -> Link:
         session = self._session(vehicle)
-        return Link(f"sim {vehicle.spec.system_id}", session, MavlinkSource(session, self._fetch))
+        return mavlink_link(f"sim {vehicle.spec.system_id}", session, self._fetch)
 
     def _session(self, vehicle: SimVehicle) -> Session:
         def send(frame: bytes) -> None:
