@@ -40,7 +40,7 @@ test: .venv/kernels
 	$(PYTEST) -m "not slow"
 
 test-unit: .venv/kernels
-	$(PYTEST) -m "not slow and not whole" tests/unit
+	$(PYTEST) -m "not slow and not system" tests/unit
 
 # what `make test` has left out, after it
 test-all: test
