@@ -1,11 +1,11 @@
-# make run    set up, fly the shipped runway mission in the simulator, show the results
-# make test   set up, run every test
-# make check  set up, ruff, mypy --strict, import-linter, the documentation without a broken link
-# make docs   set up, the documentation as a site: site/index.html
-# make setup  only .venv, whose bin/uavmap is the command
-# make kernels  compile what numba compiles, and the tests, which else the first flight and each
-#               worker of the tests do
-# make lock   resolve the two requirements files anew (needs uv)
+# make run        install what a flight needs, fly the shipped mission in the simulator, show the map
+# make test       the tests of every day: all but those of tests/slow.txt
+# make test-unit  the quick ones alone: no socket, no simulator, no whole command
+# make test-all   every test
+# make check      ruff, mypy --strict, import-linter, the documentation without a broken link
+# make docs       the documentation as a site: site/index.html
+# make setup      .venv with everything; .venv/bin/uavmap is the command
+# make lock       resolve the requirements files anew (needs uv)
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -15,9 +15,12 @@ SITE = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 # a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
 SCRATCH := $(shell df -Pm /dev/shm 2>/dev/null | awk 'NR == 2 && $$4 > 2000 && $$NF == "/dev/shm" {print $$NF}')
+PIP = $(BIN)/python -m pip install --disable-pip-version-check --no-compile --no-deps
+# in the order of tests/conftest.py, which keeps all cores busy
+PYTEST = $(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )$(BIN)/pytest -q -n $(WORKERS) \
+	--dist loadfile --no-loadscope-reorder
 
-# what Python and pytest have compiled is kept: each process, and each worker of the tests, compiles
-# all of it anew otherwise, which takes it longer than to import it
+# what Python, numba and pytest compile is kept: each process would compile it anew
 unexport PYTHONDONTWRITEBYTECODE
 
 # two things at once: types are checked while kernels are compiled, and tests begin after both
@@ -28,14 +31,20 @@ ifneq (,$(filter check,$(MAKECMDGOALS)))
 test: check
 endif
 
-.PHONY: run test check docs setup kernels lock clean
+.PHONY: run test test-unit test-all check docs setup lock clean
 
-run: setup
+run: .venv/ready
 	$(BIN)/uavmap fly runway --sim
 
-# in the order of tests/conftest.py, which keeps all cores busy
-test: kernels
-	$(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )$(BIN)/pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+test: .venv/kernels
+	$(PYTEST) -m "not slow"
+
+test-unit: .venv/kernels
+	$(PYTEST) -m "not slow and not system" tests/unit
+
+# what `make test` has left out, after it
+test-all: test
+	$(PYTEST) -m slow
 
 check: setup
 	$(BIN)/ruff check .
@@ -47,31 +56,36 @@ check: setup
 docs: setup
 	$(SITE)
 
-setup: .venv/ready
+setup: .venv/ready-dev
 
-# what is wrong with a test is said when the tests are run
-kernels: setup
+.venv/ready: requirements.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'
+	@echo "Installing uavmap into .venv: about 35 packages, 170 MB to download. This takes a minute or two."
+	$(PYTHON) -m venv .venv
+	$(PIP) --require-hashes -r requirements.txt
+	$(PIP) --quiet --no-build-isolation -e .
+	touch $@
+
+.venv/ready-dev: .venv/ready requirements-dev.txt requirements-clients.txt
+	@echo "Installing the tools and all extras into .venv: about 170 packages, 700 MB to download. This takes minutes."
+	$(PIP) --require-hashes -r requirements-dev.txt -r requirements-clients.txt
+	touch $@
+
+# Kernels and tests are compiled once, before the workers of the tests would each do so.
+# What is wrong with a test is said when the tests are run.
+.venv/kernels: .venv/ready-dev $(wildcard missions/kernels/*.py)
+	@echo "Compiling the planner, once: about a minute."
 	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy swath,survey --offline \
 		--json >/dev/null & \
 	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy rdfs,horizon \
 		--json >/dev/null && { $(BIN)/pytest --collect-only -qq >/dev/null || true; } && wait $$!
-
-# pip compiles one file after the other, and all of them: the packages' own tests, and forty dialects
-# of MAVLink, each as large as a small library. They are compiled if ever they are imported.
-NOT_COMPILED := '/tests?/|/dialects/v[12]0/(?!ardupilotmega|common|minimal|standard)'
-
-.venv/ready: requirements.txt requirements-clients.txt pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps \
-		--require-hashes -r requirements.txt -r requirements-clients.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	$(BIN)/python -m compileall -qq -j 0 -x $(NOT_COMPILED) .venv/lib || true
 	touch $@
 
 lock:
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-		--extra dev pyproject.toml -o requirements.txt
+		--extra dev --group build pyproject.toml -o requirements-dev.txt
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+		--group build -c requirements-dev.txt pyproject.toml -o requirements.txt
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 		--no-deps --group clients -o requirements-clients.txt
 

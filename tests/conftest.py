@@ -1,5 +1,8 @@
 """For every test: what asyncio complains of fails it; property tests draw the same examples.
 
+Two marks are set here, and nowhere else: `slow`, for the tests that `slow.txt` lists, and `system`,
+for files that need a simulator, a socket, another process or a whole command.
+
 Files whose tests wait for sockets and processes are spread evenly among those that compute, so that
 several workers of the tests keep all cores busy.
 
@@ -10,10 +13,13 @@ what it finds becomes an `@example`.
 
 from __future__ import annotations
 
+import functools
 import logging
 import os
+import re
 import signal
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
@@ -51,14 +57,35 @@ def no_complaints_of_asyncio() -> Iterator[None]:
     assert not complaints.texts
 
 
+SLOW = [
+    line
+    for line in Path(__file__).with_name("slow.txt").read_text("utf-8").splitlines()
+    if not line.startswith("#")
+]
+SYSTEM = re.compile(
+    r"^(?:from|import) (?:sitl|socket|subprocess|multiprocessing"
+    r"|uavmap\.(?:simulation|cli|__main__)"
+    r"|tests\.(?:conformance|e2e|fake_fleet|fleet_rig|unit\.uavmap\.(?:flights|peer|scenarios)))\b",
+    re.MULTILINE,
+)
+"""What a file of system tests imports."""
 WAITING = ("e2e", "conformance")
 """Folders of tests that wait most of their time."""
 
 
+@functools.cache
+def _needs_system(path: Path) -> bool:
+    return "sitl" in path.parts or SYSTEM.search(path.read_text("utf-8")) is not None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Spread the files that wait, those that compute, and doctests evenly."""
+    """Mark tests; spread the files that wait, those that compute, and doctests evenly."""
     kinds: dict[str, dict[Path, list[pytest.Item]]] = {}
     for item in items:
+        if any(fnmatchcase(f"{item.path.name}::{item.name}", pattern) for pattern in SLOW):
+            item.add_marker("slow")
+        if _needs_system(item.path):
+            item.add_marker("system")
         kind = "computing" if item.path.name.startswith("test_") else "doctests"
         kind = "waiting" if item.path.parent.name in WAITING else kind
         kinds.setdefault(kind, {}).setdefault(item.path, []).append(item)

@@ -1,10 +1,9 @@
-"""What several commands share: arguments, the results folder, the closing table."""
+"""What several commands share: arguments, the results folder, the end of a command."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -12,14 +11,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
-from rich.markup import escape
-from rich.table import Table
-
 from missions.errors import OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.fly.progress import PipeConsole
-from uavmap.results import patches_told
+from uavmap.cli.summary import print_summary
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 
@@ -36,40 +31,6 @@ exit codes:
        complete: "mission completed: yes" may come with it
   130  interrupted
 """
-
-_SHOWN: Final = {
-    "completed": "mission completed",
-    "frames_judged": "frames judged",
-    "unsearched_m": "search lanes without a judged frame, m",
-    "flight_time_s": "flight time, s",
-    "makespan_s": "makespan, s",
-    "distance_m": "distance, m",
-    "sorties": "sorties",
-    "battery_swaps": "battery swaps",
-    "vertices": "tree vertices",
-    "cells_roi": "ROI cells",
-    "cells_missed": "cells missed",
-    "iou_cells": "IoU with the truth",
-    "detections": "detections",
-    "false_positives": "false positives",
-    "false_negatives": "false negatives",
-    "min_separation_m": "least separation, m",
-    "fence_breaches": "fence breaches",
-    "reserve_violations": "reserve violations",
-    "exploration_s": "exploration, s",
-    "lower_bound_s": "lower bound on it, s",
-    "ratio": "exploration / lower bound",
-    "bound_makespan_s": "strategy's bound, s",
-    "bound_held": "bound held",
-    "tree_depth": "depth of the tree",
-    "photographs": "photographs",
-    "photographs_judged": "of these judged",
-    "photographs_refused": "of these refused",
-    "photographs_twice": "copies of others",
-    "cells_seen": "cells seen",
-    "cells_roi_m2": "region, sq m",
-    "pictures_per_cell": "pictures a cell",
-}
 
 
 def _number(text: str, kind: type[int] | type[float], low: float, high: float) -> Any:
@@ -177,10 +138,12 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     return as_json
 
 
-def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
+def report(
+    summary: Mapping[str, Any], folder: Path, *, as_json: bool, verbose: bool = False
+) -> int:
     """Print the result; returns the exit code, which does not depend on being read."""
     with contextlib.suppress(OSError):
-        _show(summary, folder, as_json=as_json)
+        print_summary(summary, folder, as_json=as_json, verbose=verbose)
     for line in summary.get("aircraft_down", ()):
         complain(line)
     if not summary["completed"] and "aircraft_down" in summary:
@@ -190,38 +153,3 @@ def report(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> int:
     if summary.get("aircraft_down"):  # also where everything is mapped
         return AIRCRAFT_DOWN
     return 0 if summary["completed"] else INCOMPLETE
-
-
-def _show(summary: Mapping[str, Any], folder: Path, *, as_json: bool) -> None:
-    if as_json:
-        json.dump({**summary, "out": str(folder)}, sys.stdout, indent=2)
-        sys.stdout.write("\n")
-        return
-    _table(summary)
-    print(summary.get("finding", ""))
-    print(f"results in {folder}")
-
-
-def _table(summary: Mapping[str, Any]) -> None:
-    table = Table(
-        title=escape(f"{summary['mission']} ({summary['strategy']})"), title_justify="left"
-    )
-    table.add_column("figure")
-    table.add_column("value", justify="right")
-    for key, label in _SHOWN.items():
-        value = summary.get(key)
-        if value is not None:
-            shown = {True: "yes", False: "no"}.get(value) if isinstance(value, bool) else None
-            table.add_row(label, shown or f"{value:,}".replace(",", " "))
-    found, in_all = summary.get("patches"), summary.get("patches_in_all")
-    if found is not None and in_all is not None:  # of a flight; a replay knows nothing of the kind
-        complete = sum(patch["complete"] for patch in found)
-        table.add_row("patches complete", f"{complete} of {len(found)}")
-        box = in_all["box"]
-        table.add_row("cells of the box decided", f"{box['decided']} of {box['cells']}")
-    PipeConsole().print(table)
-    if found is not None and in_all is not None:
-        for line in patches_told.lines(found, in_all):
-            print(line)
-    for number, note in summary.get("notes", {}).items():
-        print(f"vehicle {number}: {note}")

@@ -13,6 +13,7 @@ from uavmap.cli.common import DETECTOR_HELP, report, speedup
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, beside
+from uavmap.cli.summary import add_summary_options
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
@@ -79,7 +80,7 @@ def add_flight_options(parser: argparse.ArgumentParser, *, fleet: bool = False) 
     )
     add_page_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_summary_options(parser)
 
 
 def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
@@ -152,7 +153,7 @@ def begin(
                 code = INCOMPLETE
     if summary is None:
         return code
-    code = report(summary, folder, as_json=options.json)
+    code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and code != AIRCRAFT_DOWN:
         draw_boundary(folder, progress, complain)
     return code

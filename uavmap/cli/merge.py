@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from uavmap.cli.common import EXIT_CODES, report
+from uavmap.cli.summary import add_summary_options
 from uavmap.fly.progress import Terminal
 from uavmap.results.merging import merged_results
 
@@ -36,7 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--out", metavar="DIR", required=True, help="a new folder for the results of all"
     )
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_summary_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -44,4 +45,4 @@ def run(options: argparse.Namespace) -> int:
     """Merge."""
     out = Path(options.out)
     summary = merged_results([Path(folder) for folder in options.folders], out, Terminal().say)
-    return report(summary, out, as_json=options.json)
+    return report(summary, out, as_json=options.json, verbose=options.verbose)

@@ -7,6 +7,7 @@ from typing import Any
 
 from uavmap.cli.common import DETECTOR_HELP, number_type, report, utc_seconds, worker_count
 from uavmap.cli.endings import INTERRUPTED, complain
+from uavmap.cli.summary import add_summary_options
 from uavmap.fly.progress import Terminal
 from uavmap.lab.cluster import Cluster
 from uavmap.offline.rasters import Wishes
@@ -102,7 +103,7 @@ def add_parser(commands: Any) -> None:
         help="metres of ground a pixel of ortho.tif (default: as fine as the pictures, at the "
         "finest 0.05)",
     )
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_summary_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -127,5 +128,5 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
         rasters=Wishes(options.ortho, options.gsd),
     )
     done = replay_pictures(wanted, crew, Terminal(), complain)
-    code = report(done.summary, done.folder, as_json=options.json)
+    code = report(done.summary, done.folder, as_json=options.json, verbose=options.verbose)
     return code or (INTERRUPTED if done.interrupted else 0)

@@ -8,6 +8,7 @@ from typing import Any
 
 from missions.errors import OutputError
 from uavmap.cli.export_map import tell_incomplete
+from uavmap.cli.summary import add_summary_options, print_summary
 from uavmap.fly.progress import Terminal
 from uavmap.offline.flown_folder import flown_of
 from uavmap.results.documents import REPORT, write_report
@@ -36,6 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"
     )
+    add_summary_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -47,5 +49,6 @@ def run(options: argparse.Namespace) -> int:
     flown = flown_of(folder)
     tell_incomplete(flown, say)
     write_report(flown, out)
+    print_summary(flown.values, folder, as_json=options.json, verbose=options.verbose)
     say(f"{out or folder / REPORT}")
     return 0

@@ -15,6 +15,7 @@ from uavmap.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
 from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, beside
+from uavmap.cli.summary import add_summary_options
 from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.progress import Terminal
 from uavmap.offline.after_flight import draw_boundary, kept_frames
@@ -82,7 +83,7 @@ def add_parser(commands: Any) -> None:
     add_link_options(parser)
     add_fleet_options(parser)
     add_page_options(parser)
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_summary_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -107,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
             ask=_ask if at_terminal else None,
             onlooker=seen,
         )
-    code = report(summary, folder, as_json=options.json)
+    code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
         draw_boundary(folder, progress, complain)
     return code

@@ -176,6 +176,9 @@ class MavsdkProcess:
             with contextlib.suppress(ProcessLookupError):
                 process.kill()
             await process.wait()
+        # a process that ends without reading all breaks the pipe: that it ended is known
+        with contextlib.suppress(OSError):
+            await process.stdin.wait_closed()
 
     # --- words ------------------------------------------------------------------------------
     def _hear(self, told: Words) -> None:

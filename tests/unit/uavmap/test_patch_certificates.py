@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -150,13 +149,19 @@ def test_without_a_region_there_is_no_certificate_but_of_the_box() -> None:
     assert list(lines(found, in_all)) == ["search box: 28 of 28 cells decided"]
 
 
-def test_the_closing_table_tells_of_patches(capsys: pytest.CaptureFixture[str]) -> None:
-    assert report(STOPS.recorded()["summary"], Path("out"), as_json=False) == 0
-    told = capsys.readouterr().out
-    assert re.search(r"patches complete +│ +1 of 1 ", told)
-    assert re.search(r"cells of the box decided +│ +11 of 12 ", told)
-    assert "patch 1: 96 sq m, complete; decided from 19.4 s on, at 47.300108, 8.500105" in told
-    assert "search box: 11 of 12 cells decided, 1 in too few frames; a patch may be" in told
+def test_summary_of_a_flight_shows_patches_and_what_was_not_seen(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    summary = STOPS.recorded()["summary"]
+    assert report(summary, Path("out"), as_json=False) == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "search box: 11 of 12 cells decided, 1 in too few frames; a patch may be" in shown
+    assert "patch 1: 96 sq m, complete, at 47.300108, 8.500105" in shown
+    assert "depth of the tree" not in shown
+    report(summary, Path("out"), as_json=False, verbose=True)
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "patch 1: 96 sq m, complete; decided from 19.4 s on, at 47.300108, 8.500105" in shown
+    assert "depth of the tree" in shown
 
 
 # --- in any order ------------------------------------------------------------------------------
