@@ -15,6 +15,7 @@ from pydantic import Field, TypeAdapter
 from pydantic_core import PydanticSerializationError
 
 from missions.errors import EventError
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.units import Cell, GridPoint
 
 
@@ -250,105 +251,6 @@ class OrderFailed:
     reason: str
     kind: Literal["order_failed"] = "order_failed"
     behind: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """What another member of a fleet said of its vehicle: where it is, and what it will do."""
-
-    vehicle: int
-    t_s: float
-    position: GridPoint
-    height_m: float
-    remaining_wh: float
-    does: Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
-    home: GridPoint
-    lanes: tuple[int, ...] = ()
-    """Which lanes of the mission it holds, in the order of flight, by number from 0."""
-    path: tuple[GridPoint, ...] = ()
-    """Where its path leads from here."""
-    layer_m: float | None = None
-    """The altitude that it works in, where that is not the one from which it maps."""
-    kind: Literal["heard"] = "heard"
-
-
-class Fact(NamedTuple):
-    """What the frames of one vehicle have decided within a second: each cell, and whether it is
-    region."""
-
-    t_s: float
-    votes: tuple[tuple[Cell, bool], ...]
-    overview: bool = False
-    """Whether from the height of a search."""
-    seen: bool = False
-    """Whether nothing is decided: all frames took these cells for no region, too few of them for a
-    decision, and the vehicle has passed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shared:
-    """What another member of a fleet has decided, in facts numbered from `first` on."""
-
-    vehicle: int
-    t_s: float
-    first: int
-    frames: tuple[Fact, ...]
-    kind: Literal["shared"] = "shared"
-
-
-class Part(NamedTuple):
-    """What one vehicle of a fleet is to map: places to see it from, in order, as the region lies at
-    mission time 0."""
-
-    vehicle: int
-    places: tuple[GridPoint, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Allotted:
-    """A member of a fleet has said who is to map what: what lies near to its places."""
-
-    vehicle: int
-    t_s: float
-    parts: tuple[Part, ...]
-    kind: Literal["allotted"] = "allotted"
-
-
-@dataclass(frozen=True, slots=True)
-class Apart:
-    """Another member of a fleet has not been heard for some time: it goes on alone, as we do."""
-
-    vehicle: int
-    t_s: float
-    kind: Literal["apart"] = "apart"
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """Another member asks for the air above and below a place: it is closed to us from now on.
-
-    It is open again after `until_s`, or once another question of the same member is heard; one
-    that ends when it is asked gives it back.
-    """
-
-    vehicle: int
-    t_s: float
-    place: GridPoint
-    low_m: float
-    high_m: float
-    until_s: float
-    kind: Literal["asked"] = "asked"
-
-
-@dataclass(frozen=True, slots=True)
-class Leased:
-    """Everybody else has closed the air that our vehicle asked for to themselves."""
-
-    vehicle: int
-    t_s: float
-    place: GridPoint
-    until_s: float
-    kind: Literal["leased"] = "leased"
 
 
 @dataclass(frozen=True, slots=True)

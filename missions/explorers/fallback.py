@@ -30,9 +30,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from missions.explorers.grid_paths import step_home
 from missions.explorers.interface import Situation
 from missions.explorers.rdfs import Rdfs
+from missions.mapping.breadth_first import step_home
 from missions.mapping.tree import Tree, Vertex
 from missions.units import Cell
 

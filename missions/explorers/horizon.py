@@ -17,7 +17,6 @@ from missions.explorers.bounds import rdfs_bound_moves
 from missions.explorers.fallback import Retreat
 from missions.explorers.interface import Decision, Situation
 from missions.explorers.route_planner import SMALL_TEAM, Ground, Sites, step_cost
-from missions.explorers.step_table import StepTable
 from missions.units import Cell
 
 
@@ -34,8 +33,6 @@ class PlannerMemory:
     now: float = 0.0
     decisions: int = 0
     retreat: Retreat | None = None
-    table: StepTable = field(default_factory=StepTable, compare=False, repr=False)
-    """Steps between the vertices that are left, which the next decision brings up to date."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +66,7 @@ class Horizon:
             moves, ahead = _ahead(situation, outlook, ground)
             if ahead.now < self.until and _in_time(situation, moves, ahead, ground):
                 return Decision(moves, ahead)
-            outlook = replace(outlook, retreat=Retreat.of(situation.tree), table=StepTable())
+            outlook = replace(outlook, retreat=Retreat.of(situation.tree))
         assert outlook.retreat is not None
         moves, retreat = outlook.retreat.moves(situation)
         return Decision(moves, replace(outlook, retreat=retreat))
@@ -104,7 +101,7 @@ def _ahead(
         wide = ground.with_nooks() if small else ground  # nobody keeps to a mere guess
         away = situation.away.difference(robots)
         places = {r: cell for r, cell in {**at, **goals}.items() if r not in away}
-        sites = Sites.of(situation, wide, places, outlook.table)
+        sites = Sites.of(situation, wide, places)
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():
             goals[robot] = goal
@@ -114,9 +111,7 @@ def _ahead(
         moves[robot] = None if goal == at[robot] else wide.towards(situation, at[robot], goal)
     kept = {r: goal for r, goal in goals.items() if goal in tree and not tree.has_looked(goal)}
     now, clocks = _clocks(situation, outlook, moves)
-    return moves, PlannerMemory(
-        routes, kept, clocks, now, outlook.decisions + 1, table=outlook.table
-    )
+    return moves, PlannerMemory(routes, kept, clocks, now, outlook.decisions + 1)
 
 
 def _clocks(

@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.explorers.bounds import rdfs_bound_moves
-from missions.explorers.grid_paths import distances
 from missions.explorers.interface import Decision, Situation
+from missions.mapping.breadth_first import distances
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

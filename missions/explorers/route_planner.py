@@ -9,10 +9,9 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.explorers.grid_paths import distances
 from missions.explorers.interface import Situation
 from missions.explorers.metric import Metric
-from missions.explorers.step_table import StepTable
+from missions.mapping.breadth_first import distances
 from missions.mapping.tree import Tree
 from missions.units import Cell
 
@@ -28,8 +27,6 @@ INITIAL_TEMPERATURE = 0.02
 """How much dearer an attempt may make the whole at first."""
 SMALL_TEAM = 4
 """Up to so many robots plan with nooks as if they were ROI: cells between known ones."""
-SOON_COUNTED = 10_000
-"""Up to so many sites times cells it is sooner to count steps than to look up what was counted."""
 DEPTH, OCCUPIED = 0.85, 2.5
 """A robot without a route follows to where it is deep, and not where others go."""
 _MARGIN = 3
@@ -165,15 +162,8 @@ class Sites:
     """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
 
     @classmethod
-    def of(
-        cls,
-        situation: Situation,
-        ground: Ground,
-        places: Mapping[int, Cell],
-        table: StepTable | None = None,
-    ) -> Sites:
-        """The nodes are the vertices that nobody has looked from or is bound for. With the `table`
-        of the last decision the steps between them are counted soonest."""
+    def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
+        """The nodes are the vertices that nobody has looked from or is bound for."""
         from missions.kernels import ground as kernels  # noqa: PLC0415, as above
 
         tree, metric = situation.tree, situation.metric
@@ -186,15 +176,10 @@ class Sites:
         numbers = np.array([*free.tolist(), *others], np.int32)
         if metric.straight:
             legs = _straight(metric, cells)
-        elif len(numbers) * len(ground.cells) < SOON_COUNTED:
+        else:
             steps = kernels.spread(ground.near, numbers)
             # rows first, as the other two have them: kernels are compiled for each order anew
             legs = steps[:, numbers].astype(np.float64, order="C")
-        else:
-            height = ground.picture.size // ground.width
-            legs = (table or StepTable()).between(
-                ground.corner, ground.width, height, ground.cells, numbers
-            )
         return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
 
     def routes(

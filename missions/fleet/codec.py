@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, get_args
 
-from missions.events import Fact, Part
 from missions.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
 from missions.fleet.knowledge import MOST_RUNS, Holding
+from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint
 
 Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]

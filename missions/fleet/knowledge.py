@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from missions.events import Fact
+from missions.fleet_events import Fact
 
 MOST_BEYOND: Final = 5_000
 """So far beyond the first that is missing a fact may be; it is told again later."""

@@ -16,7 +16,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from missions.events import Fact, FrameSeen, Vote
+from missions.events import FrameSeen, Vote
+from missions.fleet_events import Fact
 from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from missions.events import Event, Fact, FrameSeen, Shared, Tracked
+from missions.events import Event, FrameSeen, Tracked
 from missions.fleet.own_cells import OwnCells, as_frames
+from missions.fleet_events import Fact, Shared
 from missions.flight.lane_passes import still_open
 from missions.flight.two_heights import with_plain
 from missions.flight.whole_box import open_cells

@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.fleet.own_cells import as_frames
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.deconfliction import clear_of
 from missions.flight.lane_numbers import lane_number
 from missions.flight.parts import back_from_lanes_s, held_until_s

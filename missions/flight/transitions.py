@@ -7,10 +7,7 @@ from functools import singledispatch
 
 from missions.events import (
     Airborne,
-    Allotted,
-    Apart,
     Arrived,
-    Asked,
     BatterySwapped,
     CellSkipped,
     Connected,
@@ -19,8 +16,6 @@ from missions.events import (
     FrameLost,
     FrameSeen,
     Guarded,
-    Heard,
-    Leased,
     LiftedOff,
     LookEnded,
     Navigated,
@@ -28,9 +23,9 @@ from missions.events import (
     Paused,
     Recalled,
     Resumed,
-    Shared,
     Tracked,
 )
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.connections import (
     LIFTED_M,
     connected,

@@ -1,10 +1,11 @@
-"""Breadth first over cells: what is reached from a cell, and in how many steps."""
+"""Breadth-first search over cells: what is reached, in how many steps, and by which way."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 
@@ -42,3 +43,30 @@ def reached(
 def neighbours_in(known: Known) -> Callable[[Cell], list[Cell]]:
     """The rule to be handed to `reached` that keeps to `known` cells."""
     return lambda cell: [near for near in cell.neighbours() if near in known]
+
+
+def distances(known: Known, start: Cell) -> dict[Cell, int]:
+    """Steps from `start` to every cell that is reached over `known` cells, nearest first.
+
+    >>> distances({Cell(0, 0), Cell(0, 1), Cell(1, 1)}, Cell(0, 0))[Cell(1, 1)]
+    2
+    """
+    return reached(neighbours_in(known), start)
+
+
+def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:
+    """The first cell on a shortest way from `start` to `goal`; of several the first in the order
+    north, east, south, west.
+
+    >>> step_towards({Cell(0, 0), Cell(0, 1), Cell(1, 1)}, Cell(0, 0), Cell(1, 1))
+    Cell(east=0, north=1)
+    """
+    if start == goal:
+        return start
+    steps = reached(neighbours_in(known), goal, until=[start])
+    return min((near for near in start.neighbours() if near in steps), key=lambda near: steps[near])
+
+
+def step_home(tree: Tree, start: Cell) -> Cell | None:
+    """The next cell on a shortest known way to the root, None at the root."""
+    return None if start == tree.root else step_towards(tree, start, tree.root)

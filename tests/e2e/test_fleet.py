@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from missions.events import Apart, Event, Heard, Shared
+from missions.events import Event
+from missions.fleet_events import Apart, Heard, Shared
 from missions.flight.joined import joined
 from missions.ground.grid import Grid
 from missions.mission_file.fleet_checks import check_fleet, with_pads_apart

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.events import Heard, Shared
+from missions.fleet_events import Heard, Shared
 from missions.ground.grid import Grid
 from tests.e2e.rig import LOOPBACK, ended, free_ports, roi_cells, simulator, started, uavmap
 from tests.e2e.test_fleet import journal, region

@@ -10,8 +10,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from missions.events import Asked, Event, Leased
+from missions.events import Event
 from missions.fleet.codec import Ask
+from missions.fleet_events import Asked, Leased
 from missions.flight.deconfliction import meets
 from missions.flight.members import may_close
 from missions.state import Column, Setting, State

@@ -16,16 +16,12 @@ from dataclasses import replace
 from typing import Final
 
 from missions.events import (
-    Allotted,
-    Apart,
     Continued,
     Event,
     FrameSeen,
     LiftedOff,
-    Part,
     Paused,
     Recalled,
-    Shared,
     Tracked,
     VehicleRecalled,
 )
@@ -33,6 +29,7 @@ from missions.fleet.bits import BytesError
 from missions.fleet.codec import Message, Presence, Word, decode, encode
 from missions.fleet.knowledge import NOTHING, Knowledge
 from missions.fleet.own_cells import OwnCells
+from missions.fleet_events import Allotted, Apart, Part, Shared
 from missions.mapping.belief import Belief
 from missions.state import Setting, State
 from uavmap.comms.airspace import Airspace

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from missions.events import Heard
 from missions.fleet.codec import Does, Presence
+from missions.fleet_events import Heard
 from missions.flight.lane_numbers import lanes_held
 from missions.orders import FlyPath
 from missions.state import Phase, Setting, State, VehicleState

@@ -11,14 +11,11 @@ from typing import Any
 from missions.explorers import Explorer
 from missions.explorers.metric import Metric
 from missions.lab.arena.certificate import Certificate, certify
-from missions.lab.arena.fast import run_rdfs_legs
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.run import Comms, Run, run
-from missions.lab.strategies import EXPLORERS
 from missions.planning.bounds.lower_bounds import LowerBounds
 
-MANY_CELLS = 1000
 _KEYS = (
     "makespan",
     "lower_bound",
@@ -70,14 +67,8 @@ class Trial:
 
 
 def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
-    """A run in the arena; in its compiled twin where there is one and it is worth the loading."""
-    cells, start, robots, metric = roi.cells, roi.start, terms.robots, terms.metric
-    if explorer == EXPLORERS["rdfs"] and terms.comms is Comms.SHARED and len(cells) >= MANY_CELLS:
-        from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second to load
-
-        if COMPILED:
-            return run_rdfs_legs(cells, start, robots, metric)
-    return run(explorer, cells, start, robots, metric=metric, comms=terms.comms)
+    """A run in the arena."""
+    return run(explorer, roi.cells, roi.start, terms.robots, metric=terms.metric, comms=terms.comms)
 
 
 def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:

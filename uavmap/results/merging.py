@@ -15,23 +15,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import JournalError, OutputError
-from missions.events import (
-    Allotted,
-    Apart,
-    Asked,
-    Continued,
-    Event,
-    FrameSeen,
-    Heard,
-    Leased,
-    Paused,
-    Recalled,
-    Resumed,
-    Shared,
-    Tracked,
-    to_json,
-)
+from missions.events import Continued, Event, FrameSeen, Paused, Recalled, Resumed, Tracked, to_json
 from missions.fleet.knowledge import Knowledge
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.joined import Facts
 from uavmap.comms.fleet_key import meaning_of
 from uavmap.record.any_journal import read_journal

@@ -1,5 +1,6 @@
-"""The arena for `rdfs` alone, compiled: the same figures as `missions.lab.arena.run`, some thousand
-times faster.
+"""The figures of `rdfs` in the arena, compiled: those of `missions.lab.arena.run`, but sooner.
+
+Studies of its bounds need them on regions of 100,000 cells.
 
 It knows shared communication and a team that stays; for everything else there is the arena.
 """
@@ -9,19 +10,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import RoiError
 from missions.explorers.metric import Metric
-from missions.lab.arena.run import Leg, Run
-from missions.mapping.tree import Tree, Vertex
 from missions.units import Cell
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _NONE = -1
 _MOST_KEYS = 2**62
@@ -107,90 +102,18 @@ def run_rdfs(
     >>> run_rdfs([Cell(0, 0), Cell(1, 0), Cell(2, 0)], Cell(0, 0), robots=2)
     Summary(makespan=4.0, moves=8, cells=3, depth=2)
     """
-    return _Play(roi, start, robots, metric, plain).summary
+    from missions.kernels import ground  # noqa: PLC0415 - importing numba takes a second
+    from missions.lab.kernels import rdfs  # noqa: PLC0415 - as above
 
-
-def run_rdfs_legs(
-    roi: Collection[Cell] | Lattice,
-    start: Cell,
-    robots: int,
-    metric: Metric | None = None,
-    *,
-    plain: bool = False,
-) -> Run:
-    """The whole of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`: tree and legs.
-
-    `plain` as for `run_rdfs`.
-
-    Raises:
-        RoiError: a start outside the ROI.
-    """
-    played = _Play(roi, start, robots, metric, plain)
-    played.again(played.summary.moves)
-    return Run(
-        played.summary.makespan,
-        played.tree(),
-        tuple(played.legs()),
-        dict.fromkeys(range(robots), start),
-    )
-
-
-class _Play:
-    """One run, and the arrays that it filled."""
-
-    def __init__(
-        self,
-        roi: Collection[Cell] | Lattice,
-        start: Cell,
-        robots: int,
-        metric: Metric | None,
-        plain: bool,
-    ) -> None:
-        self._lattice = roi if isinstance(roi, Lattice) else Lattice.of(roi)
-        self._root = self._lattice.index(start)
-        self._robots, self._plain = robots, plain
-        self._metric = metric if metric is not None else Metric()
-        makespan, moves = self.again(0)
-        reached = int(np.count_nonzero(self._parent != _NONE))
-        self.summary = Summary(makespan, moves, reached, int(self._depth.max()))
-
-    def again(self, legs: int) -> tuple[float, int]:
-        """Play, and keep so many legs."""
-        from missions.lab.kernels import rdfs  # noqa: PLC0415, importing numba takes a second
-
-        self._legs, self._times = np.empty((legs, 3), np.int32), np.empty((legs, 2))
-        cost = np.array([self._metric.leg(Cell(0, 0), step) for step in _STEPS])
-        cells = self._lattice.cells
-        away = ((cells - cells[self._root]) ** 2).sum(axis=1)
-        if self._plain:
-            away[:] = 0  # nobody is farther out than another
-        makespan, moves, rows = rdfs.play(
-            self._lattice.near,
-            away,
-            self._root,
-            self._robots,
-            cost,
-            self._metric.look,
-            self._plain,
-            self._legs,
-            self._times,
-        )
-        self._parent, self._depth = rows[:, rdfs.PARENT], rows[:, rdfs.DEPTH]
-        return float(makespan), int(moves)
-
-    def tree(self) -> Tree:
-        """The tree at the end, all of it explored."""
-        cells = [Cell(*cell) for cell in self._lattice.cells.tolist()]
-        vertices = {
-            cells[v]: Vertex(None if v == self._root else cells[self._parent[v]], depth, True)
-            for v, depth in enumerate(self._depth.tolist())
-            if self._parent[v] != _NONE
-        }
-        return Tree.of(cells[self._root], vertices)
-
-    def legs(self) -> Iterator[Leg]:
-        """The legs that were kept."""
-        cells = [Cell(*cell) for cell in self._lattice.cells.tolist()]
-        rows = zip(self._legs.tolist(), self._times.tolist(), strict=True)
-        for (robot, start, end), (start_t, end_t) in rows:
-            yield Leg(robot, start_t, end_t, cells[start], cells[end])
+    lattice = roi if isinstance(roi, Lattice) else Lattice.of(roi)
+    root = lattice.index(start)
+    metric = metric if metric is not None else Metric()
+    cost = np.array([metric.leg(Cell(0, 0), step) for step in _STEPS])
+    away = ((lattice.cells - lattice.cells[root]) ** 2).sum(axis=1)
+    steps = ground.spread(lattice.near, np.array([root], np.int32))[0]
+    if plain:
+        away[:] = 0  # no cell is farther out than another
+        steps = steps[:0]
+    makespan, moves, rows = rdfs.play(lattice.near, away, root, robots, cost, metric.look, steps)
+    reached = int(np.count_nonzero(rows[:, rdfs.PARENT] != _NONE))
+    return Summary(float(makespan), int(moves), reached, int(rows[:, rdfs.DEPTH].max()))

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from missions.explorers.grid_paths import step_home
 from missions.explorers.interface import Decision, Situation
 from missions.lab.strategies.assignment import assign
 from missions.lab.strategies.leg_costs import Ways
+from missions.mapping.breadth_first import step_home
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

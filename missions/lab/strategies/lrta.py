@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.explorers.grid_paths import step_home
 from missions.explorers.interface import Decision, Situation
+from missions.mapping.breadth_first import step_home
 from missions.units import Cell
 
 

@@ -24,9 +24,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
-from missions.explorers.grid_paths import step_home, step_towards
 from missions.explorers.interface import Decision, Situation
 from missions.lab.strategies.leg_costs import Ways
+from missions.mapping.breadth_first import step_home, step_towards
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

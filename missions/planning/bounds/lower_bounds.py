@@ -27,8 +27,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.explorers.grid_paths import distances
 from missions.explorers.metric import Metric
+from missions.mapping.breadth_first import distances
 from missions.units import Cell
 
 COMPILED_FROM = 5000

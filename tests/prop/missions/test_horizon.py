@@ -11,12 +11,12 @@ import pytest
 from missions.explorers import Decision, Situation
 from missions.explorers.bounds import rdfs_bound_moves
 from missions.explorers.fallback import Retreat
-from missions.explorers.grid_paths import distances
 from missions.explorers.horizon import Horizon, PlannerMemory
 from missions.explorers.metric import Metric
 from missions.explorers.route_planner import Ground, Sites
 from missions.lab.arena.roi import component, eden, grown, thin
 from missions.lab.arena.run import Comms, Run, run
+from missions.mapping.breadth_first import distances
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

@@ -11,18 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions import events
-from missions.events import (
-    Airborne,
-    Event,
-    Fact,
-    FrameLost,
-    FrameSeen,
-    Part,
-    Tracked,
-    Vote,
-    from_json,
-    to_json,
-)
+from missions.events import Airborne, Event, FrameLost, FrameSeen, Tracked, Vote, from_json, to_json
+from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint
 
 FAST = settings(max_examples=300, deadline=None)

@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from missions.explorers.grid_paths import distances
 from missions.kernels import routes as routing
 from missions.kernels.ground import (
     IMAGINED,
@@ -22,6 +21,7 @@ from missions.kernels.ground import (
     unobserved,
 )
 from missions.lab.arena.roi import KINDS
+from missions.mapping.breadth_first import distances
 from missions.units import Cell
 
 RIM = 3  # empty rows and columns round the picture, as the kernels want them

@@ -10,12 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.explorers.grid_paths import distances, step_home, step_towards
 from missions.explorers.metric import Metric
 from missions.lab.arena.roi import KINDS
 from missions.lab.strategies.assignment import assign
 from missions.lab.strategies.leg_costs import Ways
-from missions.mapping.breadth_first import neighbours_in, reached
+from missions.mapping.breadth_first import (
+    distances,
+    neighbours_in,
+    reached,
+    step_home,
+    step_towards,
+)
 from missions.mapping.tree import Tree
 from missions.units import Cell
 

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Fact, FrameSeen, Shared, Vote
+from missions.events import FrameSeen, Vote
 from missions.fleet.own_cells import OwnCells
+from missions.fleet_events import Fact, Shared
 from missions.flight.joined import joined
 from missions.ground.grid import Grid
 from missions.mapping.belief import Belief, FrameId

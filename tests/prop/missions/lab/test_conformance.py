@@ -9,8 +9,8 @@ import pytest
 
 from missions.errors import StrategyError
 from missions.explorers import EXPLORERS, Decision, Situation
-from missions.explorers.grid_paths import step_home
 from missions.lab.arena.conformance import check, failures
+from missions.mapping.breadth_first import step_home
 from missions.units import Cell
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from missions.explorers import EXPLORERS, Situation
 from missions.explorers.bounds import drift_factor, rdfs_bound_moves
-from missions.explorers.grid_paths import distances
 from missions.explorers.metric import Metric
 from missions.lab.arena.conformance import check
 from missions.lab.arena.roi import KINDS, component, eden, thin
 from missions.lab.arena.run import Run, patience_of, run
+from missions.mapping.breadth_first import distances
 from missions.mapping.tree import Tree
 from missions.planning.bounds.promises import bound_time
 from missions.units import Cell

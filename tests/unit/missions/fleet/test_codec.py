@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Fact, Part
 from missions.fleet.bits import BytesError, Reader, Writer, inflated
 from missions.fleet.codec import (
     DOES,
@@ -23,6 +22,7 @@ from missions.fleet.codec import (
     encode,
 )
 from missions.fleet.knowledge import MOST_RUNS, Holding
+from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint
 
 CHECKED = settings(max_examples=60, deadline=None)

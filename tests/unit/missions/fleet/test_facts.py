@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Event, Fact, FrameSeen, Shared, Vote
+from missions.events import Event, FrameSeen, Vote
 from missions.fleet.knowledge import Knowledge
 from missions.fleet.own_cells import OwnCells
+from missions.fleet_events import Fact, Shared
 from missions.flight.joined import concluded, joined
 from missions.mapping.belief import Belief, FrameId
 from missions.mission_file.checks import parse_mission

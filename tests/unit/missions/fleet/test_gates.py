@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shapely.geometry import LineString
 
-from missions.events import Fact, Shared
+from missions.fleet_events import Fact, Shared
 from missions.flight.charting import chart_of
 from missions.flight.flyers import flyer_of, gate_of
 from missions.flight.passes import explore_passes

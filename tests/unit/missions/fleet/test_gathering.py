@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions.events import Apart, Fact, Shared
+from missions.fleet_events import Apart, Fact, Shared
 from missions.flight.gathering import LATE_S, SILENT_S, TELLS_S, TOLD_S, gathers
 from missions.flight.passes import explore_passes
 from missions.flight.transitions import apply

@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
-from missions.events import Apart, Arrived, FrameSeen, Heard, Leased, Vote
+from missions.events import Arrived, FrameSeen, Vote
+from missions.fleet_events import Apart, Heard, Leased
 from missions.flight.lane_passes import drop_seen
 from missions.flight.members import heard
 from missions.flight.transitions import apply

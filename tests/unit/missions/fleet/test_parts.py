@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Allotted, Apart, Fact, Heard, Part, Shared
+from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
 from missions.flight.parts import EVERY_S, KNOWN_S, own_part, share_parts
 from missions.flight.passes import NEAR_PAD_M, explore_passes
 from missions.flight.searching import find_work

@@ -1,4 +1,4 @@
-"""Localization: the paper's grids by hand, the fall-back of the planner, beliefs, particles."""
+"""Localization: the paper's grids by hand, the fall-back of the planner, beliefs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from missions.lab.localization.grids import chevrons, corridor, studded
 from missions.lab.localization.methods import METHODS, Method
 from missions.lab.localization.neighbourhood import RING
 from missions.lab.localization.noisy_run import Errors, localize_with_errors
-from missions.lab.localization.particles import Particles
 from missions.lab.localization.planner import Planner, homing_bound, plan
 from missions.lab.localization.run import localize
 from missions.units import Cell
@@ -213,36 +212,3 @@ def test_a_demand_that_is_higher_takes_more_moves() -> None:
         )
 
     assert moves(0.6) < moves(0.95) < moves(0.9995)
-
-
-# --- within the cell -------------------------------------------------------------------------
-FOOTPRINT = [(east, north) for east in (-1.2, -0.6, 0.0, 0.6, 1.2) for north in (-1.2, 0.0, 1.2)]
-
-
-def test_particles_find_the_position_within_the_cell() -> None:
-    roi = grown("ragged", 60, 2).cells
-    known = GridMap.of(roi)
-    rng = RNG(1)
-    errors = []
-    for cell in known.cells[:40:8]:
-        truth = np.array(cell) + rng.uniform(-0.4, 0.4, 2)
-        swarm = Particles.spread(known, 1500, rng)
-        for de, dn in ((0.0, 0.0), (0.3, 0.0), (0.0, 0.3), (-0.3, 0.2), (0.2, -0.4), (0.1, 0.1)):
-            truth = truth + np.array([de, dn]) + rng.normal(0.0, 0.03, 2)
-            shown = {}
-            for point in FOOTPRINT:
-                at = np.floor(truth + point + 0.5).astype(int)
-                right = rng.random() >= 0.03
-                shown[point] = (Cell(int(at[0]), int(at[1])) in roi) == right
-            swarm = swarm.moved(de, dn, 0.03, rng).saw(shown, Noise(0.03, 0.03), rng)
-        errors.append(float(np.hypot(*(np.array(swarm.mean) - truth))))
-        assert swarm.weights.sum() == pytest.approx(1.0)
-    assert sorted(errors)[len(errors) // 2] < 0.3
-
-
-def test_particles_that_fit_nothing_say_so() -> None:
-    known = GridMap.of(corridor(3))
-    with pytest.raises(LocalizationError, match="fits no particle"):
-        Particles.spread(known, 10, RNG(1)).saw({(9.0, 0.0): True}, Noise(), RNG(1))
-    with pytest.raises(LocalizationError, match="0 particles"):
-        Particles.spread(known, 0, RNG(1))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from missions.errors import RoiError
-from missions.explorers.grid_paths import distances
 from missions.lab.arena.roi import (
     KINDS,
     MAX_CELLS,
@@ -19,6 +18,7 @@ from missions.lab.arena.roi import (
     rectangle,
     thin,
 )
+from missions.mapping.breadth_first import distances
 from missions.units import Cell
 
 START = Cell(0, 0)

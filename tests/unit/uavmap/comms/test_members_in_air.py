@@ -10,8 +10,9 @@ import random
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
-from missions.events import Asked, Event, Fact
+from missions.events import Event
 from missions.fleet.codec import Ask, Message, encode
+from missions.fleet_events import Asked, Fact
 from missions.flight.deconfliction import SEPARATION_BUFFER_M, is_clear
 from missions.flight.transitions import apply
 from missions.flight.volumes import Volume

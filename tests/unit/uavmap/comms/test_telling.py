@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from missions.events import Fact
 from missions.fleet.codec import Batch, Message, encode
 from missions.fleet.knowledge import Holding, Knowledge
+from missions.fleet_events import Fact
 from missions.units import Cell, GridPoint
 from tests.unit.uavmap.comms.test_members_in_air import KEY, setting_of
 from uavmap.clock import VirtualClock, run

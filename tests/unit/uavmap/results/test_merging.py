@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from missions.errors import JournalError
-from missions.events import Event, Fact, FrameSeen, LiftedOff, Shared, Tracked, Vote
+from missions.events import Event, FrameSeen, LiftedOff, Tracked, Vote
+from missions.fleet_events import Fact, Shared
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission_text, square
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
