@@ -32,8 +32,8 @@ examples:
   uavmap export results/field-1 --to kml --out field.kml  tracks in time, for Google Earth
 
 A plan has the fence, the vehicle's home as rally point, and a flight that takes off, flies its
-lines with pictures, comes back over its home and returns. Whoever flies it flies the lines and no
-more: nobody looks at the pictures, and nobody keeps vehicles apart but their different heights.
+lines with pictures, comes back over its home and returns. An autopilot flies these lines and no
+more: nothing judges the pictures, and only their different heights keep vehicles apart.
 """
 
 
