@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sitl.ardupilot.aiding import Ek3Aiding
-from sitl.ardupilot.failsafes import Failsafes
+from sitl.ardupilot.failsafes import ArduPilotFailsafes
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import IDLE, Body, Command
@@ -27,7 +27,7 @@ class Autopilot(Aircraft):
     """An ArduCopter."""
 
     mode: Mode
-    failsafes: Failsafes
+    failsafes: ArduPilotFailsafes
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Autopilot(Aircraft):
             max_accel_m_s2=max_accel_m_s2,
         )
         self.mode = Mode.STABILIZE
-        self.failsafes = Failsafes()
+        self.failsafes = ArduPilotFailsafes()
         self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
         self._next_prearm_s = _PREARM_EVERY_S
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START

@@ -7,12 +7,12 @@ What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
+from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import Item
 from sitl.copter.motion import Motion, Place
@@ -27,24 +27,6 @@ _HOME_SHARE = 0.5
 SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
 
 
-class Guards(Protocol):
-    """What the failsafes tell of themselves."""
-
-    @property
-    def charge_state(self) -> int:
-        """MAV_BATTERY_CHARGE_STATE."""
-
-    @property
-    def active(self) -> bool:
-        """Any of them: the heartbeat says CRITICAL."""
-
-    def hear_station(self, now_s: float) -> None:
-        """A heartbeat of the ground station."""
-
-    def position_gone(self, now_s: float) -> bool:
-        """The filter has no position any more."""
-
-
 class Aircraft(Motion, ABC):
     """One autopilot; `step` moves it on, the methods are what a pilot can ask for.
 
@@ -52,7 +34,7 @@ class Aircraft(Motion, ABC):
     no MAVLink: requests are method calls that return None or the reason for a refusal.
     """
 
-    failsafes: Guards
+    failsafes: Failsafes
 
     def __init__(
         self,

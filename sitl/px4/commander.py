@@ -8,11 +8,12 @@ from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
+from sitl.copter.failsafes import CHARGE_CRITICAL
 from sitl.copter.fence import names
 from sitl.copter.modes import Phase
 from sitl.copter.params import Parameters
 from sitl.px4.aiding import Ekf2Aiding
-from sitl.px4.failsafes import CRITICAL, Px4Failsafes
+from sitl.px4.failsafes import Px4Failsafes
 from sitl.px4.fence import Px4Fence
 from sitl.px4.home import HomeCorrection
 from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
@@ -106,7 +107,7 @@ class Commander(Aircraft):
             self.t_s, self.parameters
         ):
             return "Preflight Fail: No connection to the ground control station"
-        if self.battery.empty or self.failsafes.charge_state >= CRITICAL:
+        if self.battery.empty or self.failsafes.charge_state >= CHARGE_CRITICAL:
             return "Preflight Fail: low battery"
         now = self.estimate
         here = (now.east, now.north, now.up)
