@@ -79,12 +79,7 @@ class Autopilot(Aircraft):
         refusal = self._arm_refusal(force)
         if refusal is not None:
             return refusal
-        self.armed = self.body.motors_on = True
-        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
-        self.home_changed = True
-        self._control.reset()
-        self._enter(Phase.LANDED)
-        self.say(SEVERITY_INFO, "Arming motors")
+        self._start_motors("Arming motors")
         if self.mode == Mode.AUTO and self._takes_off_in_auto and self.route.begins_with_takeoff:
             self._mission_started = True
             self.route.begin(self)
@@ -148,17 +143,9 @@ class Autopilot(Aircraft):
         if self.mode == Mode.AUTO:
             self.route.stop()
         self.mode = mode
-        self.mode_changed = True
-        self.target = None
-        self.stop_stream()
-        self._speeds.clear()
         self._submode = ""
-        self._limits_version = -1
-        if self.phase == Phase.SPOOL:
-            self._enter(Phase.LANDED)
+        self._leave_mode()
         if self.airborne:
-            self._control.yaw_target = None
-            self.hold = self._stopping_point()
             if mode == Mode.LAND:
                 self.land()
             elif mode == Mode.RTL:

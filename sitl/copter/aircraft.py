@@ -15,6 +15,7 @@ from sitl.copter.aiding import Aiding
 from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import Item
+from sitl.copter.modes import Phase
 from sitl.copter.motion import Motion, Place
 from sitl.copter.params import Parameters
 from sitl.copter.route import Route
@@ -150,6 +151,30 @@ class Aircraft(Motion, ABC):
         """DO_SET_HOME."""
         self.home = (east_m, north_m, up_m)
         self._home_known = self.home_changed = True
+
+    # --- what follows from it -------------------------------------------------------------------
+
+    def _start_motors(self, text: str) -> None:
+        """Arm, where home is from now on."""
+        self.armed = self.body.motors_on = True
+        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
+        self.home_changed = True
+        self._control.reset()
+        self._enter(Phase.LANDED)
+        self.say(SEVERITY_INFO, text)
+
+    def _leave_mode(self) -> None:
+        """Drop target, stream and changed speeds; in the air, brake to a hold."""
+        self.mode_changed = True
+        self.target = None
+        self.stop_stream()
+        self._speeds.clear()
+        self._limits_version = -1
+        if self.phase == Phase.SPOOL:
+            self._enter(Phase.LANDED)
+        if self.airborne:
+            self._control.yaw_target = None
+            self.hold = self._stopping_point()
 
     # --- time -----------------------------------------------------------------------------------
 

@@ -129,13 +129,8 @@ class Commander(Aircraft):
                 return f"Arming denied! {refusal}"
             if self.mode in UNARMABLE:
                 return f"Arming denied! Mode {self.mode.name} prevents arming"
-        self.armed = self.body.motors_on = True
         self._has_flown = False
-        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
-        self.home_changed = True
-        self._control.reset()
-        self._enter(Phase.LANDED)
-        self.say(SEVERITY_INFO, "Armed by external command")
+        self._start_motors("Armed by external command")
         self._begin_mode()
         return None
 
@@ -197,17 +192,9 @@ class Commander(Aircraft):
         if self.in_mission:
             self.route.stop()
         self.mode = mode
-        self.mode_changed = True
-        self.target = None
-        self.stop_stream()
         self._climbs_first = False
-        self._speeds.clear()
-        self._limits_version = -1
-        if self.phase == Phase.SPOOL:
-            self._enter(Phase.LANDED)
+        self._leave_mode()
         if self.airborne:
-            self._control.yaw_target = None
-            self.hold = self._stopping_point()
             self._enter(Phase.FLY)
         if self.armed:
             self._begin_mode()
