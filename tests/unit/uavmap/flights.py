@@ -239,7 +239,7 @@ def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | Non
     return flight
 
 
-def to(east_m: float, north_m: float, height_m: float = UP_M, *, stop: bool = True) -> FlyTo:
+def to(east_m: float, north_m: float = 0.0, height_m: float = UP_M, *, stop: bool = True) -> FlyTo:
     return FlyTo((GridPoint(east_m, north_m),), None, stop=stop, height_m=height_m)
 
 
