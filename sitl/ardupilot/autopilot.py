@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sitl.ardupilot.aiding import Ek3Aiding
-from sitl.ardupilot.failsafes import Failsafes
+from sitl.ardupilot.failsafes import ArduPilotFailsafes
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import IDLE, Body, Command
@@ -27,7 +27,7 @@ class Autopilot(Aircraft):
     """An ArduCopter."""
 
     mode: Mode
-    failsafes: Failsafes
+    failsafes: ArduPilotFailsafes
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Autopilot(Aircraft):
             max_accel_m_s2=max_accel_m_s2,
         )
         self.mode = Mode.STABILIZE
-        self.failsafes = Failsafes()
+        self.failsafes = ArduPilotFailsafes()
         self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
         self._next_prearm_s = _PREARM_EVERY_S
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START
@@ -79,12 +79,7 @@ class Autopilot(Aircraft):
         refusal = self._arm_refusal(force)
         if refusal is not None:
             return refusal
-        self.armed = self.body.motors_on = True
-        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
-        self.home_changed = True
-        self._control.reset()
-        self._enter(Phase.LANDED)
-        self.say(SEVERITY_INFO, "Arming motors")
+        self._start_motors("Arming motors")
         if self.mode == Mode.AUTO and self._takes_off_in_auto and self.route.begins_with_takeoff:
             self._mission_started = True
             self.route.begin(self)
@@ -148,17 +143,9 @@ class Autopilot(Aircraft):
         if self.mode == Mode.AUTO:
             self.route.stop()
         self.mode = mode
-        self.mode_changed = True
-        self.target = None
-        self.stop_stream()
-        self._speeds.clear()
         self._submode = ""
-        self._limits_version = -1
-        if self.phase == Phase.SPOOL:
-            self._enter(Phase.LANDED)
+        self._leave_mode()
         if self.airborne:
-            self._control.yaw_target = None
-            self.hold = self._stopping_point()
             if mode == Mode.LAND:
                 self.land()
             elif mode == Mode.RTL:

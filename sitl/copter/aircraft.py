@@ -7,14 +7,15 @@ What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
+from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import Item
+from sitl.copter.modes import Phase
 from sitl.copter.motion import Motion, Place
 from sitl.copter.params import Parameters
 from sitl.copter.route import Route
@@ -27,24 +28,6 @@ _HOME_SHARE = 0.5
 SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
 
 
-class Guards(Protocol):
-    """What the failsafes tell of themselves."""
-
-    @property
-    def charge_state(self) -> int:
-        """MAV_BATTERY_CHARGE_STATE."""
-
-    @property
-    def active(self) -> bool:
-        """Any of them: the heartbeat says CRITICAL."""
-
-    def hear_station(self, now_s: float) -> None:
-        """A heartbeat of the ground station."""
-
-    def position_gone(self, now_s: float) -> bool:
-        """The filter has no position any more."""
-
-
 class Aircraft(Motion, ABC):
     """One autopilot; `step` moves it on, the methods are what a pilot can ask for.
 
@@ -52,7 +35,7 @@ class Aircraft(Motion, ABC):
     no MAVLink: requests are method calls that return None or the reason for a refusal.
     """
 
-    failsafes: Guards
+    failsafes: Failsafes
 
     def __init__(
         self,
@@ -168,6 +151,30 @@ class Aircraft(Motion, ABC):
         """DO_SET_HOME."""
         self.home = (east_m, north_m, up_m)
         self._home_known = self.home_changed = True
+
+    # --- what follows from it -------------------------------------------------------------------
+
+    def _start_motors(self, text: str) -> None:
+        """Arm, where home is from now on."""
+        self.armed = self.body.motors_on = True
+        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
+        self.home_changed = True
+        self._control.reset()
+        self._enter(Phase.LANDED)
+        self.say(SEVERITY_INFO, text)
+
+    def _leave_mode(self) -> None:
+        """Drop target, stream and changed speeds; in the air, brake to a hold."""
+        self.mode_changed = True
+        self.target = None
+        self.stop_stream()
+        self._speeds.clear()
+        self._limits_version = -1
+        if self.phase == Phase.SPOOL:
+            self._enter(Phase.LANDED)
+        if self.airborne:
+            self._control.yaw_target = None
+            self.hold = self._stopping_point()
 
     # --- time -----------------------------------------------------------------------------------
 

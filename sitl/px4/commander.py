@@ -8,11 +8,12 @@ from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
+from sitl.copter.failsafes import CHARGE_CRITICAL
 from sitl.copter.fence import names
 from sitl.copter.modes import Phase
 from sitl.copter.params import Parameters
 from sitl.px4.aiding import Ekf2Aiding
-from sitl.px4.failsafes import CRITICAL, Px4Failsafes
+from sitl.px4.failsafes import Px4Failsafes
 from sitl.px4.fence import Px4Fence
 from sitl.px4.home import HomeCorrection
 from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
@@ -106,7 +107,7 @@ class Commander(Aircraft):
             self.t_s, self.parameters
         ):
             return "Preflight Fail: No connection to the ground control station"
-        if self.battery.empty or self.failsafes.charge_state >= CRITICAL:
+        if self.battery.empty or self.failsafes.charge_state >= CHARGE_CRITICAL:
             return "Preflight Fail: low battery"
         now = self.estimate
         here = (now.east, now.north, now.up)
@@ -128,13 +129,8 @@ class Commander(Aircraft):
                 return f"Arming denied! {refusal}"
             if self.mode in UNARMABLE:
                 return f"Arming denied! Mode {self.mode.name} prevents arming"
-        self.armed = self.body.motors_on = True
         self._has_flown = False
-        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
-        self.home_changed = True
-        self._control.reset()
-        self._enter(Phase.LANDED)
-        self.say(SEVERITY_INFO, "Armed by external command")
+        self._start_motors("Armed by external command")
         self._begin_mode()
         return None
 
@@ -196,17 +192,9 @@ class Commander(Aircraft):
         if self.in_mission:
             self.route.stop()
         self.mode = mode
-        self.mode_changed = True
-        self.target = None
-        self.stop_stream()
         self._climbs_first = False
-        self._speeds.clear()
-        self._limits_version = -1
-        if self.phase == Phase.SPOOL:
-            self._enter(Phase.LANDED)
+        self._leave_mode()
         if self.airborne:
-            self._control.yaw_target = None
-            self.hold = self._stopping_point()
             self._enter(Phase.FLY)
         if self.armed:
             self._begin_mode()

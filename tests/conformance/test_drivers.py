@@ -42,19 +42,14 @@ from missions.units import Cell, GridPoint, LatLon
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.conformance.rig import DRIVERS, each_autopilot, each_driver, fly, turned_to
-from tests.unit.uavmap.flights import Flight, Message
+from tests.unit.uavmap.flights import UP_M, Flight, Message, to
 from tests.unit.uavmap.test_signing import KEY, Memory
 from uavmap.fly.fleet import STREAMED_SPEEDUP
 from uavmap.link.signing import Signing, ticks_now
 from uavmap.record.flight_plan import DRIVERS as OFFERED
 
-UP_M = 12.0
 HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4, 5))}
 """What a pilot turns to who wants the vehicle: the mode, and the parameters that ask for it."""
-
-
-def to(east_m: float, north_m: float) -> FlyTo:
-    return FlyTo((GridPoint(east_m, north_m),), None, stop=True, height_m=UP_M)
 
 
 def commands(flight: Flight, since: int = 0) -> list[int]:
@@ -71,6 +66,17 @@ def nothing_flew_it(flight: Flight, since: int) -> None:
     assert [c for c in commands(flight, since) if c not in harmless] == []
     kinds = {m.get_type() for _, m in flight.sent[since:]}
     assert kinds <= {"HEARTBEAT", "COMMAND_LONG"}
+
+
+async def taken_while_it_waits(flight: Flight, autopilot: str) -> None:
+    """A pilot takes the vehicle while a target waits for its acknowledgement, which is lost."""
+    mode, asked = HOLDS[autopilot]
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.to_driver = lambda message: message.get_type() != "COMMAND_ACK"
+    before = len(flight.sent)
+    flight.driver.give(to(20.0, 0.0))
+    await flight.until(lambda: mav.MAV_CMD_DO_REPOSITION in commands(flight, before))
+    await turned_to(flight, int(mode), *asked)
 
 
 @each_autopilot
@@ -187,15 +193,9 @@ def test_a_pilot_has_the_last_word(driver: str, autopilot: str) -> None:
 @each_driver
 def test_a_command_that_is_waited_for_ends_with_its_order(driver: str, autopilot: str) -> None:
     """Nobody acknowledges it, and a pilot takes the vehicle: it is not repeated once more."""
-    mode, asked = HOLDS[autopilot]
 
     async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.to_driver = lambda message: message.get_type() != "COMMAND_ACK"
-        before = len(flight.sent)
-        flight.driver.give(to(20.0, 0.0))
-        await flight.until(lambda: mav.MAV_CMD_DO_REPOSITION in commands(flight, before))
-        await turned_to(flight, int(mode), *asked)
+        await taken_while_it_waits(flight, autopilot)
         await flight.sees(Overridden)
         since = len(flight.sent)
         await asyncio.sleep(30.0)

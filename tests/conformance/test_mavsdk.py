@@ -16,9 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
 from missions.orders import Land, TakeOff
-from tests.conformance.rig import each_autopilot, fly, turned_to
-from tests.conformance.test_drivers import HOLDS, UP_M, commands, to
-from tests.unit.uavmap.flights import Flight, Message
+from tests.conformance.rig import each_autopilot, fly
+from tests.conformance.test_drivers import taken_while_it_waits
+from tests.unit.uavmap.flights import UP_M, Flight, Message, to
 from uavmap.clock import ScaledClock, run
 from uavmap.mavsdk_driver.process import MavsdkProcess
 from uavmap.mavsdk_driver.session import MavsdkSession
@@ -66,15 +66,8 @@ def between(wire: list[Message], read: list[Message]) -> tuple[list[Message], li
 
 @each_autopilot
 def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(autopilot: str) -> None:
-    mode, asked = HOLDS[autopilot]
-
     async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.to_driver = lambda message: message.get_type() != "COMMAND_ACK"
-        before = len(flight.sent)
-        flight.driver.give(to(20.0, 0.0))
-        await flight.until(lambda: mav.MAV_CMD_DO_REPOSITION in commands(flight, before))
-        await turned_to(flight, int(mode), *asked)
+        await taken_while_it_waits(flight, autopilot)
         outbox = by_mavsdk(flight).outbox
         await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
 

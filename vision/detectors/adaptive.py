@@ -9,15 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.errors import MissionFileError
-from vision.detectors.interface import certain
-from vision.detectors.limits import check_number, check_whole
-
-_KERNEL = np.ones((3, 3), np.uint8)
+from vision.detectors.limits import check_number, check_polarity, check_whole
+from vision.detectors.mask_detector import MaskDetector
 
 
 @dataclass(frozen=True, slots=True)
-class AdaptiveDetector:
+class AdaptiveDetector(MaskDetector):
     """A pixel is ROI when its gray value differs from the mean around it.
 
     Shadows of clouds and a changed exposure move the mean with the pixel. A region must be smaller
@@ -36,7 +33,6 @@ class AdaptiveDetector:
     """
 
     name: ClassVar[str] = "adaptive"
-    calibrated: ClassVar[bool] = False
 
     window: float = 0.25
     offset: int = 12
@@ -48,29 +44,13 @@ class AdaptiveDetector:
         check_number("window", self.window, 0.01, 2.0)
         check_whole("offset", self.offset, 254)
         check_whole("dilations", self.dilations, 255)
-        if self.polarity not in ("dark", "bright"):
-            raise MissionFileError(
-                f"detector.polarity is {self.polarity!r}: expected 'dark' or 'bright'"
-            )
+        check_polarity(self.polarity)
 
-    @property
-    def shrinks_px(self) -> int:
-        """By how many pixels `mask` is smaller than the ROI at each of its edges."""
-        return self.dilations
-
-    def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
-        """See `Detector.probability`: 1 in the mask, else 0."""
-        return certain(self.mask(image))
-
-    def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
-        """See `Detector.mask`."""
+    def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
         gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         side = max(3, round(self.window * gray.shape[1]) | 1)
         mean = cv2.blur(gray, (side, side), borderType=cv2.BORDER_REPLICATE)
         difference = gray.astype(np.int16) - mean
         if self.polarity == "dark":
             difference = -difference
-        roi = np.where(difference > self.offset, np.uint8(255), np.uint8(0))
-        if self.dilations:
-            roi = cv2.erode(roi, _KERNEL, iterations=self.dilations).astype(np.uint8, copy=False)
-        return roi
+        return np.where(difference > self.offset, np.uint8(255), np.uint8(0))

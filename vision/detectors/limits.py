@@ -28,3 +28,14 @@ def check_number(key: str, value: object, least: float, most: float) -> None:
         raise MissionFileError(
             f"detector.{key} is {value!r}: expected a number from {least:g} to {most:g}"
         )
+
+
+def check_polarity(value: object) -> None:
+    """Raise `MissionFileError` unless a polarity is "dark" or "bright".
+
+    >>> check_polarity("grey")
+    Traceback (most recent call last):
+    missions.errors.MissionFileError: detector.polarity is 'grey': expected 'dark' or 'bright'
+    """
+    if value not in ("dark", "bright"):
+        raise MissionFileError(f"detector.polarity is {value!r}: expected 'dark' or 'bright'")

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.errors import MissionFileError
-from vision.detectors.interface import certain
-from vision.detectors.limits import check_whole
-
-_KERNEL = np.ones((3, 3), np.uint8)
+from vision.detectors.limits import check_number, check_whole
+from vision.detectors.mask_detector import MaskDetector
 
 
 @dataclass(frozen=True, slots=True)
-class PavedDetector:
+class PavedDetector(MaskDetector):
     """The ROI is lit and not green.
 
     Greenness is the excess green index (Woebbecke and others, 1995), (2 G - R - B) / (R + G + B),
@@ -37,7 +34,6 @@ class PavedDetector:
     """
 
     name: ClassVar[str] = "paved"
-    calibrated: ClassVar[bool] = False
 
     greenness: float = 0.04
     intensity: int = 90
@@ -47,23 +43,9 @@ class PavedDetector:
         """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_whole("intensity", self.intensity, 254)
         check_whole("dilations", self.dilations, 255)
-        number = isinstance(self.greenness, (int, float)) and not isinstance(self.greenness, bool)
-        if not number or not -1.0 <= self.greenness <= 2.0:
-            raise MissionFileError(
-                f"detector.greenness is {self.greenness!r}: expected a number from -1 to 2"
-            )
+        check_number("greenness", self.greenness, -1.0, 2.0)
 
-    @property
-    def shrinks_px(self) -> int:
-        """By how many pixels `mask` is smaller than the ROI at each of its edges."""
-        return self.dilations
-
-    def probability(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """See `Detector.probability`: 1 in the mask, else 0."""
-        return certain(self.mask(image))
-
-    def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """See `Detector.mask`."""
+    def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
         # 3 G - (R + G + B) < greenness (R + G + B), as one sum over the bands; only its sign is
         # asked, so that it may saturate: a level of an 8-bit result is a 64th of a level here
         rest = 64.0 * (1.0 + self.greenness)
@@ -72,7 +54,4 @@ class PavedDetector:
             cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self.intensity, 255, cv2.THRESH_BINARY
         )
         _, roi = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY)
-        roi = cv2.bitwise_and(roi, lit)
-        if self.dilations:
-            roi = cv2.erode(roi, _KERNEL, iterations=self.dilations)
-        return np.asarray(roi, dtype=np.uint8)
+        return cv2.bitwise_and(roi, lit)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import cv2
-import numpy as np
 from numpy.typing import NDArray
 
-from missions.errors import MissionFileError
-from vision.detectors.interface import certain
-from vision.detectors.limits import check_whole
-
-_KERNEL = np.ones((3, 3), np.uint8)
+from vision.detectors.limits import check_polarity, check_whole
+from vision.detectors.mask_detector import MaskDetector
 
 
 @dataclass(frozen=True, slots=True)
-class ThresholdDetector:
+class ThresholdDetector(MaskDetector):
     """A pixel is bright when its gray value is above `intensity`.
 
     `"dark"` is the paper: the ROI is what stays dark after the bright pixels were dilated
@@ -31,6 +27,7 @@ class ThresholdDetector:
         dilations: Passes of the 3 x 3 kernel, 0 to 255.
         polarity: Which side of `intensity` is the ROI.
 
+    >>> import numpy as np
     >>> picture = np.full((9, 9, 3), 200, np.uint8)
     >>> picture[:, :5] = 90
     >>> int(ThresholdDetector(150, 2).mask(picture)[4].sum()) // 255
@@ -38,7 +35,6 @@ class ThresholdDetector:
     """
 
     name: ClassVar[str] = "threshold"
-    calibrated: ClassVar[bool] = False
 
     intensity: int = 150
     dilations: int = 7
@@ -48,27 +44,10 @@ class ThresholdDetector:
         """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_whole("intensity", self.intensity, 254)
         check_whole("dilations", self.dilations, 255)
-        if self.polarity not in ("dark", "bright"):
-            raise MissionFileError(
-                f"detector.polarity is {self.polarity!r}: expected 'dark' or 'bright'"
-            )
+        check_polarity(self.polarity)
 
-    @property
-    def shrinks_px(self) -> int:
-        """By how many pixels `mask` is smaller than the ROI at each of its edges."""
-        return self.dilations
-
-    def probability(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """See `Detector.probability`: 1 in the mask, else 0."""
-        return certain(self.mask(image))
-
-    def mask(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """See `Detector.mask`."""
+    def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
         gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         dark_roi = self.polarity == "dark"
         kind = cv2.THRESH_BINARY_INV if dark_roi else cv2.THRESH_BINARY
-        _, roi = cv2.threshold(gray, self.intensity, 255, kind)
-        if self.dilations:
-            # eroding the ROI is dilating its surround; past the picture's edge neither grows
-            roi = cv2.erode(roi, _KERNEL, iterations=self.dilations)
-        return roi.astype(np.uint8, copy=False)
+        return cv2.threshold(gray, self.intensity, 255, kind)[1]

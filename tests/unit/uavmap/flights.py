@@ -9,13 +9,13 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.events import Event, Overridden
+from missions.events import Airborne, Event, FrameSeen, Overridden
 from missions.ground.grid import Grid
 from missions.mission_file.schema import Mission
 from missions.mission_file.sim_section import SimRegion
-from missions.orders import Order, StandDown
+from missions.orders import FlyTo, Look, Order, StandDown, TakeOff
 from missions.state import Setting
-from missions.units import GridPoint
+from missions.units import Cell, GridPoint
 from tests.small_missions import CELL_M, START, mission, square
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.cameras.pose import Poses
@@ -31,6 +31,7 @@ from uavmap.simulation import STEP_S, make_vehicles
 Message = Any
 PILOT_SYSTEM_ID = 255
 WIDTH_PX, HEIGHT_PX = 160, 120
+UP_M = 12.0
 
 
 def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
@@ -236,3 +237,28 @@ def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | Non
     run(main(), VirtualClock())
     assert all(m.get_srcSystem() == GROUND_SYSTEM_ID for _, m in flight.sent)
     return flight
+
+
+def to(east_m: float, north_m: float = 0.0, height_m: float = UP_M, *, stop: bool = True) -> FlyTo:
+    return FlyTo((GridPoint(east_m, north_m),), None, stop=stop, height_m=height_m)
+
+
+# --- phases of a flight --------------------------------------------------------------------------
+Phase = Callable[[Flight], Coroutine[Any, Any, None]]
+
+
+async def climbing(flight: Flight) -> None:
+    flight.driver.give(TakeOff(UP_M))
+    await flight.until(lambda: flight.vehicle.truth.height_m > 5.0)
+
+
+async def flying(flight: Flight) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(60.0, 0.0))
+    await asyncio.sleep(4.0)
+
+
+async def looking(flight: Flight) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(Look(Cell(0, 0), 15, UP_M))
+    await flight.sees(FrameSeen, 2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
@@ -26,15 +25,23 @@ from missions.events import (
     Released,
 )
 from missions.mission_file.schema import Mission
-from missions.orders import AwaitBattery, FlyTo, Land, Look, ReturnToLaunch, StandDown, TakeOff
+from missions.orders import AwaitBattery, Land, Look, StandDown, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.px4.modes import Px4Mode
 from sitl.px4.params import bytewise
-from tests.unit.uavmap.flights import Flight, fly, small_mission
+from tests.unit.uavmap.flights import (
+    UP_M,
+    Flight,
+    Phase,
+    climbing,
+    fly,
+    flying,
+    looking,
+    small_mission,
+    to,
+)
 
-UP_M = 12.0
 HEARTBEAT_S = 1.1
-Phase = Callable[[Flight], Coroutine[Any, Any, None]]
 
 
 def on_px4(amsl_m: float = 488.0, **how: Any) -> Mission:
@@ -42,10 +49,6 @@ def on_px4(amsl_m: float = 488.0, **how: Any) -> Mission:
     sim = made.sim.model_copy(update={"autopilot": "px4"})
     start = made.start.model_copy(update={"amsl_m": amsl_m})
     return made.model_copy(update={"sim": sim, "start": start})
-
-
-def to(east_m: float, north_m: float, height_m: float = UP_M) -> FlyTo:
-    return FlyTo((GridPoint(east_m, north_m),), None, stop=True, height_m=height_m)
 
 
 def pilot_mode(flight: Flight, mode: Px4Mode) -> None:
@@ -94,17 +97,6 @@ def test_the_wanted_speed_is_flown() -> None:
     fly(body, on_px4(speed_m_s=3.0))
 
 
-def test_two_sorties_and_a_return_by_its_own_mode() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(to(0.0, 12.0), Arrived)
-        await flight.after(ReturnToLaunch(), Landed)
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(Land(), Landed)
-
-    assert not fly(body, on_px4()).seen(Overridden)
-
-
 def test_home_that_moves_on_arming_is_no_surprise() -> None:
     """Its height, too: by the barometer it has climbed since home was set."""
 
@@ -121,23 +113,6 @@ def test_home_that_moves_on_arming_is_no_surprise() -> None:
 
 
 # --- who has the last word -----------------------------------------------------------------------
-async def climbing(flight: Flight) -> None:
-    flight.driver.give(TakeOff(UP_M))
-    await flight.until(lambda: flight.vehicle.truth.height_m > 5.0)
-
-
-async def flying(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
-    flight.driver.give(to(60.0, 0.0))
-    await asyncio.sleep(4.0)
-
-
-async def looking(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
-    flight.driver.give(Look(Cell(0, 0), 15, UP_M))
-    await flight.sees(FrameSeen, 2)
-
-
 async def landing(flight: Flight) -> None:
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(Land())

@@ -16,12 +16,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Arrived, Overridden, Released
-from missions.orders import FlyTo, TakeOff
-from missions.units import GridPoint
+from missions.orders import TakeOff
 from sitl.px4.modes import Px4Mode
-from tests.unit.uavmap.flights import Flight, fly, small_mission
+from tests.unit.uavmap.flights import UP_M, Flight, fly, small_mission, to
 
-UP_M = 12.0
 BOTH = ("ardupilot", "px4")
 WEST, EAST = -30.0, 50.0
 LOITER, GUIDED = 5, 4
@@ -30,10 +28,6 @@ LOITER, GUIDED = 5, 4
 def on(autopilot, **how):
     made = small_mission(capacity_wh=60.0, **how)
     return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
-
-
-def to(east_m, north_m=0.0):
-    return FlyTo((GridPoint(east_m, north_m),), None, stop=True, height_m=UP_M)
 
 
 async def speed_of(flight, order):

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable, Coroutine
-from typing import Any
 
-import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -41,17 +38,24 @@ from missions.orders import (
 )
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
-from tests.unit.uavmap.flights import Flight, Message, fly, small_mission, under_way
+from tests.unit.uavmap.flights import (
+    UP_M,
+    Flight,
+    Message,
+    Phase,
+    climbing,
+    fly,
+    flying,
+    looking,
+    small_mission,
+    to,
+    under_way,
+)
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
 from uavmap.link.answer import ANSWER_S
 
-UP_M = 12.0
 GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.LAND))
-
-
-def to(east_m: float, north_m: float, *, stop: bool = True) -> FlyTo:
-    return FlyTo((GridPoint(east_m, north_m),), None, stop=stop, height_m=UP_M)
 
 
 # --- the straight path -----------------------------------------------------------------------
@@ -151,34 +155,14 @@ def test_hold_stays() -> None:
 
 
 # --- the pilot has the last word -------------------------------------------------------------
-Phase = Callable[[Flight], Coroutine[Any, Any, None]]
-
-
 async def taking_off(flight: Flight) -> None:
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.vehicle.truth.armed)
 
 
-async def climbing(flight: Flight) -> None:
-    flight.driver.give(TakeOff(UP_M))
-    await flight.until(lambda: flight.vehicle.truth.height_m > 5.0)
-
-
-async def flying(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
-    flight.driver.give(to(60.0, 0.0))
-    await asyncio.sleep(4.0)
-
-
 async def sweeping(flight: Flight) -> None:
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(Sweep(GridPoint(60.0, 0.0), 4.0, UP_M))
-    await flight.sees(FrameSeen, 2)
-
-
-async def looking(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
-    flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(FrameSeen, 2)
 
 
@@ -402,18 +386,6 @@ def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes() -> None:
         assert "on the ground" in given_up.reason
 
     fly(body)
-
-
-def test_a_fifth_of_all_frames_lost() -> None:
-    async def body(flight: Flight) -> None:
-        rng = np.random.default_rng(3)
-        flight.to_driver = flight.to_vehicle = lambda message: rng.random() > 0.2
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(to(10.0, 10.0), Arrived)
-        await flight.after(Look(Cell(2, 2), 5, UP_M), LookEnded)
-        await flight.after(Land(), Landed)
-
-    assert not fly(body).seen(OrderFailed)
 
 
 def test_nobody_answers() -> None:
