@@ -16,12 +16,12 @@ from missions.units import LatLon
 from uavmap.cli.common import number_type, vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map
 from uavmap.fly.progress import Terminal
+from uavmap.journal.event_log import JournalReader
 from uavmap.mission_source import load_source
 from uavmap.offline.plan_file import Firmware, Survey, plan, waypoints
 from uavmap.offline.plan_items import Above, Item, Profile, search_flight
 from uavmap.offline.plan_survey import Overlap, SurveyFlight, survey_flight
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.atomic import write_text
 from uavmap.results.figures import figures
 from uavmap.results.write_results import map_data
@@ -234,10 +234,10 @@ def _of_results(
     """A survey of the mapped region, for one vehicle."""
     if options.above_sea:
         raise UavmapError("--above-sea is for a mission; a survey is flown above its home")
-    with Journal.open(folder / JOURNAL) as journal:
-        recorded = "replay" in journal.meta
-        setting = Setting.of(FlightPlan.read(journal).mission())
-        events = list(journal.events())
+    journal = JournalReader(folder / JOURNAL)
+    recorded = "replay" in journal.meta
+    setting = Setting.of(FlightPlan.read(journal).mission())
+    events = list(journal.events())
     state, found = figures(setting, events)
     mission = setting.mission
     data = map_data(setting, state, found, None, recorded=recorded, evidence=evidence_of(events))
