@@ -32,6 +32,7 @@ from missions.mission_file.views import path_speed_m_s, rows_across
 from missions.mission_file.whereabouts import prior_of
 from missions.motion.trajectory import LANE_CUTS_M, corner_pause_s
 from missions.orders import FlyPath, FlyTo, Hold, Order, Sweep
+from missions.swath.plan_memo import PlanMemo
 from missions.swath.strategies import LEAPFROG, ON_PATHS
 from missions.units import Cell, GridPoint
 
@@ -242,6 +243,8 @@ class Setting:
     """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     whole_fence: Fence | None = None
     """Of such a fleet: the fence without the columns over others' pads, which are holes of ours."""
+    plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
+    """What was planned before in this flight."""
     _shares: list[tuple[tuple[Lane, ...], ...]] = field(default_factory=list)
     _box_cells: list[Cell] = field(default_factory=list)
     _in_box: list[frozenset[Cell]] = field(default_factory=list)
