@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from shapely.geometry import Point, Polygon
@@ -26,6 +26,7 @@ from missions.mission_file.schema import Mission, positions
 from missions.mission_file.views import path_speed_m_s, rows_across
 from missions.mission_file.whereabouts import prior_of
 from missions.motion.trajectory import LANE_CUTS_M, corner_pause_s
+from missions.swath.plan_memo import PlanMemo
 from missions.swath.strategies import LEAPFROG, ON_PATHS
 from missions.units import Cell, GridPoint
 
@@ -53,6 +54,8 @@ class Setting:
     """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     whole_fence: Fence | None = None
     """Of such a fleet: the fence without the columns over others' pads, which are holes of ours."""
+    plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
+    """What was planned before in this flight."""
 
     @classmethod
     def of(cls, mission: Mission, member: int | None = None) -> Setting:

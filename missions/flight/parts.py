@@ -82,7 +82,7 @@ def share_parts(
     votes = setting.mission.votes
     cuts = tuple(tuple((p.east_m, p.north_m, CUT_M) for p in before.get(n, ())) for n in numbers)
     tours = tours_once(
-        known, (*flyers.values(), *(flyer for _, flyer, _ in later)),
+        setting.plans, known, (*flyers.values(), *(flyer for _, flyer, _ in later)),
         (*(0.0 for _ in flyers), *(delay_s for _, _, delay_s in later)),
         votes.frames, votes.positive, begin_s, decision, cuts, least=1, keep_s=KEEP_S,
     )  # fmt: skip

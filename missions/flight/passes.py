@@ -284,8 +284,8 @@ def _plan(
     votes = setting.mission.votes
     penalty_s = Tuning().penalty_s * times * PRESSING**memory.pressing
     return plan_once(
-        Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames, votes.positive,
-        begin_s, memory.decisions, tours,
+        setting.plans, Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames,
+        votes.positive, begin_s, memory.decisions, tours,
     )  # fmt: skip
 
 

@@ -76,8 +76,9 @@ def shared_out(
         numbered = (*team, *(number for number, _, _ in later))
         before = tuple(memory.tours.get(number, ()) for number in numbered)
         tours = tours_once(
-            known, flyers, delays_s, votes.frames, votes.positive, begin_s, decision, before
-        )
+            setting.plans, known, flyers, delays_s, votes.frames, votes.positive, begin_s,
+            decision, before,
+        )  # fmt: skip
         laid = {} if tours is None else dict(zip(numbered, tours.waypoints, strict=True))
         others: frozenset[Cell] = frozenset()
         if tours is not None:

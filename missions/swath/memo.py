@@ -1,29 +1,25 @@
 """Plans that were made before: a journal that is folded again asks for the same ones.
 
 A plan is a pure function of its arguments, and costs some ten milliseconds; the fold of a flight
-needs hundreds, and several parts of the service fold the same journal.
+needs hundreds, and several parts of the service fold the same journal. The memory is the flight's.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import astuple
 from typing import Final
 
 from missions.kernels.jit import COMPILED
 from missions.swath.chart import Known
+from missions.swath.plan_memo import PlanMemo
 from missions.swath.planner import Plan, Planner
 from missions.swath.team import Flyer, Tuning, Valued
 from missions.swath.tours import KEEP_S, LEAST_WORK, Tours, Waypoints, lay_tours
 
-REMEMBERED: Final = 4096
 UNCOMPILED_MOVES: Final = 20
 """Plain Python is a hundred times slower: plans are worse, and as safe."""
-
-_plans: OrderedDict[bytes, Plan] = OrderedDict()
-_tours: OrderedDict[bytes, Tours | None] = OrderedDict()
 
 
 def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued:
@@ -34,6 +30,7 @@ def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued
 
 
 def plan_once(
+    memo: PlanMemo,
     tuning: Tuning,
     known: Known,
     team: Sequence[Flyer],
@@ -47,22 +44,20 @@ def plan_once(
 
     `tours` are other waypoints to begin with (`missions.swath.tours`).
     """
-    key = _key(known, team, astuple(tuning), frames, majority, begin_s, decision, tours)
-    plan = _plans.get(key)
-    if plan is None:
-        if not COMPILED:
-            tuning = Tuning(penalty_s=tuning.penalty_s, moves=UNCOMPILED_MOVES)
-        planner = Planner(tuning)
+
+    def plan() -> Plan:
+        moves = tuning if COMPILED else Tuning(tuning.penalty_s, moves=UNCOMPILED_MOVES)
+        planner = Planner(moves)
         worth = valued(planner, known, frames, majority)
         next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]
-        plan = planner.plan(known.chart, team, worth, begin_s, decision, next_s, None, tours)
-        _plans[key] = plan
-        while len(_plans) > REMEMBERED:
-            _plans.popitem(last=False)
-    return plan
+        return planner.plan(known.chart, team, worth, begin_s, decision, next_s, None, tours)
+
+    asked = (astuple(tuning), frames, majority, begin_s, decision, tours)
+    return memo.answer(_key("plan", known, team, *asked), plan)
 
 
 def tours_once(
+    memo: PlanMemo,
     known: Known,
     team: Sequence[Flyer],
     delays_s: Sequence[float],
@@ -75,27 +70,25 @@ def tours_once(
     keep_s: float = KEEP_S,
 ) -> Tours | None:
     """Tours of a team past all that is to be seen; None where that is less than `least` cells."""
-    key = _key(
-        known, team, tuple(delays_s), frames, majority, begin_s, decision, before, (least, keep_s)
-    )
-    if key not in _tours:
+
+    def tours() -> Tours | None:
         worth = valued(Planner(Tuning()), known, frames, majority)
-        _tours[key] = lay_tours(
+        return lay_tours(
             known.chart, team, delays_s, worth, begin_s, decision, before, least, keep_s
         )
-        while len(_tours) > REMEMBERED:
-            _tours.popitem(last=False)
-    return _tours[key]
+
+    asked = (tuple(delays_s), frames, majority, begin_s, decision, before, (least, keep_s))
+    return memo.answer(_key("tours", known, team, *asked), tours)
 
 
-def _key(known: Known, team: Sequence[Flyer], *others: object) -> bytes:
+def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> bytes:
     made = hashlib.blake2b(digest_size=16)
     chart = known.chart
     if known.wanted is not None:
         made.update(known.wanted.tobytes())
     for array in (chart.yes, chart.no, chart.closed, chart.allowed):
         made.update(array.tobytes())
-    made.update(repr((*chart.grid, known.root, known.patches, *others)).encode())
+    made.update(repr((kind, *chart.grid, known.root, known.patches, *others)).encode())
     for flyer in team:
         made.update(repr((flyer.kinematics, flyer.place, flyer.end, flyer.path)).encode())
         made.update(repr((flyer.route, flyer.blind_s)).encode())

@@ -33,6 +33,7 @@ from tests.benchmarks.detectors import PAINTED
 from uavmap.cli import main as uavmap
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.offline.after_flight import draw_boundary
 from uavmap.offline.gathering import gather
@@ -44,7 +45,6 @@ from uavmap.offline.spool import Spool
 from uavmap.offline.tune.run import DETECTOR, MODEL, learned
 from uavmap.offline.tune.run import Wishes as TuneWishes
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.boundary_told import FILE
 from uavmap.results.score import true_roi
 from uavmap.toml_text import toml_text

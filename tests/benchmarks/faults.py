@@ -28,9 +28,9 @@ from missions.step import step
 from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
 from uavmap.fly.flight import fly as fly_plan
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 
 MISSION = "tiny"
 PHASES = ("search", "explore", "return")

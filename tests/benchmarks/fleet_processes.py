@@ -34,10 +34,10 @@ from missions.events import Landed, LiftedOff
 from missions.flight.joined import joined
 from missions.state import Setting, State
 from uavmap import simulation
+from uavmap.journal.event_log import Journal
 from uavmap.link.key_file import new_key
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 
 ROOT = Path(__file__).resolve().parents[2]
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x2, 0x1000

@@ -30,9 +30,9 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.simulation import Truth
 
 FLOW = "optical_flow = true\nodometry_drift = 0.02\n"

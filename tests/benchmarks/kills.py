@@ -30,7 +30,7 @@ import numpy as np
 from missions.errors import JournalError
 from tests.e2e.rig import bodies, mission
 from uavmap.cli import main as uavmap
-from uavmap.record.journal import Journal
+from uavmap.journal.event_log import Journal
 
 SAME = ("map.geojson", "map.kml", "map.png")
 POLL_S = 0.002
@@ -135,11 +135,11 @@ class Trials:
                 self._lasts_s *= 0.9
                 shutil.rmtree(folder)
                 kills = confirmed = 0
-        if not (folder / "journal.db").exists():
+        if not (folder / "journal.jsonl").exists():
             tally.counts["nothing made yet"] += 1
 
     def _full(self, folder: Path, said: Path, tally: Tally, twice: bool) -> None:
-        largest = (self._whole.folder / "journal.db").stat().st_size
+        largest = (self._whole.folder / "journal.jsonl").stat().st_size
         room = int(self._rng.uniform(1000, 1.2 * largest))
         confirmed = 0
         for _ in range(2):
@@ -151,13 +151,13 @@ class Trials:
 
     def _again(self, folder: Path) -> list[str]:
         """The command that the last one left to give."""
-        if (folder / "journal.db").exists():
+        if (folder / "journal.jsonl").exists():
             return ["resume", str(folder), "--json"]
         return [*self._fly, str(folder)]
 
     def _check(self, folder: Path, confirmed: int) -> None:
         """What was confirmed is there, and a copy of the folder can be opened."""
-        path = folder / "journal.db"
+        path = folder / "journal.jsonl"
         if not path.exists():
             assert confirmed == 0, f"{confirmed} events were there, and no journal is"
             return

@@ -31,6 +31,7 @@ from missions.errors import ImageError
 from missions.state import Setting
 from tests.benchmarks.many_pictures import write_survey
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import MissionSource
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.derived import derived
@@ -45,7 +46,6 @@ from uavmap.offline.sources.record import Refused
 from uavmap.offline.spool import Spool
 from uavmap.offline.workers import Threads, in_order, worker_count
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.record.journal import Journal
 from uavmap.results import documents
 
 WIDTH_PX = 1000

@@ -27,7 +27,7 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.e2e.rig import MISSIONS
 from uavmap.cli import main as uavmap_main
-from uavmap.record.journal import Journal
+from uavmap.journal.event_log import Journal
 from uavmap.simulation import Truth
 
 LIMIT_S = 20_000.0
@@ -218,7 +218,7 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
 
 
 def _events(folder: Path) -> tuple[Counter[str], tuple[str, ...]]:
-    path = folder / "journal.db"
+    path = folder / "journal.jsonl"
     if not path.exists():
         return Counter(), ()
     with Journal.open(path) as journal:

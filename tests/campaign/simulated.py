@@ -25,8 +25,8 @@ from uavmap import simulation
 from uavmap.fly.flight import fly as fly_plan
 from uavmap.fly.impact import GRAVITY_M_S2
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.simulation import STEP_S, Truth
 
 from .outcome import FORBIDDEN, Outcome

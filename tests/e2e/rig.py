@@ -8,7 +8,6 @@ import os
 import queue
 import signal
 import socket
-import sqlite3
 import subprocess
 import sys
 import threading
@@ -21,6 +20,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.e2e.preloaded import Process
+from uavmap.journal.event_log import JournalReader
 
 ROOT = Path(__file__).resolve().parents[2]
 MISSIONS = ROOT / "tests" / "data"
@@ -110,27 +110,16 @@ def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATI
 
 
 # --- journals --------------------------------------------------------------------------------
-def _asked(folder: Path, question: str, *values: object) -> list[tuple[Any, ...]]:
-    """What a journal answers by now; nothing while there is none."""
-    path = folder / "journal.db"
-    if not path.exists():
-        return []
-    with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
-        try:
-            return database.execute(question, values).fetchall()
-        except sqlite3.OperationalError:  # the file is there, its tables are not yet
-            return []
-
-
 def bodies(folder: Path, after: int = 0) -> list[str]:
     """The texts of the events that are on the disk by now, but for the first so many."""
-    question = "SELECT body FROM events ORDER BY seq LIMIT -1 OFFSET ?"
-    return [body for (body,) in _asked(folder, question, after)]
+    path = folder / "journal.jsonl"
+    return JournalReader(path).bodies()[after:] if path.exists() else []
 
 
 def written(folder: Path) -> int:
     """How many events are on the disk by now."""
-    return sum(count for (count,) in _asked(folder, "SELECT count(*) FROM events"))
+    path = folder / "journal.jsonl"
+    return path.read_bytes().count(b',"event":{') if path.exists() else 0
 
 
 def events(folder: Path, *kinds: str) -> list[dict[str, Any]]:

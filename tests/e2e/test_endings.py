@@ -82,7 +82,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
         assert failed.endswith("return by its autopilot")
         # where the machine is slow its guardian may have to insist
         assert all("it is told to" in line for line in left), done.err
-        assert "journal.db cannot be written" in last
+        assert "journal.jsonl cannot be written" in last
         assert f"to go on: uavmap resume {folder}" in done.err
         goes_on(folder, urls)
     (first, *_) = events(folder, "connected")[1:]

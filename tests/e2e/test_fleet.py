@@ -23,9 +23,9 @@ from tests.benchmarks.fleet_faults import scenario
 from tests.e2e.rig import uavmap
 from tests.fleet_rig import flown as beset
 from tests.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 
 PADS = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
 TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]

@@ -5,12 +5,10 @@ The moments are drawn by seed, in events of the journal, and are met by watching
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 from dataclasses import replace
@@ -30,10 +28,9 @@ from tests.e2e.rig import (
     uavmap,
     wait_until,
 )
-from tests.unit.uavmap.journals import write_version_1
 from uavmap.cli import main
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import FlightPlan
-from uavmap.record.journal import Journal
 
 
 def moments(seed: int, count: int, last: int) -> list[int]:
@@ -80,7 +77,7 @@ def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
     after = bodies(folder)
     assert after[: len(before)] == before
     assert json.loads(after[len(before)])["kind"] == "resumed"
-    with Journal.open(folder / "journal.db") as journal:
+    with Journal.open(folder / "journal.jsonl") as journal:
         assert FlightPlan.read(journal).rehomed
         assert journal.meta["plan"]["rehomed"] is False  # the plan itself never changes
     # the world is the same, another gust blows: cells at the rim may come out otherwise
@@ -167,7 +164,7 @@ def test_random_kills_once_and_twice_and_a_disk_that_fills():
 def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_been(speck, tmp_path):
     folder = tmp_path / "out"
     shutil.copytree(speck.folder, folder)
-    path = folder / "journal.db"
+    path = folder / "journal.jsonl"
     data = bytearray(path.read_bytes())
     middle = data.rindex(b'"kind":"tracked"', 0, len(data) // 2)
     data[middle + 9] ^= 1
@@ -181,22 +178,8 @@ def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_be
     assert done.code == 0
     assert "events kept, at least" in done.err
     assert bodies(folder) == bodies(speck.folder)
-    assert (folder / "journal.damaged-1.db").read_bytes() == data
+    assert (folder / "journal.damaged-1.jsonl").read_bytes() == data
     assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
     again = uavmap("resume", folder, "--recover", "--json")
     assert again.code == 0
     assert "nothing to recover" in again.err
-
-
-def test_a_flight_that_the_first_version_of_the_journal_began_goes_on(speck, tmp_path):
-    with Journal.open(speck.folder / "journal.db") as journal:
-        events, plan = list(journal.events()), journal.meta["plan"]
-    path = write_version_1(tmp_path / "out" / "journal.db", events[: len(events) // 2])
-    with contextlib.closing(sqlite3.connect(path)) as database:
-        database.execute("UPDATE meta SET value = ?", (json.dumps(plan),))
-        database.commit()
-    done = uavmap("resume", path.parent, "--json")
-    assert done.code == 0
-    assert bodies(path.parent) == bodies(speck.folder)
-    with Journal.open(path) as journal:
-        assert journal.version == 1

@@ -16,8 +16,8 @@ from missions.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.cli import main
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.record.journal import Journal
 from uavmap.simulation import Truth
 
 LOST_S = 22.0

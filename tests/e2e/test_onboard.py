@@ -13,8 +13,8 @@ from tests.e2e.test_fleet import journal, region
 from tests.small_missions import CELL_M, mission_text, ring, square
 from tests.small_missions import START as PLACE
 from uavmap.comms.fleet_radio import START
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.record.journal import Journal
 
 SPEEDUP = 8.0
 

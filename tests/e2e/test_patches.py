@@ -13,11 +13,11 @@ from missions.events import FrameSeen, Tracked, from_json
 from missions.state import Setting, State
 from missions.step import step
 from tests.e2e.rig import mission, uavmap
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.page.scene import STATES
 from uavmap.page.watching import Watcher
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.record.journal import Journal
 from uavmap.results.figures import figures
 from uavmap.results.write_results import map_data
 

@@ -13,8 +13,8 @@ from missions.step import fold
 from missions.units import GridPoint
 from tests.e2e.rig import uavmap
 from tests.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 
 GRID = Grid.at(START, CELL_M)
 REGION = square(-40, 84, 14, 10)

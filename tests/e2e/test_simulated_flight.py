@@ -19,7 +19,7 @@ from shapely.ops import unary_union
 
 from tests.e2e.rig import bodies, events, mission, uavmap
 
-RESULTS = {"map.geojson", "map.kml", "map.png", "journal.db", "flight.tlog", "summary.json"}
+RESULTS = {"map.geojson", "map.kml", "map.png", "journal.jsonl", "flight.tlog", "summary.json"}
 RESULTS |= {"map.gpkg", "report.html"}
 KEYS = [
     "mission",
@@ -160,7 +160,7 @@ class TestDeterminism:
         again = uavmap("fly", mission("speck"), "--sim", "--json", "--out", folder, hash_seed="2")
         assert again.summary == {**speck.summary, "out": str(folder)}
         assert bodies(folder) == bodies(speck.folder)
-        for name in RESULTS - {"journal.db"}:
+        for name in RESULTS - {"journal.jsonl"}:
             assert (folder / name).read_bytes() == (speck.folder / name).read_bytes(), name
 
     def test_another_seed_is_another_flight_to_the_same_place(self, speck, tmp_path):

@@ -15,9 +15,9 @@ from missions.events import from_json
 from tests.golden.recording import RECORDINGS, Recording, outcome
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 
 
 def flown(recording: Recording, folder: Path) -> list[str]:

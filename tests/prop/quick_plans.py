@@ -19,13 +19,14 @@ def quick_plans() -> Iterator[None]:
     Not where paths themselves are looked at: good plans bring vehicles closer to each other.
     """
     from missions.swath import memo  # noqa: PLC0415 - numba takes a second to load
+    from missions.swath.plan_memo import PlanMemo  # noqa: PLC0415, as above
     from missions.swath.planner import Plan  # noqa: PLC0415, as above
     from missions.swath.team import Tuning  # noqa: PLC0415, as above
 
     thorough = memo.plan_once
 
-    def quick(tuning: Tuning, *how: object) -> Plan:
-        return thorough(replace(tuning, moves=MOVES), *how)  # type: ignore[arg-type]
+    def quick(plans: PlanMemo, tuning: Tuning, *how: object) -> Plan:
+        return thorough(plans, replace(tuning, moves=MOVES), *how)  # type: ignore[arg-type]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(memo, "plan_once", quick)

@@ -11,8 +11,8 @@ from uavmap.animation import check_path, film_of_flight, title_of
 from uavmap.animation.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
 from uavmap.fly.progress import Terminal
+from uavmap.journal.event_log import JournalReader
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.score import true_roi
 
 ANIMATION: Final = "flight.gif"
@@ -81,11 +81,11 @@ def run(options: argparse.Namespace) -> int:
     elif not wants_pictures(options):
         into = options.out or folder
         options.animate, options.tree = into / ANIMATION, into / TREE
-    with Journal.open(folder / JOURNAL) as journal:
-        check_pictures(options)
-        plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
-        setting = plan.known_setting()
-        events = list(journal.events())
+    journal = JournalReader(folder / JOURNAL)
+    check_pictures(options)
+    plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
+    setting = plan.known_setting()
+    events = list(journal.events())
     mission, truth = setting.mission, None
     if plan.simulated and not recorded and mission.sim.roi:
         truth = true_roi(mission, setting.grid)

@@ -18,10 +18,10 @@ from uavmap.cli.page_options import add_page_options, beside
 from uavmap.cli.summary import add_summary_options
 from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.progress import Terminal
+from uavmap.journal.event_log import Journal
+from uavmap.journal.recovery import recover
 from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.record.flight_plan import DRIVERS, JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
-from uavmap.record.recovery import recover
 
 _EXAMPLES = """\
 examples:

@@ -10,12 +10,12 @@ from typing import Any
 from missions.errors import JournalError
 from uavmap.cli.page_options import add_common_options, port
 from uavmap.fly.progress import Terminal
+from uavmap.journal.event_log import JournalReader
 from uavmap.page.address import PORT
 from uavmap.page.following import Follower
 from uavmap.page.opening import Wishes, opened
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.record.frames import FRAMES
-from uavmap.record.reading import JournalReader
 
 _EXAMPLES = f"""\
 examples:

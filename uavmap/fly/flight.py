@@ -48,6 +48,7 @@ from uavmap.fly.progress import Progress
 from uavmap.fly.service import Service
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.fly.watch_over import watched_over
+from uavmap.journal.event_log import PLAIN, Journal, planner
 from uavmap.kept_detector import drop_detector, keep_detector
 from uavmap.link.urls import parse_url
 from uavmap.record.flight_plan import (
@@ -59,7 +60,6 @@ from uavmap.record.flight_plan import (
     FlightPlan,
 )
 from uavmap.record.frames import FrameKeeper, Keeper
-from uavmap.record.journal import Journal
 from uavmap.record.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.record.tlog import TlogWriter
 from uavmap.results.documents import with_documents
@@ -185,6 +185,8 @@ def resume(
         plan.check_driver()
         setting = plan.setting(progress.say)
         again = plan.simulated and not (from_home or plan.rehomed)
+        if journal.torn:
+            progress.say(f"{journal.path}: its last line was cut short, and is left out")
         state = folded(setting, journal.events(), None if again else onlooker)
         progress.say(
             f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
@@ -193,6 +195,8 @@ def resume(
         if state.over and state.completed:
             progress.say("the mission is completed already; writing its results anew")
             return _results(plan, setting, folder, journal, None, progress.say)
+        if again:
+            _refuse_other_planner(journal, setting)
         if again and state.over:
             raise JournalError(
                 f"{folder}: the flight ended without completing its mission; "
@@ -220,6 +224,22 @@ def _refuse_network(plan: FlightPlan, folder: Path) -> None:
             "`uavmap onboard` began; this one flies all its vehicles itself"
         )
     check_network(plan.network)
+
+
+def _refuse_other_planner(journal: Journal, setting: Setting) -> None:
+    """Raise `JournalError` where a flight that does not stop would come out otherwise here."""
+    here = planner()
+    if not setting.nonstop or journal.planner == here:
+        return
+    folder = journal.path.parent
+    remedy = "remove numba (`pip uninstall numba`)"
+    if here == PLAIN:
+        remedy = "install numba (`pip install 'uavmap[fast]'`)"
+    raise JournalError(
+        f"{folder}: the flight was planned by the {journal.planner} planner, and here it is "
+        f"{here}, which plans other paths; {remedy}, or `uavmap resume {folder} --from-home` "
+        "goes on without repeating the flight"
+    )
 
 
 def plan_of(journal: Journal) -> FlightPlan:

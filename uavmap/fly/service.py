@@ -28,7 +28,7 @@ from missions.flight.operator import to_skip
 from missions.orders import Order
 from missions.state import Setting, State
 from missions.step import step
-from uavmap.record.journal import Journal
+from uavmap.journal.event_log import Journal
 
 Observer = Callable[[Event, State], None]
 

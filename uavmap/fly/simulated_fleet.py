@@ -24,8 +24,8 @@ from uavmap.comms.sealing import Seal
 from uavmap.fly.flight import Flight
 from uavmap.fly.onlooker import folded
 from uavmap.fly.progress import Progress
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.merging import merged_results
 
 MEMBER_FOLDER: Final = "vehicle-{number}"

@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.errors import UavmapError
 from missions.state import Setting, State
 from uavmap.fly.progress import Progress, Silent
+from uavmap.journal.event_log import JournalReader
 from uavmap.offline.fine_map import FineMap, beneath, scene_of
 from uavmap.offline.gathering import gather
 from uavmap.offline.rasters import ORTHO, Rasters, Wishes
@@ -25,7 +26,6 @@ from uavmap.offline.spool import Spool
 from uavmap.offline.surface import Footing
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.frames import FRAMES, POSES
-from uavmap.record.journal import Journal
 from uavmap.results import boundary_file, picture
 from uavmap.results.boundary_told import FILE
 from uavmap.results.documents import write_documents
@@ -69,10 +69,10 @@ def draw_boundary(
 
 
 def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> None:
-    with Journal.open(folder / JOURNAL) as journal:
-        plan = FlightPlan.read(journal)
-        setting = plan.setting(lambda _: None)
-        events, simulated = list(journal.events()), journal.meta.get("truth")
+    journal = JournalReader(folder / JOURNAL)
+    plan = FlightPlan.read(journal)
+    setting = plan.setting(lambda _: None)
+    events, simulated = list(journal.events()), journal.meta.get("truth")
     state, found = figures(setting, events)
     gathered = gather(FlightFrames(folder))
     progress.say(

@@ -11,9 +11,9 @@ from missions.events import Event, FrameSeen, Tracked, Weighed
 from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import LatLon
+from uavmap.journal.event_log import JournalReader
 from uavmap.offline.tally import Votes, weighed
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.calendar import TAKEN, Calendar
 from uavmap.results.extent import extent
 from uavmap.results.figures import figures
@@ -29,10 +29,9 @@ _MOST_BYTES: Final = 10_000_000
 
 def flown_of(folder: Path) -> Flown:
     """What a folder tells. Raises `JournalError`, `MissionFileError`."""
-    with Journal.open(folder / JOURNAL) as journal:
-        meta = journal.meta
-        plan = FlightPlan.read(journal)
-        events = list(journal.events())
+    journal = JournalReader(folder / JOURNAL)
+    plan = FlightPlan.read(journal)
+    events, meta = list(journal.events()), journal.meta
     setting = plan.known_setting()
     if "replay" in meta:
         return _replayed(folder, plan, setting, events, Calendar.of_replay(meta.get(TAKEN)))

@@ -30,6 +30,7 @@ from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import Cell, GridPoint
 from uavmap.fly.progress import LINE_LIMIT, Progress
+from uavmap.journal.event_log import Journal
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.fine_map import FineMap, beneath, scene_of
@@ -47,7 +48,6 @@ from uavmap.offline.tally import Votes, weighed
 from uavmap.offline.workers import Crew, GoOn, Threads, beside, worker_count
 from uavmap.printable import printable
 from uavmap.record.flight_plan import FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.boundary_file import BoundaryMap
 from uavmap.results.calendar import TAKEN, Calendar, taken_meta
 from uavmap.results.documents import write_documents

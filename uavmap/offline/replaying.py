@@ -15,6 +15,7 @@ from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
 from uavmap.detector_source import detector_text
 from uavmap.fly.progress import Progress
+from uavmap.journal.event_log import Journal
 from uavmap.kept_detector import keep_detector, with_relative_model
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
@@ -29,7 +30,6 @@ from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
 from uavmap.offline.workers import Crew, beside
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.record.results_folder import make_folder, refuse_unwritable, results_folder
 from uavmap.results import documents
 from uavmap.results.atomic import write_text

@@ -14,6 +14,7 @@ from missions.events import Event, FrameSeen
 from missions.mapping.evidence import Evidence
 from missions.state import Setting, State
 from missions.step import step
+from uavmap.journal.event_log import JournalReader
 from uavmap.offline.rasters import ORTHO
 from uavmap.page.background import of_mosaic, of_tiles
 from uavmap.page.feed import Feed
@@ -23,7 +24,6 @@ from uavmap.page.scene import scene_of
 from uavmap.page.watching import Watcher
 from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.frames import FRAMES, POSES, KeptFrame, read_kept
-from uavmap.record.reading import JournalReader
 
 LOOK_S: Final = 0.2
 """The journal is looked at so often, real seconds."""
@@ -79,7 +79,8 @@ class Follower:
         )
         scene = scene_of(self.setting, self._background, recorded=self.recorded)
         tell_scene(feed, scene, self._background)
-        step_s = max(STEP_S, self._reader.last_s / MOST_STEPS)
+        last_s = events[-1].t_s if events else 0.0
+        step_s = max(STEP_S, last_s / MOST_STEPS)
         due_s = float("-inf")
         while True:
             for event in events:

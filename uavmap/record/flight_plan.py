@@ -17,11 +17,12 @@ from missions.mission_file.fleet_checks import check_fleet, with_own_air
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.state import Setting
 from uavmap import __version__
+from uavmap.journal.event_log import PLAN
 from uavmap.kept_detector import with_kept_detector
 from uavmap.mission_source import MissionSource
 from uavmap.notices import ready_planner, tell_if_uncompiled
 
-JOURNAL: Final = "journal.db"
+JOURNAL: Final = "journal.jsonl"
 TLOG: Final = "flight.tlog"
 REHOMED: Final = "rehomed"
 """In the journal's meta: whether the simulated aircraft were put at home after the start."""
@@ -37,7 +38,10 @@ SIM_EPOCH_UTC_S: Final = 1577836800.0
 class HasMeta(Protocol):
     """What is needed of a journal to read its plan."""
 
-    path: Path
+    @property
+    def path(self) -> Path:
+        """Where it lies."""
+        ...
 
     @property
     def meta(self) -> Mapping[str, Any]:
@@ -181,22 +185,18 @@ class FlightPlan:
     @classmethod
     def read(cls, journal: HasMeta) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
-        return cls.of_meta({k: json.dumps(v) for k, v in journal.meta.items()}, journal.path)
-
-    @classmethod
-    def of_meta(cls, meta: Mapping[str, str], path: Path) -> FlightPlan:
-        """The plan from the texts that a journal at `path` holds. Raises `JournalError`."""
+        meta, path = journal.meta, journal.path
         try:
-            plan = _ADAPTER.validate_json(meta["plan"], strict=True)
+            plan = _ADAPTER.validate_json(json.dumps(meta[PLAN]), strict=True)
         except (KeyError, ValueError):
             raise JournalError(f"{path} holds no flight plan; it cannot go on") from None
         if not math.isfinite(plan.epoch_utc_s) or not 0 < (plan.speedup or 1.0) < math.inf:
             raise JournalError(f"{path} holds no flight plan; it cannot go on")
-        # the plan on disk never changes: the checksums of the events begin with it
+        # the plan on disk never changes: it is in the first line
         return replace(
             plan,
             mission_text=with_kept_detector(plan.mission_text, path.parent),
-            rehomed=plan.rehomed or meta.get(REHOMED) == "true",
+            rehomed=plan.rehomed or meta.get(REHOMED) is True,
         )
 
 

@@ -20,7 +20,7 @@ from typing import Final
 from pydantic import TypeAdapter, ValidationError
 
 from missions.errors import JournalError
-from uavmap.record.journal import Journal
+from uavmap.journal.event_log import Journal
 
 CLOCK: Final = "clock"
 """The mark, in the journal's meta."""
@@ -86,7 +86,7 @@ def mission_time(
 
     Args:
         last_event_s: mission time of the last event in the journal.
-        mark: the last that was kept; None in a journal of version 1, or of a very short flight.
+        mark: the last that was kept; None in a journal of a very short flight.
         now: what the clocks say now.
         epoch_utc_s: wall clock at mission time zero.
         speedup: mission seconds in a second of this computer.

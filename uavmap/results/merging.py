@@ -20,9 +20,9 @@ from missions.fleet.knowledge import Knowledge
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.joined import Facts
 from uavmap.comms.fleet_key import meaning_of
-from uavmap.record.any_journal import read_journal
+from uavmap.journal.event_log import Journal
+from uavmap.journal.recovery import read_journal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.results.documents import with_documents
 from uavmap.results.score import true_roi
 from uavmap.results.write_results import write_results
@@ -55,7 +55,7 @@ class Source:
                 f"{folder}: {found.trouble}; {len(found.events)} events are merged, the last of "
                 f"{last_s:.0f} s"
             )
-        plan = FlightPlan.of_meta(found.meta, folder / JOURNAL)
+        plan = FlightPlan.read(found)
         return cls(folder, plan, found.events)
 
     @property

@@ -1,22 +1,19 @@
-"""Journals for tests: of a mission that can be flown, of the present version and of the first."""
+"""Journals for tests: of a mission that can be flown."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import sqlite3
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from missions.events import Event, FrameSeen, Tracked, Vote, to_json
+from missions.events import Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
-from uavmap.record.journal_file import APPLICATION_ID, SCHEMAS
 
 SOURCE = load_source("runway")
 PLAN = FlightPlan(
@@ -49,26 +46,6 @@ def write(path: Path, events: Iterable[Event]) -> Path:
     with Journal.create(path, META) as journal:
         for event in events:
             journal.append(event)
-    return path
-
-
-def write_version_1(path: Path, events: Iterable[Event]) -> Path:
-    """A journal as the first version of the format has it, closed."""
-    path.parent.mkdir(exist_ok=True)
-    with contextlib.closing(sqlite3.connect(path)) as database:
-        database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        database.execute("PRAGMA user_version = 1")
-        for statement in SCHEMAS[1]:
-            database.execute(statement)
-        for key, value in META.items():
-            database.execute("INSERT INTO meta VALUES (?, ?)", (key, json.dumps(value)))
-        for event in events:
-            row = (event.t_s, getattr(event, "vehicle", None), event.kind, to_json(event))
-            database.execute(
-                "INSERT INTO events (t_s, vehicle, kind, body) VALUES (?, ?, ?, ?)", row
-            )
-        database.commit()
-        database.execute("PRAGMA journal_mode = WAL")
     return path
 
 

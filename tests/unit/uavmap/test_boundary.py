@@ -253,7 +253,7 @@ def test_ctrl_c_in_the_mosaic_leaves_all_else(
     assert "results written in " in err
     assert "interrupted: ortho.tif is not written; all other results" in err
     there = [path.name for path in (tmp_path / "map").iterdir()]
-    others = {"journal.db", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
+    others = {"journal.jsonl", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
     others |= {"map.gpkg", "report.html"}
     assert set(there) == {*others, FILE, rasters.PROBABILITY}
 

@@ -13,9 +13,9 @@ from PIL import Image
 
 from tests.unit.uavmap.photographs import write_photo
 from uavmap.cli import main
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, TLOG
-from uavmap.record.journal import Journal
 
 RUNWAY = load_source("runway").text
 

@@ -19,7 +19,7 @@ from tests.unit.uavmap.test_replay import paint
 from tests.unit.uavmap.test_replay_robust import PLACES, good, shot
 from tests.unit.uavmap.test_replay_robust import mapped as mapped_by
 from uavmap.cli import main
-from uavmap.record.journal import Journal
+from uavmap.journal.event_log import Journal
 from vision.weighing import weights
 
 __all__ = ["good"]  # a fixture
@@ -140,7 +140,7 @@ def test_the_map_tells_beliefs_and_the_journal_leads_to_the_same(
     assert summary["decided_by"] == "evidence"
     features = json.loads((out / "map.geojson").read_text())["features"]
     told = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
-    with Journal.open(out / "journal.db") as journal:
+    with Journal.open(out / "journal.jsonl") as journal:
         evidence = evidence_of(journal.events())
     assert evidence is not None
     for cell in told:

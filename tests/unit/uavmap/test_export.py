@@ -24,10 +24,10 @@ from sitl.testing import Fleet, Vehicle
 from tests.small_missions import mission_text, square
 from tests.unit.uavmap.journals import PLAN
 from uavmap.cli import main
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import MissionSource
 from uavmap.offline.plan_items import clockwise
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.record.journal import Journal
 
 E7 = 1e-7
 LONGEST_M = 500.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from dataclasses import asdict
 from pathlib import Path
@@ -14,13 +13,13 @@ from tests.unit.uavmap.test_replay import paint
 from tests.unit.uavmap.test_replay_robust import good, mapped, shot
 from uavmap.cli import main
 from uavmap.detector_source import detector_text
+from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.kept_detector import KEPT, keep_detector
 from uavmap.mission_source import load_source
 from uavmap.offline.gathering import gather
 from uavmap.offline.sources.folder import Folder
 from uavmap.offline.tune import run as tuning
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.record.journal import Journal
 from vision.detectors.learned_model import Logistic, Model, model_bytes
 
 __all__ = ["good"]  # a fixture
@@ -64,12 +63,12 @@ def test_a_flight_goes_on_without_the_file_that_its_model_came_from(tmp_path: Pa
     keep_detector(section, source.text, folder)
     shutil.rmtree(model)
     plan = FlightPlan(source.source, source.text, None, None, 0, (), None, 0.0)
-    meta = {"plan": json.dumps(asdict(plan))}
-    read = FlightPlan.of_meta(meta, folder / JOURNAL).mission()
+    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+        read = FlightPlan.read(journal).mission()
     assert read.detector.model == str((folder / KEPT / "model.json").resolve())
     # a copy that somebody has changed is none
     (folder / KEPT / "model.json").write_text("{}")
-    assert FlightPlan.of_meta(meta, folder / JOURNAL).mission().detector == section
+    assert FlightPlan.read(JournalReader(folder / JOURNAL)).mission().detector == section
 
 
 def test_masks_overlays_and_results_below_the_photographs_are_left_out(

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.uavmap.journals import PLAN, some_events, write
+from uavmap.journal import event_log
+from uavmap.journal.event_log import Journal
 from uavmap.record import mission_time as module
-from uavmap.record.journal import Journal
 from uavmap.record.mission_time import (
     CLOCK,
     DOUBTFUL_S,
@@ -163,7 +164,7 @@ def test_marks_are_kept_in_the_journal_now_and_then(
 ) -> None:
     now_s = [100.0]
     monkeypatch.setattr(module.time, "monotonic", lambda: now_s[0])
-    with Journal.create(tmp_path / "journal.db", {}) as journal:
+    with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
         assert last_mark(journal.meta) is None
         marks = Marks(journal, lambda: THEN)
         for mission_s, passed_s in ((1.0, 0.0), (2.0, 10.0), (3.0, 15.0)):
@@ -172,9 +173,14 @@ def test_marks_are_kept_in_the_journal_now_and_then(
             assert last_mark(journal.meta) == Mark(1.0 if mission_s < 3.0 else 3.0, THEN)
 
 
-def test_a_mark_that_cannot_be_written_stops_nothing(tmp_path: Path) -> None:
-    with Journal.create(tmp_path / "journal.db", {}) as journal:
-        journal._database.execute("PRAGMA query_only = ON")
+def test_a_mark_that_cannot_be_written_stops_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
+        monkeypatch.setattr(event_log, "write_at", full)
         marks = Marks(journal)
         marks.note(1.0)
         assert marks.lost == 1
@@ -187,7 +193,7 @@ def test_what_is_no_mark(mark: object) -> None:
 
 @pytest.mark.parametrize("answer", [True, False, None])
 def test_what_is_doubtful_is_asked_where_somebody_is(tmp_path: Path, answer: bool | None) -> None:
-    path = write(tmp_path / "journal.db", some_events(2))
+    path = write(tmp_path / "journal.jsonl", some_events(2))
     now = later(3 * DAY_S, **OTHER_BOOT)
     said: list[str] = []
     asked: list[str] = []

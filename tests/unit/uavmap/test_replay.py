@@ -21,10 +21,10 @@ from tests.small_missions import CELL_M, START, ring, square
 from tests.unit.uavmap.journals import META
 from tests.unit.uavmap.photographs import dji, write_photo
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.offline.replay import Options, replay
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.record.journal import Journal
 
 REAL = Path(__file__).resolve().parents[3] / "../shared/data/brighton_beach"
 GEOD = pyproj.Geod(ellps="WGS84")

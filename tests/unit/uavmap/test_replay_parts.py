@@ -16,6 +16,7 @@ from tests.benchmarks.replay import mutations, peak_mb, survives
 from tests.unit.uavmap.journals import META
 from tests.unit.uavmap.test_replay_robust import shot
 from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
+from uavmap.journal.event_log import Journal
 from uavmap.offline.derived import nice_m
 from uavmap.offline.gathering import gather
 from uavmap.offline.laid import Laid
@@ -23,7 +24,6 @@ from uavmap.offline.pixels import eight_bits
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.tally import Votes
 from uavmap.offline.workers import in_order
-from uavmap.record.journal import Journal
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
@@ -18,7 +17,8 @@ from missions.units import GridPoint
 from tests.unit.uavmap.flights import small_mission
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.service import Service
-from uavmap.record.journal import Journal
+from uavmap.journal import event_log
+from uavmap.journal.event_log import Journal
 
 HOME = GridPoint(0.0, 0.0)
 CONNECTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 25.0)
@@ -48,7 +48,7 @@ class Played:
 
 @pytest.fixture
 def journal(tmp_path: Path) -> Iterator[Journal]:
-    with Journal.create(tmp_path / "journal.db", {}) as journal:
+    with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
         yield journal
 
 
@@ -145,12 +145,8 @@ def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal
 def test_a_journal_that_cannot_be_written_ends_the_mission(
     journal: Journal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Full:
-        def execute(self, *_: object) -> None:
-            raise sqlite3.OperationalError("database or disk is full")
-
-        def __enter__(self) -> None: ...
-        def __exit__(self, *_: object) -> None: ...
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
 
     vehicle = Played(
         (1.0, CONNECTED),
@@ -161,14 +157,14 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        loop.call_later(10.0, monkeypatch.setattr, journal, "_database", Full())
+        loop.call_later(10.0, monkeypatch.setattr, event_log, "write_at", full)
         try:
             await service.fly()
         finally:
             assert loop.time() == pytest.approx(20.0)
             assert service.ended
 
-    with pytest.raises(JournalError, match="cannot be written: database or disk is full"):
+    with pytest.raises(JournalError, match="cannot be written: No space left on device"):
         run(main(), VirtualClock())
     told: list[str] = []
     service._tell = told.append

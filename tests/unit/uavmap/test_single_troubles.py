@@ -18,7 +18,7 @@ from sitl.copter.modes import Mode
 from tests.unit.uavmap.flights import Flight, fly, no_task_left, small_mission
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.service import Service
-from uavmap.record.journal import Journal
+from uavmap.journal.event_log import Journal
 
 UP_M = 12.0
 Body = Callable[[Flight, Service], Coroutine[Any, Any, None]]
@@ -29,7 +29,7 @@ def serve(body: Body, folder: Path) -> None:
     flight = Flight(small_mission(capacity_wh=60.0))
 
     async def main() -> None:
-        with Journal.create(folder / "journal.db", {}) as journal, no_task_left():
+        with Journal.create(folder / "journal.jsonl", {}) as journal, no_task_left():
             service = Service(
                 flight.setting, journal, {1: flight.driver}, State.initial(flight.setting),
                 lambda event, state: None,

@@ -16,8 +16,8 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Silent
+from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.simulation import Truth
 
 WINDY = Path(__file__).parents[2] / "data" / "windy.toml"

@@ -16,7 +16,7 @@ from uavmap.printable import printable
 
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v"})
 GEO_FILE = "geo.txt"
-OURS = frozenset({"journal.db", "detector.toml"})
+OURS = frozenset({"journal.jsonl", "detector.toml"})
 """A folder with one of these holds results, or a detector with its overlays, and no photographs."""
 LOOKED = "-looked"
 """What `uavmap look` adds to the name of a picture that it has drawn on."""

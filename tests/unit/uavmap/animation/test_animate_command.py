@@ -15,9 +15,9 @@ from tests.unit.uavmap.animation.runs import explored, small_roi
 from uavmap.animation import film_of_run
 from uavmap.cli import main
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 
 HOME = GridPoint(0.0, 0.0)
 STARTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 60.0)

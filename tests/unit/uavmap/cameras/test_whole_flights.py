@@ -26,10 +26,10 @@ from uavmap.cameras.triggered import TriggeredSource
 from uavmap.fly.flight import Flight
 from uavmap.fly.links import Link
 from uavmap.fly.progress import Progress
+from uavmap.journal.event_log import Journal
 from uavmap.link.commands import MavlinkCommands
 from uavmap.link.session import Session
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 from uavmap.simulation import Simulation
 
 LATENCY_S = 0.35

@@ -15,12 +15,12 @@ from missions.events import FrameSeen, from_json
 from tests.golden.recording import STOPS
 from tests.unit.uavmap.page.test_flight_page import Feed
 from uavmap.cli import main, page_options
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.page.board import Board
 from uavmap.page.opening import Wishes
 from uavmap.page.scene import STATES
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.record.journal import Journal
 
 
 class Ready(Feed):
@@ -76,6 +76,6 @@ def test_what_cannot_be_gone_on_with_has_no_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["resume", str(tmp_path), "--page", "0"]) == 2
-    assert "journal.db" in capsys.readouterr().err
+    assert "journal.jsonl" in capsys.readouterr().err
     assert main(["resume", str(tmp_path), "--tiles", "x.mbtiles"]) == 2
     assert "go with --page" in capsys.readouterr().err

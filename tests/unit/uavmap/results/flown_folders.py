@@ -13,10 +13,10 @@ import numpy as np
 from missions.events import Event, FrameLost, OrderFailed, Told, from_json
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
+from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.frames import FrameKeeper, KeptFrame
-from uavmap.record.journal import Journal
 
 SOURCE = load_source(STOPS.mission)
 PLAN = FlightPlan(

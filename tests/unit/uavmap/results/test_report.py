@@ -187,9 +187,9 @@ def test_a_folder_that_is_none_is_told_in_a_line(
     command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     damaged = folder_of(tmp_path)
-    journal = damaged / "journal.db"
+    journal = damaged / "journal.jsonl"
     data = bytearray(journal.read_bytes())
-    data[len(data) // 2 :] = bytes(len(data) - len(data) // 2)
+    data[len(data) // 2] ^= 1
     journal.write_bytes(data)
     for folder in (tmp_path / "nowhere", tmp_path, damaged):
         assert main([command[0], str(folder), *command[1:]]) == 2
