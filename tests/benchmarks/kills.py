@@ -1,8 +1,9 @@
 """Kill -9 at random moments: `python -m tests.benchmarks.kills [--kills 200] [--twice 40]
 [--full 30] [--seed 1]` prints a table.
 
-A small mission is flown in the simulator and killed, at a moment between its start and its end (one
-that is over before its moment is flown anew); in `twice` its resumption is killed as well; in
+A small mission is flown in the simulator and killed at a random moment in flight: after its first
+event is on the disk and before its last one. A kill that comes later has not landed; what it left
+is checked, and the mission is flown anew. In `twice` its resumption is killed as well; in
 `full` no file may grow beyond a random size, in the flight and in a first resumption. Then it is
 resumed with all it needs. The exit status is 1 when an event that was on the disk is missing, a
 folder cannot be gone on with, the map or the journal comes out otherwise than those of an
@@ -28,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from missions.errors import JournalError
-from tests.e2e.rig import bodies, mission
+from tests.e2e.rig import bodies, mission, written
 from uavmap.cli import main as uavmap
 from uavmap.journal.event_log import Journal
 
@@ -81,11 +82,14 @@ def ended(child: int) -> int:
 
 
 def killed_after(child: int, delay_s: float, folder: Path) -> tuple[bool, int]:
-    """Kill a process so much later: whether it still lived, and how many events were confirmed."""
-    due_s = time.monotonic() + delay_s
+    """Kill a process so long after the first event: whether it still lived, and how many events
+    were confirmed."""
+    due_s = float("inf")
     while time.monotonic() < due_s:
         if os.waitpid(child, os.WNOHANG) != (0, 0):
             return False, len(bodies(folder))
+        if due_s == float("inf") and written(folder):
+            due_s = time.monotonic() + delay_s
         time.sleep(POLL_S)
     confirmed = len(bodies(folder))
     os.kill(child, signal.SIGKILL)
@@ -99,8 +103,12 @@ class Trials:
         self._fly = ["fly", mission(name), "--sim", "--json", "--out"]
         self._below = below
         self._rng = np.random.default_rng(seed)
-        folder, begun_s = below / "whole", time.monotonic()
-        assert ended(started([*self._fly, str(folder)], below / "whole.txt")) == 0
+        folder = below / "whole"
+        child = started([*self._fly, str(folder)], below / "whole.txt")
+        while not written(folder):
+            time.sleep(POLL_S)
+        begun_s = time.monotonic()
+        assert ended(child) == 0
         self._lasts_s = time.monotonic() - begun_s
         self._whole = Whole(folder, bodies(folder))
 
@@ -120,27 +128,25 @@ class Trials:
             said.unlink()
 
     def _kill(self, folder: Path, said: Path, tally: Tally, twice: bool) -> None:
-        confirmed = 0
-        kills = 0
+        confirmed = kills = 0
         while kills < (2 if twice else 1):
             child = started(self._again(folder), said)
             delay_s = float(self._rng.uniform(0.0, self._lasts_s))
             died, seen = killed_after(child, delay_s, folder)
             confirmed = max(confirmed, seen)
             self._check(folder, confirmed)
-            kills += died
-            tally.counts["killed"] += died
-            if not died:  # the machine is faster than it was; begin anew
-                tally.counts["over before"] += 1
-                self._lasts_s *= 0.9
-                shutil.rmtree(folder)
-                kills = confirmed = 0
-        if not (folder / "journal.jsonl").exists():
-            tally.counts["nothing made yet"] += 1
+            if died and 0 < confirmed < len(self._whole.bodies):
+                kills += 1
+                continue
+            tally.counts["after the end"] += 1
+            self._lasts_s *= 0.9  # the machine is faster than it was
+            shutil.rmtree(folder)
+            confirmed = kills = 0
+        tally.counts["killed in flight"] += kills
 
     def _full(self, folder: Path, said: Path, tally: Tally, twice: bool) -> None:
-        largest = (self._whole.folder / "journal.jsonl").stat().st_size
-        room = int(self._rng.uniform(1000, 1.2 * largest))
+        largest = max(path.stat().st_size for path in self._whole.folder.iterdir())
+        room = int(np.exp(self._rng.uniform(np.log(1000), np.log(1.2 * largest))))
         confirmed = 0
         for _ in range(2):
             code = ended(started(self._again(folder), said, room))

@@ -26,7 +26,7 @@ from tests.e2e.rig import (
 )
 
 SPEEDUP = 20.0
-ROOM_BLOCKS = 200
+ROOM_BLOCKS = 16
 """Of 512 bytes for a file: a journal with some 20 events of a flight that has over 100."""
 
 

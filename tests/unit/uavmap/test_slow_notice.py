@@ -14,6 +14,7 @@ from missions.kernels import jit, swath
 from missions.swath import warm_up
 from uavmap.cli import main
 from uavmap.fly import flight
+from uavmap.journal import event_log
 from uavmap.notices import ready_planner
 
 TINY = Path(__file__).parents[2] / "data" / "tiny.toml"
@@ -41,6 +42,33 @@ def test_fly_and_resume_tell_it_once(
         place = ["--out", out] if command[0] == "fly" else [out]
         assert main([*command, *place, "--json"]) == 3
         assert capsys.readouterr().err.count("slowly without numba") == told
+
+
+@pytest.mark.parametrize(
+    ("before", "remedy"), [("compiled", "install numba"), ("plain", "remove numba")]
+)
+@pytest.mark.parametrize(("strategy", "code"), [("swath", 2), ("rdfs", 3)])
+def test_resume_another_planner_is_refused_with_the_remedy(
+    strategy: str,
+    code: int,
+    before: str,
+    remedy: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Only where the paths come out otherwise, and not with --from-home."""
+    here = {"compiled": "plain", "plain": "compiled"}[before]
+    monkeypatch.setattr(flight.Flight, "run", lambda self: {"completed": False})
+    monkeypatch.setattr(event_log, "planner", lambda: before)
+    monkeypatch.setattr(flight, "planner", lambda: here)
+    out = str(tmp_path / "out")
+    assert main(["fly", str(TINY), "--sim", "--strategy", strategy, "--out", out, "--json"]) == 3
+    assert main(["resume", out, "--json"]) == code
+    said = capsys.readouterr().err
+    assert (f"the {before} planner, and here it is {here}" in said) == (code == 2)
+    assert (remedy in said) == (code == 2)
+    assert main(["resume", out, "--from-home", "--json"]) == 3
 
 
 @pytest.mark.parametrize(("strategies", "told"), [("rdfs,horizon", 1), ("rdfs", 0)])
