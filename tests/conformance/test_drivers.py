@@ -250,8 +250,8 @@ def test_a_fifth_of_all_frames_lost(driver: str) -> None:
     numbers: dict[str, Iterator[int]] = defaultdict(itertools.count)
 
     async def body(flight: Flight) -> None:
-        flight.to_driver = flight.to_vehicle = (
-            lambda message: next(numbers[message.get_type()]) % 5 != 1
+        flight.to_driver = flight.to_vehicle = lambda message: (
+            next(numbers[message.get_type()]) % 5 != 1
         )
         await flight.after(TakeOff(UP_M), Airborne, within_s=400.0)
         await flight.after(to(10.0, 0.0), Arrived, within_s=400.0)

@@ -58,7 +58,7 @@ def add_rerun_option(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.rrd",
         type=Path,
         help="record frames, poses, footprints, cells, tree and batteries on one timeline, for "
-        "the Rerun viewer (needs uavmap[rerun])",
+        "the Rerun viewer (needs the extra rerun)",
     )
 
 

@@ -141,5 +141,5 @@ def test_what_cannot_be_recorded_is_said_before_anything_flies(
     assert len(lines) == 3
     assert "must end in .rrd" in lines[0]
     assert "there is no folder" in lines[1]
-    assert "pip install 'uavmap[rerun]'" in lines[2]
+    assert "pip install 'rerun-sdk>=" in lines[2]
     assert not (out / "journal.db").exists()
