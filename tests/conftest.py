@@ -14,6 +14,7 @@ what it finds becomes an `@example`.
 from __future__ import annotations
 
 import functools
+import gc
 import logging
 import os
 import re
@@ -95,3 +96,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for i, (path, tests) in enumerate(files.items())
     ]
     items[:] = [item for *_, tests in sorted(places, key=lambda p: p[:2]) for item in tests]
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was collected out of every later collection of garbage: it is not garbage."""
+    gc.collect()
+    gc.freeze()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from missions.errors import MissionFileError
 from missions.units import LatLon
+from uavmap.base.extras import install_command
 
 _FOOT_M: Final = 0.3048
 _SURVEY_FOOT_M: Final = 1200.0 / 3937.0
@@ -37,7 +38,9 @@ def opened(path: Path, where: str) -> Iterator[Any]:
         import rasterio  # noqa: PLC0415 - an extra
         from rasterio.errors import NotGeoreferencedWarning, RasterioError  # noqa: PLC0415
     except ImportError:
-        raise MissionFileError(f"{where}: to read a GeoTIFF, install uavmap[geo]") from None
+        raise MissionFileError(
+            f"{where}: a GeoTIFF needs rasterio: {install_command('geo')}"
+        ) from None
     if not path.is_file():
         raise MissionFileError(f"{where}: there is no such file beside the mission file")
     try:

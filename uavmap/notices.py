@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.swath.strategies import NONSTOP
+from uavmap.base.extras import install_command
 
 _PLANNERS: Final = ("horizon", *NONSTOP)
 
@@ -18,7 +19,8 @@ def tell_if_uncompiled(strategies: Iterable[str], say: Callable[[str], None]) ->
         from missions.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second
 
         if not COMPILED:
-            say(f"{slow[0]} plans slowly without numba; pip install 'uavmap[fast]' compiles it")
+            remedy = install_command("fast")
+            say(f"{slow[0]} plans slowly without numba, which compiles it: {remedy}")
 
 
 def ready_planner(strategy: str, say: Callable[[str], None]) -> None:

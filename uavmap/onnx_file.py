@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from missions.errors import ImageError, MissionFileError
 from missions.mission_file.messages import explain
+from uavmap.base.extras import install_command
 from uavmap.text_files import read_text
 from vision.detectors import Detector, build_detector
 from vision.detectors.onnx import OnnxDetector, OnnxSettings, Run
@@ -51,7 +52,7 @@ class _Session:
             import onnxruntime  # noqa: PLC0415 - an extra
         except ImportError:
             raise MissionFileError(
-                "a segmentation model needs onnxruntime; install uavmap[onnx]"
+                f"a segmentation model needs onnxruntime: {install_command('onnx')}"
             ) from None
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 4

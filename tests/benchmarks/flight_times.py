@@ -1,6 +1,6 @@
 """What a flight takes by strategy, beside the survey that would be flown without one.
 
-    python -m tests.benchmarks.flight_times             the tables of docs/studies/flights.md; hours
+    python -m tests.benchmarks.flight_times                 docs/studies/flights.md; hours
     python -m tests.benchmarks.flight_times --quick         one seed of `runway`, 1 and 3 vehicles
     python -m tests.benchmarks.flight_times --mission burn --vehicles 3 --strategy swath --seeds 2
 

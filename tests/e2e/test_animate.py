@@ -121,7 +121,7 @@ def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
 
 
 def test_a_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, tmp_path):
-    pytest.importorskip("rerun", reason="rerun-sdk is not installed (uavmap[rerun])")
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed (the extra rerun)")
     recording = tmp_path / "flight.rrd"
     assert main(["animate", str(folder), "--rerun", str(recording)]) == 0
     assert [path.name for path in folder.iterdir()] == [JOURNAL]
@@ -136,6 +136,6 @@ def test_where_rerun_is_missing_one_line_says_what_to_install(
 ):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.rrd")]) == 2
-    assert "pip install 'uavmap[rerun]'" in capsys.readouterr().err
+    assert "pip install 'rerun-sdk>=" in capsys.readouterr().err
     assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.gif")]) == 2
     assert "must end in .rrd" in capsys.readouterr().err

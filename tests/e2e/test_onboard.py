@@ -37,7 +37,7 @@ def tiny(tmp_path: Path) -> Path:
 
 
 def test_two_services_map_a_region_together_over_zenoh(tmp_path: Path) -> None:
-    pytest.importorskip("zenoh", reason="uavmap[fleet] is not installed")
+    pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     file, key = tiny(tmp_path), tmp_path / "fleet.key"
     assert uavmap("keys", "new", key).code == 0
     endpoint, other_end = (f"tcp/{LOOPBACK}:{free_ports(1)[1]}" for _ in range(2))

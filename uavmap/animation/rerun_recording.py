@@ -44,6 +44,7 @@ from missions.events import (
 from missions.ground.grid import Grid
 from missions.units import Cell, Pose
 from uavmap.animation.film import Change, Film
+from uavmap.base.extras import install_command
 from uavmap.record.frames import FRAMES, KeptFrame, read_kept
 from uavmap.results.palette import STATES, track_colour
 
@@ -63,7 +64,7 @@ def sdk() -> Any:
         return importlib.import_module("rerun")
     except ImportError:
         raise OutputError(
-            "a Rerun recording needs rerun-sdk, which is not installed: pip install 'uavmap[rerun]'"
+            f"a Rerun recording needs rerun-sdk: {install_command('rerun')}"
         ) from None
 
 

@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry import shape
 
 from missions.errors import UavmapError
+from uavmap.base.extras import install_command
 from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, Colour, track_colour
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def draw(results: Results, ax: Axes | None) -> Axes:
         from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra, and heavy
         from matplotlib.collections import PolyCollection  # noqa: PLC0415
     except ImportError:
-        raise UavmapError("a plot needs matplotlib; install uavmap[study]") from None
+        raise UavmapError(f"a plot needs matplotlib: {install_command('study')}") from None
     if ax is None:
         ax = plt.subplots(figsize=(7.0, 7.0), layout="constrained")[1]
     cells = results.features("cell")

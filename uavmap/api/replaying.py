@@ -45,9 +45,9 @@ def replay(
         any_day: Use pictures of other days than most, too.
         video_start: When a video with a .tlog beside it begins; with its time zone.
         workers: How many pictures are looked at at once, 1 to 256. By default one a core.
-        scheduler: The address of a Dask cluster that looks at the pictures (`uavmap[cluster]`).
+        scheduler: The address of a Dask cluster that looks at the pictures (the extra `cluster`).
         refine: Refine the poses where pictures overlap.
-        ortho: Write the mosaic `ortho.tif`. By default if `uavmap[geo]` is installed.
+        ortho: Write the mosaic `ortho.tif`. By default if rasterio is installed.
         gsd_m: Metres of ground a pixel of it, 0.005 to 10. By default as fine as the pictures, at
             the finest 0.05.
         quiet: Say nothing on standard error.

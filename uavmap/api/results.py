@@ -17,6 +17,7 @@ from missions.errors import ResultsError, UavmapError
 from missions.ground.geodesy import UtmZone
 from missions.units import LatLon
 from uavmap.api.arguments import Paths, path_text
+from uavmap.base.extras import install_command
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.text_files import read_text
 
@@ -177,7 +178,7 @@ class Results:
 
     @cached_property
     def cells(self) -> geopandas.GeoDataFrame:
-        """Every cell that was judged, as a GeoDataFrame in EPSG:4326 (needs `uavmap[frames]`).
+        """Every cell that was judged, as a GeoDataFrame in EPSG:4326 (needs the extra `frames`).
 
         Columns: `column` and `row` of the grid, `state`, `positive` of `votes` frames that say
         region, `belief` (0 to 1, of recorded pictures; else NaN), and `geometry`. `cells.to_crs(
@@ -188,7 +189,9 @@ class Results:
         try:
             import geopandas  # noqa: PLC0415 - an extra, and heavy
         except ImportError:
-            raise UavmapError("cells as a table need geopandas; install uavmap[frames]") from None
+            raise UavmapError(
+                f"cells as a table need geopandas: {install_command('frames')}"
+            ) from None
         rows = self.features("cell")
         table = {name: [row["properties"].get(name) for row in rows] for name in _COLUMNS}
         table["belief"] = [np.nan if value is None else value for value in table["belief"]]
@@ -201,7 +204,7 @@ class Results:
         Args:
             ax: Axes to draw into; by default those of a new figure.
 
-        Raises `UavmapError` where matplotlib is not installed (`uavmap[study]`).
+        Raises `UavmapError` where matplotlib is not installed (the extra `study`).
         """
         from uavmap.api.plotting import draw  # noqa: PLC0415 - an extra, and heavy
 

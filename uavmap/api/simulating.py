@@ -15,6 +15,7 @@ from missions.lab.strategies import EXPLORERS
 from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.api.arguments import Paths, number, path_text, whole
+from uavmap.base.extras import install_command
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.simulated_links import simulated_links
 from uavmap.lab.trials import Terms, means, trials
@@ -42,14 +43,14 @@ class Simulated:
 
     @property
     def table(self) -> pandas.DataFrame:
-        """The runs as a DataFrame, a row a run (needs `uavmap[frames]`).
+        """The runs as a DataFrame, a row a run (needs the extra `frames`).
 
         Raises `UavmapError` where pandas is not installed.
         """
         try:
             import pandas  # noqa: PLC0415 - an extra, and heavy
         except ImportError:
-            raise UavmapError("runs as a table need pandas; install uavmap[frames]") from None
+            raise UavmapError(f"runs as a table need pandas: {install_command('frames')}") from None
         return pandas.DataFrame([dict(run) for run in self.runs])
 
 

@@ -54,7 +54,7 @@ def add_parser(commands: Any) -> None:
         metavar="FILE.rrd",
         type=Path,
         help="write cells, tree, vehicles, batteries and kept frames on one timeline, for the "
-        "Rerun viewer (needs uavmap[rerun])",
+        "Rerun viewer (needs the extra rerun)",
     )
     parser.set_defaults(run=run)
 

@@ -31,7 +31,7 @@ Positions come from EXIF, heights and angles from XMP as drones write them, or a
 geo.txt of OpenDroneMap in the folder. Without --mission the cells, the box, the camera and the
 height come from the pictures; the mission file that this makes is left in the results.
 
-The region's outline at pixel level is boundary.geojson. With uavmap[geo] there are also
+The region's outline at pixel level is boundary.geojson. With rasterio there are also
 probability.tif, how likely each pixel of the ground is region, and ortho.tif, the pictures laid on
 the ground.
 
@@ -94,7 +94,7 @@ def add_parser(commands: Any) -> None:
         "--ortho",
         action=argparse.BooleanOptionalAction,
         help="write the pictures laid side by side on the ground, as a GeoTIFF (default: if "
-        "uavmap[geo] is installed)",
+        "rasterio is installed)",
     )
     parser.add_argument(
         "--gsd",

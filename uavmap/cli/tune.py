@@ -30,7 +30,7 @@ examples:
 Paint at least two or three pictures, best of different light: for photos/DJI_0021.JPG a picture
 painted/DJI_0021.png of the same shape, white where the region is, black where it is not, mid-grey
 where you cannot tell. Polygons in GeoJSON (longitude, latitude) are projected into the pictures
-through the poses in their tags. Training needs scikit-learn: install uavmap[tune].
+through the poses in their tags. Training needs scikit-learn, the extra `tune`.
 """
 
 

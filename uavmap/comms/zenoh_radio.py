@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from missions.errors import LinkError
+from uavmap.base.extras import install_command
 from uavmap.comms.endpoints import FleetEndpoint
 
 TCP_BYTES: Final = 156
@@ -256,8 +257,8 @@ def imported_zenoh() -> Any:
         import zenoh  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise LinkError(
-            f"members of a fleet need Zenoh ({error}); install uavmap[fleet], or join a multicast "
-            "group: --listen udp/224.0.0.224:7447#iface=wlan0"
+            f"members of a fleet need Zenoh ({error}): {install_command('fleet')}; or join a "
+            "multicast group: --listen udp/224.0.0.224:7447#iface=wlan0"
         ) from None
     return zenoh
 

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from missions.errors import StudyError
+from uavmap.base.extras import install_command
 
 ANSWER_S: Final = 10.0
 
@@ -24,7 +25,7 @@ def dask_client(
     try:
         distributed: Any = load("distributed")
     except ImportError:
-        raise StudyError("--scheduler needs Dask: pip install 'uavmap[cluster]'") from None
+        raise StudyError(f"--scheduler needs Dask: {install_command('cluster')}") from None
     if not _is_address(address):  # Dask would wait for half a minute, and then complain at length
         raise StudyError(f"--scheduler {address!r}: expected tcp://HOST:PORT")
     try:

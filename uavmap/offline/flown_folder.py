@@ -71,7 +71,7 @@ def _replayed(
     log = FlightLog.of(events)
     replayed = Replayed(*decided, taken, len(log.troubles), 0)
     data = replay_map(setting, replayed)
-    values = _kept_summary(folder) or replay_summary(setting, replayed)
+    values = replay_summary(setting, replayed) | (_kept_summary(folder) or {})
     values = dated(values, data, extent(data, share), calendar)
     return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
 

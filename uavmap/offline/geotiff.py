@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from missions.errors import OutputError, UavmapError
 from missions.ground.grid import Grid
+from uavmap.base.extras import install_command
 from vision.raster import Raster, Window
 
 TILE_PX: Final = 512
@@ -79,7 +80,7 @@ def there() -> bool:
 def need_rasterio(what: str) -> None:
     """Raise `UavmapError` where rasterio is missing; `what` needs it."""
     if not there():
-        raise UavmapError(f"{what} needs rasterio; install uavmap[geo]")
+        raise UavmapError(f"{what} needs rasterio: {install_command('geo')}")
 
 
 def write_cog(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
+from uavmap.base.extras import install_command
 from uavmap.fly.progress import Progress
 from uavmap.offline.credible import Placed
 from uavmap.offline.fine_map import FineMap, upright
@@ -89,7 +90,9 @@ class Rasters:
         """
         wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
         if not there():
-            progress.say(f"{' and '.join(wanted)}: not written; install uavmap[geo]")
+            progress.say(
+                f"{' and '.join(wanted)}: not written without rasterio: {install_command('geo')}"
+            )
             return False
         self._write_probability(folder / PROBABILITY, progress)
         if ORTHO in wanted:

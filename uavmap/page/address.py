@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from missions.errors import OutputError, UavmapError
+from uavmap.base.extras import install_command
 
 PORT: Final = 8470
 LOOPBACK: Final = "127.0.0.1"
@@ -39,7 +40,7 @@ class Address:
 def need_nicegui() -> None:
     """Raise `UavmapError` where NiceGUI is missing."""
     if importlib.util.find_spec("nicegui") is None:
-        raise UavmapError("the live page needs NiceGUI; install uavmap[page]")
+        raise UavmapError(f"the live page needs NiceGUI: {install_command('page')}")
 
 
 def bound(host: str, port: int, option: str) -> Address:

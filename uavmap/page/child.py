@@ -14,6 +14,7 @@ import socket
 import sys
 from typing import Final
 
+from uavmap.base.extras import install_command
 from uavmap.page.hub import Hub
 from uavmap.page.pipe import Words, read
 
@@ -44,7 +45,8 @@ async def _serve(out: int) -> None:
     try:
         from uavmap.page.server import serving  # noqa: PLC0415 - an extra, and it takes seconds
     except ImportError as error:
-        send({"failed": f"NiceGUI cannot be loaded ({error}); install uavmap[page]"})
+        remedy = install_command("page")
+        send({"failed": f"NiceGUI cannot be loaded ({error}); install it: {remedy}"})
         return
     hub = Hub(config)
     server = serving(hub, config, send)

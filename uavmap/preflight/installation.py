@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from uavmap import __version__
+from uavmap.base.extras import install_command
 from uavmap.preflight.finding import Finding, bad, ok, warn
 
 PYTHON: Final = (3, 11)
@@ -73,7 +74,7 @@ def _compiled() -> Finding:
         "planning",
         "not compiled: numba is not installed",
         "numba",
-        "pip install 'uavmap[fast]'; strategies that stop do without",
+        f"{install_command('fast')}; strategies that stop do without",
     )
 
 

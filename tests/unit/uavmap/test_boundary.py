@@ -229,13 +229,13 @@ def test_without_rasterio(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rasterio", None)
     assert replayed(field, tmp_path / "map") == 0
-    assert "probability.tif and ortho.tif: not written; install uavmap[geo]" in (
+    assert "probability.tif and ortho.tif: not written without rasterio" in (
         capsys.readouterr().err
     )
     assert (tmp_path / "map" / FILE).exists()
     assert not list((tmp_path / "map").glob("*.tif"))
     assert replayed(field, tmp_path / "none", "--ortho") == 2
-    assert "install uavmap[geo]" in capsys.readouterr().err
+    assert "pip install 'rasterio>=" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
 
 

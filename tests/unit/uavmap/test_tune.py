@@ -256,7 +256,7 @@ def test_without_the_learner_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "sklearn", None)
     arguments = ["tune", str(tuned / "images"), "--examples", str(tuned / "region.geojson")]
     assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
-    assert "install uavmap[tune]" in capsys.readouterr().err
+    assert "pip install 'scikit-learn>=" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")

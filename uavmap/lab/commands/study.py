@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from missions.errors import StudyError
+from uavmap.base.extras import install_command
 from uavmap.cli.common import overwrite_nothing, seed_number, worker_count
 from uavmap.lab.studies import STUDIES
 from uavmap.lab.studies.executors import Progress, spread
@@ -25,8 +26,8 @@ examples:
   uavmap study strategies --scheduler tcp://10.0.0.5:8786
 
 Each writes NAME.csv, NAME.png and NAME.md. The same seed gives the same files, wherever the trials
-are computed. Needs the extra: pip install 'uavmap[study]'; for --scheduler also 'uavmap[cluster]',
-and uavmap on every worker.
+are computed. Needs the extra study; for --scheduler also the extra cluster, and uavmap on every
+worker.
 """
 
 
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     study = STUDIES[options.name]
     missing = [name for name in ("matplotlib", "numba") if find_spec(name) is None]
     if missing:
-        raise StudyError(f"studies need {' and '.join(missing)}: pip install 'uavmap[study]'")
+        raise StudyError(f"studies need {' and '.join(missing)}: {install_command('study')}")
     folder = results_folder(options.out, f"study-{study.name}")
     overwrite_nothing(folder, Page.files(study.name))
     make_folder(folder)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import UavmapError
+from uavmap.base.extras import install_command
 from vision.detectors.learned_model import LEAVES, Logistic, Model, Scorer, Tree, Trees
 
 _PENALTY: Final = 0.1  # C of the logistic regression: small, for few pictures are much alike
@@ -25,7 +26,7 @@ def need_learner() -> None:
     try:
         import sklearn  # noqa: F401, PLC0415 - an extra
     except ImportError:
-        raise UavmapError("training needs scikit-learn; install uavmap[tune]") from None
+        raise UavmapError(f"training needs scikit-learn: {install_command('tune')}") from None
 
 
 def fit_logistic(values: NDArray[np.float32], labels: NDArray[np.bool_], scale: Scale) -> Logistic:
@@ -93,8 +94,8 @@ def _check_same(parts: Trees, values: NDArray[np.float32], wanted: NDArray[np.fl
     off = np.abs(found - wanted) > _AGREE
     if off.mean() > 0.01:  # a value on a border may fall to the other side by its last bit
         raise UavmapError(
-            "the trees of this release of scikit-learn are kept in another way; install the "
-            "release that uavmap[tune] names"
+            "the trees of this release of scikit-learn are kept in another way; install another: "
+            f"{install_command('tune')}"
         )
 
 

@@ -69,7 +69,7 @@ async def over_zenoh(said: list[str], **where: str) -> AsyncIterator[ZenohRadio]
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
 def test_who_was_gone_and_comes_again_is_heard_again(kind: str) -> None:
-    pytest.importorskip("zenoh", reason="uavmap[fleet] is not installed")
+    pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
     endpoint, said = f"{kind}/127.0.0.1:{free_port(type_)}", list[str]()
 
@@ -88,7 +88,7 @@ def test_who_was_gone_and_comes_again_is_heard_again(kind: str) -> None:
 
 
 def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
-    pytest.importorskip("zenoh", reason="uavmap[fleet] is not installed")
+    pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     said: list[str] = []
 
     async def try_it() -> None:
@@ -150,7 +150,7 @@ def test_an_interface_that_is_not_there_is_told_once_and_waited_for() -> None:
 
 
 def test_two_speak_by_a_router() -> None:
-    zenoh = pytest.importorskip("zenoh", reason="uavmap[fleet] is not installed")
+    zenoh = pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     endpoint, said = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}", list[str]()
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')

@@ -187,9 +187,9 @@ def test_json_is_the_table(tmp_path, capsys):
 def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(command, "find_spec", lambda name: None)
     assert main(["study", "strategies", "--out", str(tmp_path / "new")]) == 2
-    assert capsys.readouterr().err == (
-        "uavmap: studies need matplotlib and numba: pip install 'uavmap[study]'\n"
-    )
+    error = capsys.readouterr().err
+    assert error.startswith("uavmap: studies need matplotlib and numba: ")
+    assert error.endswith(" -m pip install 'matplotlib>=3.9' 'numba>=0.61'\n")
     assert not (tmp_path / "new").exists()
 
 
@@ -213,7 +213,7 @@ def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr(spread, "import_module", missing)
     assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", "x:1"]) == 2
-    assert "pip install 'uavmap[cluster]'" in capsys.readouterr().err
+    assert "pip install 'distributed>=" in capsys.readouterr().err
 
 
 def test_an_out_that_cannot_be_made_is_named(tmp_path, capsys):
