@@ -19,6 +19,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.said import Said
+from uavmap.base.messages import shown_on
+
 # how fast the machine is just now says nothing of the program
 _PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("repeatable", _PATIENT, derandomize=True)
@@ -47,6 +50,14 @@ def no_complaints_of_asyncio() -> Iterator[None]:
     yield
     logger.removeHandler(complaints)
     assert not complaints.texts
+
+
+@pytest.fixture
+def said() -> Iterator[Said]:
+    """The lines for the operator, of the test's own context."""
+    lines = Said()
+    with shown_on(lines):
+        yield lines
 
 
 WAITING = ("e2e", "conformance")

@@ -17,8 +17,8 @@ from rich.table import Table
 
 from missions.errors import OutputError, UavmapError
 from missions.mission_file.schema import MAX_VEHICLES
+from uavmap.base.terminal import PipeConsole
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.fly.progress import PipeConsole
 from uavmap.results import patches_told
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode

@@ -13,9 +13,9 @@ from missions.mapping.evidence import evidence_of
 from missions.mission_file.schema import Mission
 from missions.state import Setting
 from missions.units import LatLon
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import number_type, vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map
-from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source
 from uavmap.offline.plan_file import Firmware, Survey, plan, waypoints
 from uavmap.offline.plan_items import Above, Item, Profile, search_flight
@@ -120,7 +120,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Export."""
     if options.to is not None or options.out is not None:
-        return export_map(options, Terminal().say)
+        return export_map(options, Terminal().show)
     if options.plan is None and options.waypoints is None:
         raise UavmapError(
             "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints or --to FORMAT"
@@ -131,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
         raise UavmapError(
             "--waypoints: the file begins with a home, which a PX4 would fly to; use --plan"
         )
-    say = Terminal().say
+    say = Terminal().show
     source = Path(options.source)
     if source.is_dir():
         mission, flights = _of_results(options, source, say)
