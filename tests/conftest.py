@@ -27,6 +27,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
+from tests.said import Said
+from uavmap.base.messages import shown_on
 
 # how fast the machine is just now says nothing of the program
 _PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -70,6 +72,16 @@ SYSTEM = re.compile(
     re.MULTILINE,
 )
 """What a file of system tests imports."""
+
+
+@pytest.fixture
+def said() -> Iterator[Said]:
+    """The lines for the operator, of the test's own context."""
+    lines = Said()
+    with shown_on(lines):
+        yield lines
+
+
 WAITING = ("e2e", "conformance")
 """Folders of tests that wait most of their time."""
 

@@ -25,12 +25,12 @@ from missions.state import Setting, State
 from missions.units import Cell, GridPoint
 from sitl.vehicle import SimVehicle
 from tests.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.base.messages import shown_on
 from uavmap.clock import VirtualClock, run
 from uavmap.comms.air import LinkModel
-from uavmap.comms.radio import Radio
-from uavmap.fly.flight import Flight
-from uavmap.fly.progress import Silent
-from uavmap.fly.simulated_fleet import SimulatedFleet
+from uavmap.comms.radio import Radio, SealedRadio
+from uavmap.fly.one_flight import Flight
+from uavmap.fly.simulated_fleet import SimulatedFleet, of_member
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.results.figures import figures
 from uavmap.results.merging import Source, merged
@@ -149,13 +149,13 @@ class Outcome:
     settings: dict[int, Setting]
 
 
-class Said(Silent):
+class Said:
     """Lines of the members, with the time."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def say(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """A line."""
         with contextlib.suppress(RuntimeError):
             text = f"{asyncio.get_running_loop().time():7.2f} {text}"
@@ -187,56 +187,56 @@ class Mortal:
 class Beset(SimulatedFleet):
     """A fleet to which things happen."""
 
-    def __init__(self, plan: FlightPlan, folder: Path, said: Said, mishaps: Mishaps) -> None:
-        super().__init__(plan, folder, said, mishaps.model)
+    def __init__(self, plan: FlightPlan, folder: Path, mishaps: Mishaps) -> None:
+        super().__init__(plan, folder, mishaps.model)
         self.mishaps = mishaps
         self.watched = Watch(apart_m=self.setting.mission.team.separation_m, lost=mishaps.lost)
         self.world.truth = self.watched
         self.ended_s: dict[int, float] = {}
         self.begun_s: dict[int, float] = {}
+        self.radios: dict[int, Mortal] = {}
 
-    def talking(self, flight: Flight, number: int, start: int) -> Flight:
-        """The same with a radio that dies with its program."""
-        flight = super().talking(flight, number, start)
-        if flight.radio is not None:
-            flight.radio = Mortal(flight.radio)
-        return flight
+    def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
+        """A radio that dies with its program."""
+        sealed = super().radio(flight, number, start)
+        self.radios[number] = Mortal(sealed.radio)
+        return SealedRadio(self.radios[number], sealed.seal)
 
     async def live(self, number: int) -> None:
         """A member's program, as often as it starts."""
         loop, mishaps = asyncio.get_running_loop(), self.mishaps
         await asyncio.sleep(mishaps.starts_s.get(number, 0.0))
         flight = self.flights[number]
-        flight.set_clock(mishaps.ahead_s.get(number, 0.0))
+        flight.clock.set(mishaps.ahead_s.get(number, 0.0))
         deaths = [death for death in mishaps.deaths if death.vehicle == number]
-        for start, death in enumerate(sorted(deaths, key=lambda d: d.at_s), start=2):
-            program = asyncio.create_task(self._program(flight, number))
+        for start, death in enumerate(sorted(deaths, key=lambda d: d.at_s), start=1):
+            program = asyncio.create_task(self._program(flight, number, start))
             await asyncio.wait([program], timeout=max(death.at_s - loop.time(), 0.0))
             if program.done():
                 await program
                 return
-            clock_s = flight.now_s - loop.time()
+            clock_s = flight.clock.now_s() - loop.time()
             await self._die(number, flight, program)
             await asyncio.sleep(death.for_s)
-            flight = self.flights[number] = self.again(number, start)
+            flight = self.flights[number] = self.again(number)
             if death.knows_time:
-                flight.set_clock(clock_s + loop.time())
+                flight.clock.set(clock_s + loop.time())
             else:
-                flight.set_clock(flight.state.t_s)
-        await self._program(flight, number)
+                flight.clock.set(flight.state.t_s)
+        await self._program(flight, number, len(deaths) + 1)
 
-    async def _program(self, flight: Flight, number: int) -> None:
+    async def _program(self, flight: Flight, number: int, start: int) -> None:
         loop = asyncio.get_running_loop()
         self.begun_s[number] = loop.time()
-        await flight.fly_member(self.world)
+        with of_member(number):
+            await flight.fly_member(self.world, self.radio(flight, number, start))
         self.air.silence(number)
         self.ended_s[number] = loop.time()
 
     async def _die(self, number: int, flight: Flight, program: asyncio.Task[None]) -> None:
         self.world.close_session(number - 1)
         self.air.silence(number)
-        if isinstance(flight.radio, Mortal):  # what was scheduled may still run, unheard
-            flight.radio.dead = True
+        self.radios[number].dead = True  # what was scheduled may still run, unheard
         flight.close()
         program.cancel()
         await asyncio.gather(program, return_exceptions=True)
@@ -246,7 +246,7 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
     """Fly a fleet, and say what was forbidden."""
     plan = FlightPlan("field.toml", text, None, None, seed, (), None, SIM_EPOCH_UTC_S, comms="free")
     said = Said()
-    fleet = Beset(plan, folder, said, mishaps)
+    fleet = Beset(plan, folder, mishaps)
     forbidden: list[str] = []
 
     async def fly() -> dict[str, Any]:
@@ -255,7 +255,8 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
 
     truth: dict[str, Any] = {}
     try:
-        truth = run(fly(), VirtualClock())
+        with shown_on(said):
+            truth = run(fly(), VirtualClock())
     except TimeoutError:
         forbidden.append(f"no end: {sorted(set(fleet.flights) - set(fleet.ended_s))}")
     except BaseExceptionGroup as failed:

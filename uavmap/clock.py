@@ -9,12 +9,21 @@ fraction of the time.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import selectors
 import time
-from collections.abc import Coroutine, Mapping
-from typing import Any, Protocol, TypeVar
+from collections.abc import AsyncIterator, Coroutine, Mapping
+from typing import Any, Final, Protocol, TypeVar
 
 T = TypeVar("T")
+_STEP_S: Final = 0.2
+"""Shortest wait of a time-out in real seconds, seconds of the loop."""
+WINDOW_WALL_S: Final = 10.0
+"""Window over which the rates of two clocks are compared, real seconds."""
+OFF: Final = 1.5
+"""Largest ratio of two rates that a busy machine explains."""
+_SAID_AT: Final = 2
+"""Number of wrong windows in a row that are reported: the first may hold a change of pace."""
 
 
 class Clock(Protocol):
@@ -141,3 +150,86 @@ def main_task() -> asyncio.Task[Any] | None:
     except RuntimeError:
         return None
     return next((task for task in tasks if task.get_name() == _MAIN), None)
+
+
+class MissionClock:
+    """Mission time: the loop's, from the time at which the mission is entered."""
+
+    def __init__(self, start_s: float) -> None:
+        self._start_s = start_s
+
+    def now_s(self) -> float:
+        """Return the mission time, in seconds."""
+        return self._start_s + asyncio.get_running_loop().time()
+
+    def set(self, now_s: float) -> None:
+        """Have it be this mission time now."""
+        self._start_s = now_s - asyncio.get_running_loop().time()
+
+    def shift(self, by_s: float) -> None:
+        """Go on, or back, by so many seconds."""
+        self._start_s += by_s
+
+
+@contextlib.asynccontextmanager
+async def wall_timeout(seconds: float) -> AsyncIterator[None]:
+    """As `asyncio.timeout`, in real seconds: a server does not answer faster with `--speedup`."""
+    loop = asyncio.get_running_loop()
+    end_s = time.monotonic() + seconds
+    handle: asyncio.Handle | None = None
+    async with asyncio.timeout(None) as limit:
+
+        def look() -> None:
+            nonlocal handle
+            left_s = end_s - time.monotonic()
+            if left_s <= 0.0:
+                limit.reschedule(loop.time())
+            else:  # on a fast clock it is too early then, and looks again
+                handle = loop.call_later(min(max(left_s, _STEP_S), 1.0), look)
+
+        look()
+        try:
+            yield
+        finally:
+            if handle is not None:
+                handle.cancel()
+
+
+class ClockRate:
+    """A vehicle's clock beside the loop's, over windows in seconds of the loop.
+
+    A wrong `--speedup` is noticed by it: all that follows from time, the power drawn first of all,
+    is wrong by the same factor.
+
+    >>> rate = ClockRate(window_s=10.0, speedup=1.0)
+    >>> [said for t in range(40) if (said := rate.take(float(t), 3.0 * t))]
+    ['its clock runs 3.0 times as fast as this flight reckons; is --speedup 3 meant?']
+    """
+
+    def __init__(self, window_s: float, speedup: float) -> None:
+        self._window_s = window_s
+        self._speedup = speedup
+        self._begin: tuple[float, float] | None = None
+        """Our time and the vehicle's at the beginning of the window."""
+        self._last_s = float("-inf")
+        self._wrong = 0
+        """How many windows in a row were wrong: the first may hold a change of pace."""
+
+    def take(self, loop_s: float, boot_s: float) -> str:
+        """Take in the vehicle's time; what is wrong with its pace, said once until it is right."""
+        restarted, self._last_s = boot_s < self._last_s, boot_s
+        if self._begin is None or restarted:
+            self._begin = (loop_s, boot_s)
+            return ""
+        span_s = loop_s - self._begin[0]
+        if span_s < self._window_s:
+            return ""
+        rate = (boot_s - self._begin[1]) / span_s
+        self._begin = (loop_s, boot_s)
+        self._wrong = 0 if 1.0 / OFF < rate < OFF else self._wrong + 1
+        if self._wrong != _SAID_AT or rate <= 0.0:  # one that stands still is the gate's to refuse
+            return ""
+        return (
+            f"its clock runs {rate:.1f} times as fast as this flight reckons; is --speedup "
+            f"{self._speedup * rate:.2g} meant?"
+        )

@@ -32,7 +32,6 @@ from tests.benchmarks import brighton
 from tests.benchmarks.detectors import PAINTED
 from uavmap.cli import main as uavmap
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.offline.after_flight import draw_boundary
@@ -105,8 +104,8 @@ def flown(seeds: int) -> None:
                 source.source, source.text, strategy=None, vehicles=None, seed=seed, urls=(),
                 speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
             )  # fmt: skip
-            fly(plan, folder, Silent(), keep_frames=True)
-            draw_boundary(folder, Silent(), print, Wishes(ortho=False))
+            fly(plan, folder, keep_frames=True)
+            draw_boundary(folder, print, Wishes(ortho=False))
             region = mapped(folder, setting.grid, "boundary")
             off_m = errors_m(region, truth)
             features = json.loads((folder / FILE).read_text("utf-8"))["features"]
@@ -179,13 +178,13 @@ def cost(path: Path) -> None:
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
             folder, how = Path(name), Options()
             began_s = time.process_time()
-            looked = look_at_all(gathered, setting, spool, Silent(), how)
+            looked = look_at_all(gathered, setting, spool, how)
             seen_s = time.process_time()
             meta = journal_meta(source, str(path)) | looked.taken()
             with Journal.create(folder / JOURNAL, meta) as journal:
-                looked.written(journal, folder, Silent())
+                looked.written(journal, folder)
             written_s = time.process_time()
-            looked.write_rasters(folder, Wishes(), Silent())
+            looked.write_rasters(folder, Wishes())
             found["verdicts"].append(seen_s - began_s)
             found["results"].append(written_s - seen_s)
             found["GeoTIFFs"].append(time.process_time() - written_s)

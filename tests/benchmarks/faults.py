@@ -27,7 +27,6 @@ from missions.state import Setting, State
 from missions.step import step
 from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
 from uavmap.fly.flight import fly as fly_plan
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
@@ -78,7 +77,7 @@ def begins(vehicles: int) -> dict[str, float]:
     )  # fmt: skip
     setting = plan.setting(lambda text: None)
     with tempfile.TemporaryDirectory() as folder:
-        fly_plan(plan, Path(folder), Silent())
+        fly_plan(plan, Path(folder))
         with Journal.open(Path(folder) / JOURNAL) as journal:
             return _phases(setting, list(journal.events()), vehicles)
 

@@ -26,7 +26,6 @@ from missions.ground.grid import Grid
 from missions.units import GridPoint
 from tests.benchmarks.height_and_speed_picture import BLUE, INK, PALE, RED, line, words
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.fly.simulated_fleet import fly_fleet
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
@@ -75,7 +74,7 @@ def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
     )
     begun_s = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
-        found = (fly if comms is None else fly_fleet)(plan, Path(folder), Silent())
+        found = (fly if comms is None else fly_fleet)(plan, Path(folder))
     result = {"vehicles": vehicles, "comms": comms, "seed": seed}
     result |= {name: found[name] for name in FIGURES}
     result["patches"] = len(found["patches"])

@@ -33,7 +33,6 @@ from missions.ground.grid import Grid
 from missions.mission_file.schema import positions
 from missions.units import GridPoint
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
@@ -93,7 +92,7 @@ def flight(job: Job) -> dict[str, Any]:
         source.source, text, strategy, job.vehicles, job.seed, (), None, SIM_EPOCH_UTC_S
     )
     with tempfile.TemporaryDirectory() as folder:
-        return fly(plan, Path(folder), Silent())
+        return fly(plan, Path(folder))
 
 
 def row(name: str, found: Sequence[dict[str, Any]], base_s: float | None) -> str:

@@ -29,7 +29,6 @@ from missions.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
@@ -97,7 +96,7 @@ def flown(job: Job) -> dict[str, Any]:
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
         patched.setattr(Truth, "watch", watching)
-        summary = fly(plan, Path(folder), Silent())
+        summary = fly(plan, Path(folder))
         with Journal.open(Path(folder) / JOURNAL) as journal:
             events = list(journal.events())
     found = dict(summary)

@@ -19,7 +19,6 @@ from typing import Any
 
 from missions.mission_file.checks import parse_mission
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
@@ -37,7 +36,7 @@ def flight(text: str, seed: int) -> dict[str, Any]:
     """The summary of a flight."""
     plan = FlightPlan("runway", text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
     with tempfile.TemporaryDirectory() as folder:
-        return fly(plan, Path(folder), Silent())
+        return fly(plan, Path(folder))
 
 
 def main(arguments: list[str] | None = None) -> int:

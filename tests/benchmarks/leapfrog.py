@@ -34,7 +34,6 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from uavmap.fly.flight import fly
 from uavmap.fly.navigation import Navigation
-from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.simulation import Truth
@@ -121,7 +120,7 @@ def flown(job: Job) -> dict[str, Any]:
         patched.setattr(Navigation, "placed", placing)
         if job.way == "alone":
             patched.setattr(Navigation, "_correct", lambda self, off: None)
-        summary = fly(plan, Path(folder), Silent())
+        summary = fly(plan, Path(folder))
     found = dict(summary)
     true = np.array(seen.true)
     reckoned, frames = (_off(np.array(p), true) for p in (seen.reckoned, seen.frames))

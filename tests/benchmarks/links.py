@@ -21,7 +21,6 @@ from missions.orders import TakeOff
 from tests.unit.uavmap.flights import Flight, fly, small_mission
 from uavmap.clock import VirtualClock, run
 from uavmap.fly import flight as flight_module
-from uavmap.fly.progress import Silent
 from uavmap.fly.service import Service
 from uavmap.link.forwarding import Forwarding
 from uavmap.link.frames import Splitter
@@ -68,7 +67,7 @@ def frame_to_target_s(mission: str = "speck") -> list[float]:
     Service.post, Session.send = noted, sent  # type: ignore[method-assign]
     try:
         with tempfile.TemporaryDirectory() as folder:
-            flight_module.fly(plan, Path(folder) / "out", Silent())
+            flight_module.fly(plan, Path(folder) / "out")
     finally:
         Service.post, Session.send = post, send  # type: ignore[method-assign]
     return found

@@ -23,6 +23,8 @@ from missions.orders import FlyPath
 from missions.state import Phase, Setting, State
 from missions.units import Cell, GridPoint
 from tests.browser import browser
+from tests.said import Said
+from uavmap.base.messages import shown_on
 from uavmap.mission_source import load_source
 from uavmap.page.feed import Feed
 from uavmap.page.opening import Wishes, opened
@@ -110,9 +112,9 @@ def on_the_flight() -> None:
 
 def in_the_browser(out: Path) -> None:
     """How often it is drawn."""
-    said: list[str] = []
+    said = Said()
     config = {"title": "20 vehicles, 5,000 cells", "steers": True}
-    with opened(Wishes(0, "--page"), config, said.append) as feed, browser() as driver:
+    with shown_on(said), opened(Wishes(0, "--page"), config) as feed, browser() as driver:
         team = Team()
         feed.put({"kind": "scene", "scene": scene_of(team.setting)}, wait_s=5.0)
         version = told(team, feed, 0, 3.0, lambda: driver.get(said[0].removeprefix("live page: ")))

@@ -30,7 +30,6 @@ import numpy as np
 from missions.errors import ImageError
 from missions.state import Setting
 from tests.benchmarks.many_pictures import write_survey
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import MissionSource
 from uavmap.offline.credible import Placed, credible
@@ -93,7 +92,7 @@ def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
-        look_at_all(gathered, setting, spool, Silent(), Options(Threads(workers)))
+        look_at_all(gathered, setting, spool, Options(Threads(workers)))
     return time.perf_counter() - begun, time.process_time() - used
 
 
@@ -104,7 +103,7 @@ def peak_mb() -> float:
 def _rate(folder: Path, refine: str) -> None:
     gathered = gather(open_source(folder))
     if refine == "on":  # beforehand: what is measured is the replay that follows
-        better = refined(gathered, Silent(), None)
+        better = refined(gathered, None)
         gathered = gathered if better is None else better.gathered
     pictures = [v for v in credible(gathered.pictures) if isinstance(v, Placed)]
     for workers in sorted({1, worker_count()}):
@@ -153,13 +152,13 @@ def _results(path: Path, often: int) -> None:
     for _ in range(often):
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
             folder = Path(name)
-            judged = look_at_all(gathered, setting, spool, Silent(), Options())
+            judged = look_at_all(gathered, setting, spool, Options())
             meta = journal_meta(source, str(path)) | judged.taken()
             times = [(time.perf_counter(), time.process_time())]
             with Journal.create(folder / JOURNAL, meta) as journal:
-                judged.written(journal, folder, Silent())
+                judged.written(journal, folder)
             times.append((time.perf_counter(), time.process_time()))
-            judged.write_rasters(folder, Wishes(), Silent())
+            judged.write_rasters(folder, Wishes())
             times.append((time.perf_counter(), time.process_time()))
             (wall, cpu), (tiff_wall, tiff_cpu) = np.diff(times, axis=0).tolist()
             print(

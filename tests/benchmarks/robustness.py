@@ -37,7 +37,6 @@ from missions.units import Cell
 from sitl.scenario import Setup
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.results.score import CLEAR_SHARE, cells_near, shares_of, true_roi
@@ -200,7 +199,7 @@ def flight(job: tuple[str, int]) -> dict[str, Any]:
         raise RuntimeError(f"{name}: the mission {MISSION} has no place for it")
     plan = FlightPlan(MISSION, text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
     with inject(seed), tempfile.TemporaryDirectory() as folder:
-        return fly(plan, Path(folder), Silent())
+        return fly(plan, Path(folder))
 
 
 def _median(values: Sequence[float], digits: int) -> str:

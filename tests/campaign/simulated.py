@@ -24,7 +24,6 @@ from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap import simulation
 from uavmap.fly.flight import fly as fly_plan
 from uavmap.fly.impact import GRAVITY_M_S2
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.simulation import STEP_S, Truth
@@ -174,7 +173,7 @@ def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Out
             epoch_utc_s=SIM_EPOCH_UTC_S,
         )  # fmt: skip
         try:
-            summary = fly_plan(asked, path, Silent())
+            summary = fly_plan(asked, path)
         except* UavmapError as group:
             if verbose:
                 print(f"ended: {group.exceptions}")

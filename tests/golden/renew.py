@@ -14,7 +14,6 @@ from pathlib import Path
 from missions.events import from_json
 from tests.golden.recording import RECORDINGS, Recording, outcome
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
@@ -33,7 +32,7 @@ def flown(recording: Recording, folder: Path) -> list[str]:
         speedup=None,
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
-    fly(plan, folder, Silent())
+    fly(plan, folder)
     with Journal.open(folder / JOURNAL) as journal:
         return journal.bodies()
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
+import logging
 import os
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, Final, ParamSpec, cast
@@ -14,18 +16,23 @@ from missions.mission_file.schema import MAX_VEHICLES
 from uavmap.api.arguments import Paths, choice, number, path_text, texts, whole
 from uavmap.api.aside import Job, awaited, waited_for
 from uavmap.api.results import Results, open_results
+from uavmap.base.messages import muted, shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.fly import flight
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.caller import Caller
 from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.one_flight import Company
+from uavmap.fly.onlooker import Onlooker
 from uavmap.fly.planned import Wanted, planned
-from uavmap.fly.progress import Progress, Silent, Terminal
+from uavmap.fly.progress import ProgressTable
 from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.preflight.plan_figures import plan_lines
 from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, Driver
 from uavmap.record.results_folder import results_folder
 
 P = ParamSpec("P")
+_LOG: Final = logging.getLogger("uavmap.flight")
 KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
 _SPEEDUPS: Final = (0.001, 1000.0)
 _SEEDS: Final = 2**63 - 1
@@ -235,12 +242,13 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
 
     def job(caller: Caller) -> Results:
         plan, flown = planned(wanted)
-        progress = _progress(quiet=quiet)
-        plan = with_ground(plan, progress.say)
-        folder = results_folder(out, flown.name)
-        progress.say(f"{flown.name} into {folder}; to go on if it is interrupted: uavmap.resume")
-        flight.fly(plan, folder, progress, before, keep_frames=given["keep_frames"], caller=caller)
-        return _finished(folder, progress)
+        with _shown(quiet=quiet) as onlookers:
+            plan = with_ground(plan)
+            folder = results_folder(out, flown.name)
+            _LOG.info(f"{flown.name} into {folder}; to go on if it is interrupted: uavmap.resume")
+            company = Company(onlookers=onlookers, preflight=before, caller=caller)
+            flight.fly(plan, folder, company, keep_frames=given["keep_frames"])
+            return _finished(folder)
 
     return job
 
@@ -256,28 +264,36 @@ def _resumption(folder: Paths, **given: Any) -> Job[Results]:
         "key_file": _key(given["key"]),
         "forward": None if forward is None else texts("forward", forward),
         "from_home": given["from_home"],
-        "recall": given["recall"],
     }
 
     def job(caller: Caller) -> Results:
-        progress = _progress(quiet=given["quiet"])
-        flight.resume(where, progress, caller=caller, **options)
-        return _finished(where, progress)
+        with _shown(quiet=given["quiet"]) as onlookers:
+            company = Company(onlookers=onlookers, caller=caller, recall=given["recall"])
+            flight.resume(where, company, **options)
+            return _finished(where)
 
     return job
 
 
-def _finished(folder: Path, progress: Progress) -> Results:
+def _finished(folder: Path) -> Results:
     """The results of a flight, with what pictures that were kept add to them."""
     results = open_results(folder)
     if not kept_frames(folder) or results.aircraft_down:
         return results
-    draw_boundary(folder, progress, progress.say)
+    draw_boundary(folder, _LOG.info)
     return open_results(folder)
 
 
-def _progress(*, quiet: bool) -> Progress:
-    return Silent() if quiet else Terminal()
+@contextlib.contextmanager
+def _shown(*, quiet: bool) -> Iterator[tuple[Onlooker, ...]]:
+    """Show lines and progress on standard error, unless `quiet`; gives who looks on."""
+    if quiet:
+        with muted():
+            yield ()
+        return
+    terminal = Terminal()
+    with shown_on(terminal):
+        yield (ProgressTable(terminal),)
 
 
 def _driver(name: str) -> Driver:

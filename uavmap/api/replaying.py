@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 from datetime import datetime
+from typing import Final
 
 from missions.errors import UavmapError
 from uavmap.api.arguments import Paths, number, path_text, whole
 from uavmap.api.results import Results, open_results
-from uavmap.fly.progress import Progress, Silent, Terminal
+from uavmap.base.messages import muted, shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.lab.cluster import Cluster
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replaying import Wanted, replay_pictures
 from uavmap.offline.workers import Crew, Threads
+
+_LOG: Final = logging.getLogger("uavmap.photos")
 
 
 def replay(
@@ -80,16 +85,16 @@ def replay(
         refine=refine,
         rasters=Wishes(ortho, None if gsd_m is None else number("gsd_m", gsd_m, 0.005, 10.0)),
     )
-    progress = Silent() if quiet else Terminal()
-    if scheduler is not None:
-        with Cluster(scheduler) as cluster:
-            return _replayed(wanted, cluster, progress)
-    count = None if workers is None else whole("workers", workers, 1, 256)
-    return _replayed(wanted, Threads(count), progress)
+    with muted() if quiet else shown_on(Terminal()):
+        if scheduler is not None:
+            with Cluster(scheduler) as cluster:
+                return _replayed(wanted, cluster)
+        count = None if workers is None else whole("workers", workers, 1, 256)
+        return _replayed(wanted, Threads(count))
 
 
-def _replayed(wanted: Wanted, crew: Crew, progress: Progress) -> Results:
-    done = replay_pictures(wanted, crew, progress, progress.say)
+def _replayed(wanted: Wanted, crew: Crew) -> Results:
+    done = replay_pictures(wanted, crew, _LOG.info)
     if done.interrupted:
         raise KeyboardInterrupt(f"the GeoTIFFs are not written; all else is in {done.folder}")
     return open_results(done.folder)

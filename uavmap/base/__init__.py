@@ -1,1 +1,1 @@
-"""What every other part may use: nothing here knows of missions or aircraft."""
+"""What every room needs and no room owns: version, time, messages, text and files from outside."""

@@ -9,8 +9,8 @@ from typing import Any, Final
 from missions.errors import OutputError
 from uavmap.animation import check_path, film_of_flight, title_of
 from uavmap.animation.rerun_recording import SUFFIX, sdk, write_recording
+from uavmap.base.terminal import Terminal
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
-from uavmap.fly.progress import Terminal
 from uavmap.journal.event_log import JournalReader
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.results.score import true_roi
@@ -71,7 +71,7 @@ def _place(options: argparse.Namespace) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Animate."""
-    folder, say = Path(options.folder), Terminal().say
+    folder, say = Path(options.folder), Terminal().show
     asked_for_tree = options.tree is not None
     if options.out is not None:
         _place(options)

@@ -6,16 +6,18 @@ import argparse
 import asyncio
 import contextlib
 import json
+import logging
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import MissionFileError
 from missions.mission_file.schema import CameraSection
 from missions.state import Setting
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cameras.spec import HELP, CameraSpec, parse_camera
 from uavmap.cli.common import speedup
 from uavmap.cli.endings import INCOMPLETE
@@ -25,7 +27,6 @@ from uavmap.clock import run as run_on
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.classifier import detector_of
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links
-from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source, shipped_missions
 from uavmap.preflight.autopilot_fence import outside_m
 from uavmap.preflight.examination import Examination, connect
@@ -34,6 +35,7 @@ from uavmap.preflight.installation import installation
 from uavmap.preflight.plan_figures import plan_lines
 from uavmap.preflight.setting_up import AutopilotSetup
 
+_LOG: Final = logging.getLogger("uavmap.preflight")
 PICTURES: Final = "doctor"
 """The folder for test pictures, where none is named."""
 HEARTBEAT_S: Final = 1.0
@@ -164,10 +166,10 @@ async def _vehicles(
     found: list[Finding],
 ) -> None:
     section = CameraSection() if setting is None else setting.mission.camera
-    say = Terminal().say
     async with contextlib.AsyncExitStack() as stack:
+        stack.enter_context(shown_on(Terminal()))
         links = await stack.enter_async_context(
-            opened_links(urls, options, cameras, section, _drop, say)
+            opened_links(urls, options, cameras, section, _drop)
         )
         for link in links:
             if setting is not None:
@@ -175,9 +177,7 @@ async def _vehicles(
         async with asyncio.TaskGroup() as tasks:
             beating = tasks.create_task(_heartbeats(links))
             looking = [
-                tasks.create_task(
-                    _vehicle(number, link, setting, folder, partial(_say_of, say, number))
-                )
+                tasks.create_task(_vehicle(number, link, setting, folder))
                 for number, link in enumerate(links, start=1)
             ]
             await asyncio.wait(looking)
@@ -198,14 +198,12 @@ def _drop(frame: bytes) -> None:
     """Nothing is recorded."""
 
 
-def _say_of(say: Any, number: int, text: str) -> None:
-    say(f"vehicle {number}: {text}")
-
-
-async def _vehicle(
-    number: int, link: Link, setting: Setting | None, folder: Path, tell: Any
-) -> list[Finding]:
+async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:
     """All that is found on one vehicle."""
+
+    def tell(text: str) -> None:
+        _LOG.info(f"vehicle {number}: {text}")
+
     examination = Examination(number, link.session, link.camera)
     setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder, tell)
     await connect(link.session, link.name)

@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import MissionFileError, OutputError, UavmapError
 from missions.mission_file.schema import Mission
 from missions.state import Setting
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map
-from uavmap.fly.progress import Terminal
 from uavmap.mission_source import load_source
 from uavmap.offline.plan_items import SearchFlight, search_flight
 from uavmap.results.atomic import write_text
@@ -84,7 +84,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Export."""
     if options.to is not None or options.out is not None:
-        return export_map(options, Terminal().say)
+        return export_map(options, Terminal().show)
     if options.plan is None and options.waypoints is None:
         raise UavmapError(
             "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints or --to FORMAT"
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
         raise UavmapError(
             "--waypoints: the file begins with a home, which a PX4 would fly to; use --plan"
         )
-    say = Terminal().say
+    say = Terminal().show
     if Path(options.source).is_dir():
         raise UavmapError(
             f"{options.source}: is a folder, and a plan is of a mission; give its file. To fly the "

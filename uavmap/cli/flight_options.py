@@ -8,6 +8,8 @@ from missions.errors import NotFlownError, leaves
 from missions.mission_file import fleet_checks
 from missions.mission_file.checks import STRATEGIES
 from missions.mission_file.schema import Mission
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import DETECTOR_HELP, report, speedup
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
@@ -17,8 +19,8 @@ from uavmap.cli.summary import add_summary_options
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
+from uavmap.fly.one_flight import Company
 from uavmap.fly.planned import Wanted
-from uavmap.fly.progress import Terminal
 from uavmap.mission_source import shipped_missions
 from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.preflight.plan_figures import plan_lines
@@ -134,18 +136,28 @@ def begin(
     options: argparse.Namespace, plan: FlightPlan, mission: Mission, preflight: Preflight | None
 ) -> int:
     """Fly a plan into the folder of --out, with what is asked for beside it; the exit code."""
-    progress = Terminal()
-    plan = with_ground(plan, progress.say)
+    terminal = Terminal()
+    with shown_on(terminal):
+        return _begin(options, plan, mission, preflight, terminal)
+
+
+def _begin(
+    options: argparse.Namespace,
+    plan: FlightPlan,
+    mission: Mission,
+    preflight: Preflight | None,
+    terminal: Terminal,
+) -> int:
+    plan = with_ground(plan)
     folder = results_folder(options.out, mission.name)
-    progress.say(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
     if mission.camera.calibration is not None:
-        progress.say("camera.calibration is for recorded pictures; this flight uses hfov_deg")
+        terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
     code, summary = 0, None
     try:
-        with beside(options, plan, folder, progress) as (heard, seen):
-            summary = fly(
-                plan, folder, heard, preflight, keep_frames=options.keep_frames, onlooker=seen
-            )
+        with beside(options, plan, folder, terminal) as onlookers:
+            company = Company(onlookers=onlookers, preflight=preflight)
+            summary = fly(plan, folder, company, keep_frames=options.keep_frames)
     except* NotFlownError as group:
         for over in leaves(group):
             complain(str(over))
@@ -155,5 +167,5 @@ def begin(
         return code
     code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and code != AIRCRAFT_DOWN:
-        draw_boundary(folder, progress, complain)
+        draw_boundary(folder, complain)
     return code

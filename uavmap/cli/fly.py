@@ -8,6 +8,8 @@ from typing import Any
 
 from missions.errors import LinkError
 from missions.mission_file.schema import Mission
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import EXIT_CODES, report, seed_number, vehicle_count
 from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
 from uavmap.cli.flight_options import (
@@ -21,7 +23,6 @@ from uavmap.cli.flight_options import (
 from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.planned import planned
-from uavmap.fly.progress import Terminal
 from uavmap.fly.simulated_fleet import fly_fleet
 from uavmap.record.flight_plan import FleetNetwork, FlightPlan
 from uavmap.record.results_folder import results_folder
@@ -146,8 +147,9 @@ def _fly_fleet(options: argparse.Namespace, plan: FlightPlan, mission: Mission) 
         raise LinkError(
             "--comms is for --sim; on real aircraft each computer runs `uavmap onboard`"
         )
-    progress, folder = Terminal(), results_folder(options.out, mission.name)
-    plan = with_ground(plan, progress.say)
-    progress.say(f"{mission.name} into {folder}")
-    summary = fly_fleet(replace(plan, comms=options.comms), folder, progress)
+    terminal, folder = Terminal(), results_folder(options.out, mission.name)
+    with shown_on(terminal):
+        plan = with_ground(plan)
+        terminal.show(f"{mission.name} into {folder}")
+        summary = fly_fleet(replace(plan, comms=options.comms), folder)
     return report(summary, folder, as_json=options.json, verbose=options.verbose)

@@ -12,9 +12,9 @@ from rich.table import Table
 
 from missions.errors import ImageError, OutputError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
+from uavmap.base.terminal import PipeConsole
 from uavmap.cli.common import DETECTOR_HELP
 from uavmap.detector_source import detector_text
-from uavmap.fly.progress import PipeConsole
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.derived import DETECTOR, derived

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.summary import add_summary_options
-from uavmap.fly.progress import Terminal
 from uavmap.results.merging import merged_results
 
 _EXAMPLES = """\
@@ -44,5 +44,5 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Merge."""
     out = Path(options.out)
-    summary = merged_results([Path(folder) for folder in options.folders], out, Terminal().say)
+    summary = merged_results([Path(folder) for folder in options.folders], out, Terminal().show)
     return report(summary, out, as_json=options.json, verbose=options.verbose)

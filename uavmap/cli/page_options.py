@@ -9,9 +9,11 @@ from pathlib import Path
 
 from missions.errors import UavmapError
 from missions.state import Setting
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import number_type
 from uavmap.fly.onlooker import Onlooker
-from uavmap.fly.progress import Progress
+from uavmap.fly.progress import ProgressTable
 from uavmap.page.address import LOOPBACK, PORT
 from uavmap.page.background import of_tiles
 from uavmap.page.live import FlightPage
@@ -56,36 +58,38 @@ def beside(
     options: argparse.Namespace,
     plan: FlightPlan | Callable[[], FlightPlan],
     folder: Path,
-    progress: Progress,
-) -> Iterator[tuple[Progress, Onlooker | None]]:
-    """Open the live page where it is asked for.
+    terminal: Terminal,
+) -> Iterator[tuple[Onlooker, ...]]:
+    """Show progress on the terminal, and open the live page where it is asked for.
 
     Args:
         options: Of the command.
         plan: Of the flight, or what reads it; read only for a page.
         folder: Of the results.
-        progress: What the flight is reported to.
+        terminal: Of the command.
 
     Returns:
-        What the flight is reported to, and the page, or None.
+        What looks on: the progress on the terminal, and the page.
 
     Raises:
         UavmapError: The page cannot be opened.
     """
+    table = ProgressTable(terminal)
     if options.page is None:
         if options.tiles or options.page_host != LOOPBACK:
             raise UavmapError("--tiles and --page-host go with --page")
-        yield progress, None
+        yield (table,)
         return
     known = plan() if callable(plan) else plan
     mission, wishes = known.mission(), Wishes(options.page, "--page", options.page_host)
     under = of_tiles(Path(options.tiles), Setting.of(mission)) if options.tiles else None
     config = {"title": mission.name, "steers": not known.simulated}
-    with opened(wishes, config, progress.say) as feed:
-        page = FlightPage(feed, progress, simulated=known.simulated, background=under)
+    with opened(wishes, config) as feed:
+        page = FlightPage(feed, simulated=known.simulated, background=under)
         how = "was left before its end"
         try:
-            yield page, page
+            with shown_on(page):
+                yield table, page
             how = "is over"
         finally:
             page.close(f"the flight {how}; `uavmap watch {folder}` shows it again")

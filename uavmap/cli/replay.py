@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import DETECTOR_HELP, number_type, report, utc_seconds, worker_count
 from uavmap.cli.endings import INTERRUPTED, complain
 from uavmap.cli.summary import add_summary_options
-from uavmap.fly.progress import Terminal
 from uavmap.lab.cluster import Cluster
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replaying import Wanted, replay_pictures
@@ -127,6 +128,7 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
         refine=options.refine == "on",
         rasters=Wishes(options.ortho, options.gsd),
     )
-    done = replay_pictures(wanted, crew, Terminal(), complain)
+    with shown_on(Terminal()):
+        done = replay_pictures(wanted, crew, complain)
     code = report(done.summary, done.folder, as_json=options.json, verbose=options.verbose)
     return code or (INTERRUPTED if done.interrupted else 0)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from missions.errors import OutputError
+from uavmap.base.terminal import Terminal
 from uavmap.cli.export_map import tell_incomplete
 from uavmap.cli.summary import add_summary_options, print_summary
-from uavmap.fly.progress import Terminal
 from uavmap.offline.flown_folder import flown_of
 from uavmap.results.documents import REPORT, write_report
 
@@ -43,7 +43,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write it. Raises `UavmapError`."""
-    folder, out, say = Path(options.folder), options.out, Terminal().say
+    folder, out, say = Path(options.folder), options.out, Terminal().show
     if out is not None and out.exists():
         raise OutputError(f"--out {out}: is there already; choose another name")
     flown = flown_of(folder)

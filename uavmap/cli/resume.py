@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
@@ -17,7 +19,7 @@ from uavmap.cli.link_options import add_link_options, key_file
 from uavmap.cli.page_options import add_page_options, beside
 from uavmap.cli.summary import add_summary_options
 from uavmap.fly.flight import plan_of, resume
-from uavmap.fly.progress import Terminal
+from uavmap.fly.one_flight import Company
 from uavmap.journal.event_log import Journal
 from uavmap.journal.recovery import recover
 from uavmap.offline.after_flight import draw_boundary, kept_frames
@@ -89,14 +91,19 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
-    folder, progress = Path(options.folder), Terminal()
+    terminal = Terminal()
+    with shown_on(terminal):
+        return _run(options, Path(options.folder), terminal)
+
+
+def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
     if options.recover:
-        _recover(folder, progress.say)
-    at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    with beside(options, lambda: _plan(folder), folder, progress) as (heard, seen):
+        _recover(folder, terminal.show)
+    ask = _ask if sys.stdin.isatty() and sys.stderr.isatty() else None
+    with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
         summary = resume(
             folder,
-            heard,
+            Company(onlookers=onlookers, ask=ask, recall=options.recall),
             urls=tuple(options.connect),
             driver=options.driver,
             cameras=tuple(options.camera),
@@ -104,13 +111,10 @@ def run(options: argparse.Namespace) -> int:
             forward=None if options.forward is None else tuple(options.forward),
             network=partial(network_of, options) if given_network(options) else None,
             from_home=options.from_home,
-            recall=options.recall,
-            ask=_ask if at_terminal else None,
-            onlooker=seen,
         )
     code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
-        draw_boundary(folder, progress, complain)
+        draw_boundary(folder, complain)
     return code
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 from rich.markup import escape
 from rich.table import Table
 
-from uavmap.fly.progress import PipeConsole
+from uavmap.base.terminal import PipeConsole
 from uavmap.record.mission_time import duration
 from uavmap.results import patches_told
 

@@ -12,8 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import OutputError
+from uavmap.base.terminal import PipeConsole, Terminal
 from uavmap.cli.common import number_type, overwrite_nothing, seed_number
-from uavmap.fly.progress import PipeConsole, Terminal
 from uavmap.offline.tune.paint import paint
 from uavmap.offline.tune.run import FILES, Wishes, tune
 from uavmap.offline.tune.selection import KINDS, SETS
@@ -86,7 +86,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Tune."""
     if options.paint:
-        paint(Path(options.images), Path(options.examples), options.width, Terminal().say)
+        paint(Path(options.images), Path(options.examples), options.width, Terminal().show)
         if options.out is None:
             return 0
     if options.out is None:
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
         (options.model,) if options.model else KINDS,
         (options.features,) if options.features else tuple(SETS),
     )
-    report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().say)
+    report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().show)
     if options.json:
         json.dump(report, sys.stdout, indent=2)
         sys.stdout.write("\n")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import logging
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from missions.errors import JournalError
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
 from uavmap.cli.page_options import add_common_options, port
-from uavmap.fly.progress import Terminal
 from uavmap.journal.event_log import JournalReader
 from uavmap.page.address import PORT
 from uavmap.page.following import Follower
@@ -17,6 +19,7 @@ from uavmap.page.opening import Wishes, opened
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.record.frames import FRAMES
 
+_LOG: Final = logging.getLogger("uavmap.page")
 _EXAMPLES = f"""\
 examples:
   uavmap watch results/field-1                      a flight under way, or one of the past
@@ -52,7 +55,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Watch until Ctrl-C."""
-    folder, say = Path(options.folder), Terminal().say
+    folder = Path(options.folder)
     if not folder.is_dir():
         raise JournalError(f"{folder}: there is no such folder; name the results of a flight")
     tiles = Path(options.tiles) if options.tiles else None
@@ -66,8 +69,9 @@ def run(options: argparse.Namespace) -> int:
     }
     with (
         contextlib.suppress(KeyboardInterrupt),
-        opened(Wishes(options.port, "--port", options.page_host), config, say) as feed,
+        shown_on(Terminal()),
+        opened(Wishes(options.port, "--port", options.page_host), config) as feed,
     ):
-        say("Ctrl-C ends it")
+        _LOG.info("Ctrl-C ends it")
         follower.run(feed)
     return 0

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from missions.state import Setting
+from uavmap.base import messages
 from uavmap.comms.peer import Peer
 
 AGREE_S: Final = 15.0
@@ -25,12 +26,11 @@ class FleetClock:
         setting: Setting,
         number: int,
         peers: Mapping[int, Peer],
-        say: Callable[[str], None],
     ) -> None:
         self._setting = setting
         self._number = number
         self._peers = peers
-        self._say = say
+        self._log = messages.bound("uavmap.fleet")
         self._strangers: set[int] = set()
         self.begun = False
         """Whether our vehicle has taken off."""
@@ -76,7 +76,7 @@ class FleetClock:
         elsewhere = self.agreed and peer.begun and off_m > ELSEWHERE_CELLS * grid.cell_m
         if elsewhere and sender not in self._strangers:
             self._strangers.add(sender)
-            self._say(
+            self._log.info(
                 f"vehicle {sender} began apart from us, its clock is {peer.ahead_s:+.0f} s off, "
                 "and the region drifts: its cells are other ground, and are not taken"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import re
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -14,7 +15,7 @@ from missions.mission_file.schema import Mission
 from uavmap.comms.endpoints import FleetEndpoint, parse_endpoint
 from uavmap.comms.fleet_key import fleet_key
 from uavmap.comms.multicast_radio import MulticastRadio
-from uavmap.comms.radio import Radio, Radios
+from uavmap.comms.radio import Radio, Radios, SealedRadio
 from uavmap.comms.sealing import Seal
 from uavmap.comms.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
 from uavmap.link.key_file import read_key
@@ -25,6 +26,7 @@ TOLD_AT_END: Final = {
     "from another with our number": " (give every vehicle a number of its own with --vehicle)",
     "damaged": "",
 }
+_LOG: Final = logging.getLogger("uavmap.fleet")
 START: Final = "fleet_start"
 """In the journal's meta: the number of the member's latest start."""
 
@@ -44,30 +46,30 @@ class HoldsMeta(Protocol):
 
 @contextlib.asynccontextmanager
 async def joined_fleet(
-    plan: FlightPlan, mission: Mission, journal: HoldsMeta, say: Callable[[str], None]
-) -> AsyncIterator[tuple[Radio | None, Seal | None]]:
+    plan: FlightPlan, mission: Mission, journal: HoldsMeta
+) -> AsyncIterator[SealedRadio | None]:
     """The radio of a member and its seal, until the end of the context.
 
-    Neither for a flight that is of no fleet, or whose member reaches nobody. Raises `LinkError`,
+    None for a flight that is of no fleet, or whose member reaches nobody. Raises `LinkError`,
     `JournalError`.
     """
     network = plan.network
     if plan.member is None or network is None or network.alone:
         if plan.member is not None:
-            say("neither --listen nor --peer nor --router: it flies alone, and hears nobody")
-        yield None, None
+            _LOG.info("neither --listen nor --peer nor --router: it flies alone, and hears nobody")
+        yield None
         return
     seal = member_seal(network, mission, plan.member, journal)
-    async with opened_radio(network, mission, say) as radio:
-        yield radio, seal
-    _tell_refused(seal, say)
+    async with opened_radio(network, mission) as radio:
+        yield SealedRadio(radio, seal)
+    _log_refused(seal)
 
 
-def _tell_refused(seal: Seal, say: Callable[[str], None]) -> None:
-    """How many datagrams were not believed, by reason: said at the end."""
+def _log_refused(seal: Seal) -> None:
+    """Log how many datagrams were refused, by reason."""
     for reason, count in sorted(seal.refused.items()):
         if reason in TOLD_AT_END:
-            say(f"{count} datagrams were refused: {reason}{TOLD_AT_END[reason]}")
+            _LOG.info(f"{count} datagrams were refused: {reason}{TOLD_AT_END[reason]}")
 
 
 def check_network(network: FleetNetwork | None) -> None:
@@ -105,20 +107,18 @@ def member_seal(
 
 
 @contextlib.asynccontextmanager
-async def opened_radio(
-    network: FleetNetwork, mission: Mission, say: Callable[[str], None]
-) -> AsyncIterator[Radio]:
+async def opened_radio(network: FleetNetwork, mission: Mission) -> AsyncIterator[Radio]:
     """The radio of a network, open until the end of the context. Raises `LinkError`."""
     groups, links = _endpoints(network)
     parts: list[Radio] = []
     async with contextlib.AsyncExitStack() as stack:
         for group in groups:
-            by_group = MulticastRadio(group, say)
+            by_group = MulticastRadio(group)
             by_group.open()
             stack.callback(by_group.close)
             parts.append(by_group)
         if links.all:
-            by_zenoh = ZenohRadio(links, key_expression(mission.name), say)
+            by_zenoh = ZenohRadio(links, key_expression(mission.name))
             by_zenoh.open()
             stack.push_async_callback(by_zenoh.close)
             parts.append(by_zenoh)

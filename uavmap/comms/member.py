@@ -32,6 +32,7 @@ from missions.fleet.own_cells import OwnCells
 from missions.fleet_events import Allotted, Apart, Part, Shared
 from missions.mapping.belief import Belief
 from missions.state import Setting, State
+from uavmap.base import messages
 from uavmap.comms.airspace import Airspace
 from uavmap.comms.fleet_clock import FleetClock
 from uavmap.comms.peer import Peer
@@ -71,21 +72,20 @@ class Member:
         radio: Radio,
         now_s: Callable[[], float],
         post: Callable[[Event], None],
-        say: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._setting = setting
         self._seal = seal
         self._radio = radio
         self._now_s = now_s
         self._post = post
-        self._say = say
+        self._log = messages.bound("uavmap.fleet")
         self._number = seal.member
         none = Belief(setting.mission.votes.frames, setting.mission.votes.positive)
         self._own = OwnCells(none, none)
         """Not of the state, whose map counts what others have decided as votes, too."""
         self.knowledge = Knowledge()
         self.peers: dict[int, Peer] = {}
-        self._clock = FleetClock(setting, self._number, self.peers, say)
+        self._clock = FleetClock(setting, self._number, self.peers)
         self._airspace = Airspace(
             setting, self._number, self.peers, now_s, post, hurry=self.beat_soon
         )
@@ -181,7 +181,7 @@ class Member:
             if self._failed:
                 return
             self._failed = True
-            self._say(
+            self._log.info(
                 f"the talk with the fleet fails ({type(failure).__name__}: {failure}), which is a "
                 "defect of the program; each aircraft goes on by itself"
             )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import socket
 import struct
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from typing import Final
 
 from uavmap.comms.endpoints import FleetEndpoint
 
+_LOG: Final = logging.getLogger("uavmap.fleet")
 HEADER_BYTES: Final = 14 + 20 + 8
 """Of Ethernet (a Wi-Fi header is about as long), IPv4 and UDP."""
 LARGEST_BYTES: Final = 1_400
@@ -30,17 +32,16 @@ class MulticastRadio:
 
     overhead_bytes: Final = HEADER_BYTES
 
-    def __init__(self, endpoint: FleetEndpoint, say: Callable[[str], None]) -> None:
+    def __init__(self, endpoint: FleetEndpoint) -> None:
         self._endpoint = endpoint
-        self._say = say
-        self._heard: Callable[[bytes], None] | None = None
+        self._listeners: list[Callable[[bytes], None]] = []
         self._socket: socket.socket | None = None
         self._again: asyncio.TimerHandle | None = None
         self._told = ""
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
         """Have what comes in passed on."""
-        self._heard = heard
+        self._listeners.append(heard)
 
     def open(self) -> None:
         """Join the group, or try again and again until that can be."""
@@ -52,7 +53,7 @@ class MulticastRadio:
             return
         asyncio.get_running_loop().add_reader(self._socket, self._read)
         if self._told:
-            self._say(f"{self._endpoint.url}: is there now")
+            _LOG.info(f"{self._endpoint.url}: is there now")
         self._told = ""
 
     def send(self, datagram: bytes) -> None:
@@ -84,7 +85,7 @@ class MulticastRadio:
         reason = error.strerror or str(error)
         if reason != self._told:
             self._told = reason
-            self._say(f"{self._endpoint.url}: {reason}; it is tried again")
+            _LOG.info(f"{self._endpoint.url}: {reason}; it is tried again")
         self._again = asyncio.get_running_loop().call_later(RETRY_S, self.open)
 
     def _read(self) -> None:
@@ -98,8 +99,9 @@ class MulticastRadio:
             except OSError as error:
                 self._lost(error)
                 return
-            if self._heard is not None and len(datagram) <= LARGEST_BYTES:
-                self._heard(datagram)
+            if len(datagram) <= LARGEST_BYTES:
+                for heard in self._listeners:
+                    heard(datagram)
 
 
 def _joined(endpoint: FleetEndpoint) -> socket.socket:

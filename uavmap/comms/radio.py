@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from uavmap.comms.sealing import Seal
+
 
 class Radio(Protocol):
     """Carries datagrams to whoever can hear them; any may be lost, doubled, or come late."""
@@ -22,6 +24,14 @@ class Radio(Protocol):
     def listen(self, heard: Callable[[bytes], None]) -> None:
         """Have what comes in passed on, in the event loop's thread."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class SealedRadio:
+    """How one member of a fleet speaks with the others."""
+
+    radio: Radio
+    seal: Seal
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+import logging
+from collections.abc import AsyncIterator
 from typing import Final
 
 from uavmap.comms.member import BEAT_S, Member
 
+_LOG: Final = logging.getLogger("uavmap.fleet")
 LINGER_S: Final = 600.0
 """So long after its landing a member waits for others that still fly."""
 LINGER_APART_S: Final = 120.0
@@ -16,12 +18,10 @@ LINGER_APART_S: Final = 120.0
 
 
 @contextlib.asynccontextmanager
-async def talking(
-    member: Member | None, say: Callable[[str], None] | None = None
-) -> AsyncIterator[None]:
+async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIterator[None]:
     """Have a member talk while the context lasts, and after it until the others know all of it.
 
-    `say` tells an operator of that wait, who may end it: to cancel it is no failure then.
+    `may_leave`: an operator may end that wait: to cancel it is no failure then.
     """
     if member is None:
         yield
@@ -29,18 +29,20 @@ async def talking(
     task = asyncio.create_task(member.run())
     try:
         yield
-        if say is not None and not member.level:
-            say(
+        if may_leave and not member.level:
+            _LOG.info(
                 "ours is done; waiting for what the others of the fleet still find (Ctrl-C ends it)"
             )
         try:
             await _settle(member)
         except asyncio.CancelledError:
             waiting = asyncio.current_task()
-            if say is None or waiting is None:
+            if not may_leave or waiting is None:
                 raise
             waiting.uncancel()
-            say("not waiting for the others: their journals hold what they find, for uavmap merge")
+            _LOG.info(
+                "not waiting for the others: their journals hold what they find, for uavmap merge"
+            )
     finally:
         task.cancel()
         member.end()

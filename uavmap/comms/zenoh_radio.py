@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from missions.errors import LinkError
+from uavmap.base import messages
 from uavmap.base.extras import install_command
 from uavmap.comms.endpoints import FleetEndpoint
 
@@ -104,13 +105,13 @@ class ZenohLinks:
 class ZenohRadio:
     """A member's radio over Zenoh. `open` it in the loop's thread, `close` it at the end."""
 
-    def __init__(self, links: ZenohLinks, key: str, say: Callable[[str], None]) -> None:
+    def __init__(self, links: ZenohLinks, key: str) -> None:
         self._zenoh = imported_zenoh()
         self._links = links
         self._key = key
-        self._say = say
+        self._log = messages.bound("uavmap.fleet")
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._listener: Callable[[bytes], None] | None = None
+        self._listeners: list[Callable[[bytes], None]] = []
         self._publisher: Any = None
         self._waiting = 0
         self._heard_s = 0.0
@@ -129,7 +130,7 @@ class ZenohRadio:
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
         """Have what comes in passed on."""
-        self._listener = heard
+        self._listeners.append(heard)
 
     def open(self) -> None:
         """Begin."""
@@ -221,7 +222,7 @@ class ZenohRadio:
         if text == self._told:
             return
         self._told = text
-        self._in_loop(self._say, text)
+        self._in_loop(self._log.line, text)
 
     def _in_loop(self, call: Callable[..., None], *arguments: Any) -> bool:
         """Whether the event loop still takes it."""
@@ -247,8 +248,9 @@ class ZenohRadio:
 
     def _pass_on(self, datagram: bytes) -> None:
         self._waiting -= 1
-        if self._listener is not None and not self._stop.is_set():
-            self._listener(datagram)
+        if not self._stop.is_set():
+            for heard in self._listeners:
+                heard(datagram)
 
 
 def imported_zenoh() -> Any:

@@ -7,6 +7,7 @@ of the flight what was set on the autopilots is put back.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,6 +24,7 @@ from uavmap.preflight.finding import Finding, Level, binding, could_fly, warn
 from uavmap.preflight.question import Operator
 from uavmap.preflight.setting_up import AutopilotSetup
 
+_LOG: Final = logging.getLogger("uavmap.preflight")
 IDENTITY_S: Final = 2.0
 """So long a vehicle is waited for to say what it is: only the bundled simulator is recognised."""
 KEEP_FENCE: Final = "keep_fence"
@@ -52,14 +54,12 @@ class BeforeFlight:
         setting: Setting,
         folder: Path,
         links: Sequence[Link],
-        say: Callable[[str], None],
         *,
         keep_fence: bool = False,
     ) -> None:
         self._wanted = wanted
         self._setting = setting
         self._folder = folder
-        self._say = say
         self._keep_fence = keep_fence or (wanted is not None and wanted.keep_fence)
         self._links = dict(enumerate(links, start=setting.member or 1))
         self._examinations = {
@@ -67,9 +67,7 @@ class BeforeFlight:
             for number, link in self._links.items()
         }
         self._setups = {
-            number: AutopilotSetup(
-                number, link.session, setting, folder, partial(self._say_of, number)
-            )
+            number: AutopilotSetup(number, link.session, setting, folder, partial(_log_of, number))
             for number, link in self._links.items()
         }
 
@@ -83,10 +81,10 @@ class BeforeFlight:
             try:
                 self._show(await self._set_up())
             except OutputError as error:  # others may be in the air: it goes on without
-                self._say(str(error))
+                _LOG.info(str(error))
             return
         found = await self._examine()
-        self._say("\n".join(self._wanted.plan_lines(self._setting)))
+        _LOG.info("\n".join(self._wanted.plan_lines(self._setting)))
         self._show(found)
         await self._ask(self._wanted, found)
         set_up = await self._set_up()
@@ -134,7 +132,7 @@ class BeforeFlight:
         simulated = [await self._is_simulator(number) for number in self._links]
         if all(simulated) or wanted.yes:
             return
-        operator = Operator(self._say)
+        operator = Operator()
         if operator.absent:
             raise PreflightError(
                 "nobody is at a terminal to say whether to fly; give --yes to fly without a "
@@ -172,13 +170,14 @@ class BeforeFlight:
     # --- words --------------------------------------------------------------------------------
     def _show(self, found: Sequence[Finding]) -> None:
         if found:
-            self._say("\n".join(finding.line() for finding in found))
+            _LOG.info("\n".join(finding.line() for finding in found))
 
     def _view(self, number: int) -> VehicleView:
         return self._links[number].session.view
 
-    def _say_of(self, number: int, text: str) -> None:
-        self._say(f"vehicle {number}: {text}")
+
+def _log_of(number: int, text: str) -> None:
+    _LOG.info(f"vehicle {number}: {text}")
 
 
 def _of(number: int, found: Sequence[Finding]) -> list[Finding]:

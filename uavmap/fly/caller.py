@@ -10,6 +10,9 @@ import asyncio
 import contextlib
 import threading
 from collections.abc import Awaitable, Callable, Iterator
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class Caller:
@@ -17,8 +20,8 @@ class Caller:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._act: Callable[[], object] | None = None
+        self._listening: list[tuple[asyncio.AbstractEventLoop, Callable[[], object]]] = []
+        """The flight's loop, and what it does at a press; the innermost context is the last."""
         self._early = 0
         self.presses = 0
         """How often the caller has interrupted."""
@@ -30,15 +33,15 @@ class Caller:
         """
         with self._lock:
             self.presses += 1
-            if self._loop is None:
+            if not self._listening:
                 self._early += 1
                 return
             # the loop cannot be closed meanwhile: it is let go of under the same lock
-            self._loop.call_soon_threadsafe(self._pressed)
+            self._listening[-1][0].call_soon_threadsafe(self._pressed)
 
     def _pressed(self) -> None:
-        if self._act is not None:
-            self._act()
+        if self._listening:
+            self._listening[-1][1]()
 
     @contextlib.contextmanager
     def heard(self, act: Callable[[], object]) -> Iterator[None]:
@@ -46,19 +49,19 @@ class Caller:
 
         Contexts nest: the inner one hears.
         """
+        loop = asyncio.get_running_loop()
         with self._lock:
-            outer_loop, outer = self._loop, self._act
-            self._loop, self._act = asyncio.get_running_loop(), act
+            self._listening.append((loop, act))
             early, self._early = self._early, 0
         for _ in range(early):
-            self._loop.call_soon(self._pressed)
+            loop.call_soon(self._pressed)
         try:
             yield
         finally:
             with self._lock:
-                self._loop, self._act = outer_loop, outer
+                self._listening.pop()
 
-    async def until_done(self, flight: Awaitable[None]) -> None:
+    async def until_done(self, flight: Awaitable[T]) -> T:
         """A whole flight: where nobody inside of it hears a press, it ends the flight.
 
         Raises `KeyboardInterrupt` then.
@@ -67,6 +70,6 @@ class Caller:
         assert task is not None
         with self.heard(task.cancel):
             try:
-                await flight
+                return await flight
             except asyncio.CancelledError:
                 raise KeyboardInterrupt from None

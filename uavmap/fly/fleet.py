@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
@@ -11,11 +12,12 @@ from missions.errors import LinkError, MissionFileError
 from missions.flight.leapfrogging import MAPPER, TRACKER
 from missions.planning.leapfrog import Role
 from missions.state import Setting
+from uavmap.base import messages
 from uavmap.cameras.local import LocalSource
 from uavmap.cameras.pose import Poses
+from uavmap.clock import WINDOW_WALL_S, ClockRate
 from uavmap.fly.cameras_of import mount_of
 from uavmap.fly.classifier import Blind, Classifier, detector_of
-from uavmap.fly.clock_rate import WINDOW_WALL_S, ClockRate
 from uavmap.fly.ground_crew import Crew
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.leapfrog import Leapfrog
@@ -27,6 +29,7 @@ from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.frames import Keeper
 from vision.detectors import Detector
 
+_LOG: Final = logging.getLogger("uavmap.flight")
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
 SLACK_WALL_S: Final = 2.0
@@ -42,7 +45,6 @@ def vehicles_of(
     links: Sequence[Link],
     crew: Crew,
     mission_time_s: Callable[[], float],
-    say: Callable[[str], None],
     keeper: Keeper | None = None,
     *,
     recall: bool = False,
@@ -52,7 +54,8 @@ def vehicles_of(
     For a `recall` nobody needs a detector: one whose model is gone keeps no aircraft in the air.
     Otherwise raises `MissionFileError` for such a model.
     """
-    detector = _blind_without(setting, say) if recall else None
+    detector = _blind_without(setting) if recall else None
+    say = messages.bound("uavmap.flight").line
     at_a_terminal = not (crew.absent or plan.simulated or plan.auto_swap)
     speedup = max(plan.speedup or 1.0, 1.0)
     # on a clock that runs fast, a busy machine must not look like a lost link
@@ -98,12 +101,12 @@ def vehicles_of(
     return vehicles
 
 
-def _blind_without(setting: Setting, say: Callable[[str], None]) -> Detector | None:
+def _blind_without(setting: Setting) -> Detector | None:
     """What judges pictures on the way home, where the mission's detector cannot be had."""
     try:
         detector_of(setting.mission)
     except MissionFileError as error:
-        say(f"{error}; the aircraft are brought home without it")
+        _LOG.info(f"{error}; the aircraft are brought home without it")
         return Blind()
     return None
 

@@ -7,26 +7,60 @@ wait stay on the ground, and `uavmap resume` is the word to go on.
 from __future__ import annotations
 
 import asyncio
-import contextlib
+import logging
 import sys
-import termios
-from collections.abc import Awaitable, Callable
-from typing import TextIO
+from typing import Final, TextIO
+
+from uavmap.base.terminal import forget_typed, read_line
+
+_LOG: Final = logging.getLogger("uavmap.flight")
+
+
+class EnterKey:
+    """Enter, as a keyboard that reads every key passes it on."""
+
+    def __init__(self) -> None:
+        self._asked: asyncio.Future[bool] | None = None
+        self._lost = False
+
+    async def wait(self) -> bool:
+        """Wait until it is pressed, from now on; False when the terminal is gone."""
+        if self._lost:
+            return False
+        self._asked = asyncio.get_running_loop().create_future()
+        try:
+            return await self._asked
+        finally:
+            self._asked = None
+
+    def press(self) -> None:
+        """Answer whoever waits."""
+        self._answer(pressed=True)
+
+    def lose(self) -> None:
+        """The terminal is gone, which is no consent."""
+        self._lost = True
+        self._answer(pressed=False)
+
+    def _answer(self, *, pressed: bool) -> None:
+        if self._asked is not None and not self._asked.done():
+            self._asked.set_result(pressed)
 
 
 class Crew:
-    """Asks for battery swaps, one at a time."""
+    """Asks for battery swaps, one at a time.
+
+    `enter` is pressed where a keyboard reads the terminal; else the crew reads a line from it.
+    """
 
     def __init__(
-        self, say: Callable[[str], None], *, automatic: bool, stream: TextIO | None = None
+        self, *, automatic: bool, enter: EnterKey | None = None, stream: TextIO | None = None
     ) -> None:
-        self._say = say
         self._automatic = automatic
+        self._enter = enter
         self._stream: TextIO | None = stream or sys.stdin
         self._asking = asyncio.Lock()
         self.waiting: set[int] = set()
-        self.enter: Callable[[], Awaitable[bool]] = self._entered
-        """Waits for Enter, pressed after the question; False when the terminal is gone."""
 
     @property
     def absent(self) -> bool:
@@ -36,37 +70,26 @@ class Crew:
         return self._stream is None or not self._stream.isatty()
 
     async def swap(self, vehicle: int) -> None:
-        """Returns when the battery of a vehicle is swapped and it may take off again."""
+        """Return when the battery of a vehicle is swapped and it may take off again."""
         if self._automatic:
             return
         self.waiting.add(vehicle)
         try:
             if self.absent:
-                self._say(f"vehicle {vehicle} waits on the ground for a fresh battery")
+                _LOG.info(f"vehicle {vehicle} waits on the ground for a fresh battery")
                 await asyncio.Event().wait()
             async with self._asking:
-                self._say(
+                _LOG.info(
                     f"vehicle {vehicle} has landed: swap its battery, stand clear, press Enter; "
                     "it takes off by itself"
                 )
-                if not await self.enter():
+                if not await self._entered():
                     await asyncio.Event().wait()
         finally:
             self.waiting.discard(vehicle)
 
     async def _entered(self) -> bool:
-        """Wait for Enter; False when the terminal is gone, which is nobody's word."""
-        if self._stream is None:
-            return False
-        loop, file = asyncio.get_running_loop(), self._stream.fileno()
-        readable = asyncio.Event()
-        with contextlib.suppress(termios.error):
-            termios.tcflush(file, termios.TCIFLUSH)  # what was typed before is no answer
-        loop.add_reader(file, readable.set)
-        try:
-            await readable.wait()
-            return self._stream.readline().endswith("\n")
-        except OSError:
-            return False
-        finally:
-            loop.remove_reader(file)
+        if self._enter is not None:
+            return await self._enter.wait()
+        forget_typed(self._stream)
+        return (await read_line(self._stream)).endswith("\n")

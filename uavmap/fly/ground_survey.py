@@ -7,8 +7,8 @@ keeps it, and everything that follows knows no difference.
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ from uavmap.link.session import Session
 from uavmap.preflight.autopilot_terrain import AutopilotTerrain
 from uavmap.record.flight_plan import FlightPlan
 
+_LOG: Final = logging.getLogger("uavmap.preflight")
 LEAST_STEP_M: Final = 10.0
 """Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
 MOST_STEP_M: Final = 100.0
@@ -38,7 +39,7 @@ MOST_PLACES: Final = 1500
 AROUND_M: Final = 40.0
 
 
-def with_ground(plan: FlightPlan, say: Callable[[str], None]) -> FlightPlan:
+def with_ground(plan: FlightPlan) -> FlightPlan:
     """The plan with the ground that its first vehicle's autopilot knows, if it asks for that.
 
     Raises `LinkError` where the autopilot does not answer or has no ground there, and
@@ -52,9 +53,9 @@ def with_ground(plan: FlightPlan, say: Callable[[str], None]) -> FlightPlan:
     async def survey() -> None:
         async with asyncio.TaskGroup() as tasks:
             if plan.simulated:
-                table.update(await _simulated(plan, mission, tasks, say))
+                table.update(await _simulated(plan, mission, tasks))
             else:
-                table.update(await _connected(plan, mission, say))
+                table.update(await _connected(plan, mission))
 
     clock: Clock = VirtualClock(None) if plan.simulated else ScaledClock(plan.speedup or 1.0)
     run(survey(), clock)
@@ -66,28 +67,26 @@ def with_ground(plan: FlightPlan, say: Callable[[str], None]) -> FlightPlan:
 
 
 async def _simulated(
-    plan: FlightPlan, mission: Mission, tasks: asyncio.TaskGroup, say: Callable[[str], None]
+    plan: FlightPlan, mission: Mission, tasks: asyncio.TaskGroup
 ) -> dict[str, Any]:
     from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
     simulation = Simulation(Setting.of(mission), plan.seed)
     session = simulation.open_session(0, lambda frame: None)
     world = tasks.create_task(simulation.run())
-    table = await _lattice(session, simulation.names()[0], mission, say)
+    table = await _lattice(session, simulation.names()[0], mission)
     world.cancel()
     return table
 
 
-async def _connected(
-    plan: FlightPlan, mission: Mission, say: Callable[[str], None]
-) -> dict[str, Any]:
+async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
     options = LinkOptions(speedup=plan.speedup or 1.0, key_file=plan.key_file, onboard=plan.onboard)
     async with opened_links(
-        plan.urls[:1], options, [parse_camera("mavlink")], mission.camera, lambda frame: None, say
+        plan.urls[:1], options, [parse_camera("mavlink")], mission.camera, lambda frame: None
     ) as (link,):
         beat = asyncio.ensure_future(_beat(link.session))
         try:
-            return await _lattice(link.session, link.name, mission, say)
+            return await _lattice(link.session, link.name, mission)
         finally:
             beat.cancel()
 
@@ -99,9 +98,7 @@ async def _beat(session: Session) -> None:
         await asyncio.sleep(1.0)
 
 
-async def _lattice(
-    session: Session, name: str, mission: Mission, say: Callable[[str], None]
-) -> dict[str, Any]:
+async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
     """The ground in and around the fence, as the table that a mission file holds."""
     await answered(session, name)
     grid = Grid.at(mission.home, mission.grid.cell_m)
@@ -122,7 +119,9 @@ async def _lattice(
         for i in range(rows)
         for j in range(columns)
     ]
-    *heights, start_m = await AutopilotTerrain(session, name, say).heights([*places, mission.home])
+    *heights, start_m = await AutopilotTerrain(session, name, _LOG.info).heights(
+        [*places, mission.home]
+    )
     return {
         "west_m": west, "south_m": south, "step_m": step_m, "columns": columns, "rows": rows,
         "heights": encoded(np.array(heights).reshape(rows, columns) - start_m),

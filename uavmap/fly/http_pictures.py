@@ -18,7 +18,7 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from missions.errors import LinkError
-from uavmap.fly.wall_time import wall_timeout
+from uavmap.clock import wall_timeout
 from uavmap.pictures import MAX_PICTURE_BYTES
 from uavmap.printable import printable
 

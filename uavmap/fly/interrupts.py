@@ -4,44 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import Protocol
+from typing import Final
 
 from uavmap.clock import main_task
 from uavmap.fly.caller import Caller
+from uavmap.fly.steered import Steered
 
 PAUSE, GO_ON = signal.SIGUSR1, signal.SIGUSR2
+_LOG: Final = logging.getLogger("uavmap.flight")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Recallable(Protocol):
-    """What is needed of a service."""
-
-    @property
-    def flying(self) -> bool:
-        """Whether it has begun."""
-        ...
-
-    def recall(self) -> None:
-        """Bring everybody home."""
-        ...
-
-    def pause(self) -> bool:
-        """Have everybody hold."""
-        ...
-
-    def go_on(self) -> bool:
-        """End a pause."""
-        ...
-
-
 @contextlib.contextmanager
-def interrupts(
-    service: Recallable, say: Callable[[str], None], caller: Caller | None = None
-) -> Iterator[None]:
+def interrupts(service: Steered, caller: Caller | None = None) -> Iterator[None]:
     """While real aircraft are flown: Ctrl-C, SIGTERM or SIGHUP once recalls, a second time cancels.
 
     SIGUSR1 pauses the mission, SIGUSR2 lets it go on. A flight in a thread of its own hears its
@@ -58,7 +38,7 @@ def interrupts(
         nonlocal presses
         presses += 1
         if presses == 1 and service.flying:
-            say("coming home and landing; press Ctrl-C again to leave that to the autopilots")
+            _LOG.info("coming home and landing; press Ctrl-C again to leave that to the autopilots")
             service.recall()
         elif task is not None:
             task.cancel()
@@ -113,7 +93,7 @@ def like_control_c() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _signals(
-    loop: asyncio.AbstractEventLoop, interrupted: Callable[[], None], service: Recallable
+    loop: asyncio.AbstractEventLoop, interrupted: Callable[[], None], service: Steered
 ) -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in SIGNALS}
     for number in SIGNALS:

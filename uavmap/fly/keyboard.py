@@ -11,17 +11,19 @@ from __future__ import annotations
 import asyncio
 import atexit
 import contextlib
+import logging
 import os
 import re
 import signal
 import sys
 import termios
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Final, TextIO
 
-from uavmap.fly.ground_crew import Crew
+from uavmap.fly.ground_crew import EnterKey
 from uavmap.fly.keys import HELP, Keys
 
+_LOG: Final = logging.getLogger("uavmap.flight")
 LOOK_S: Final = 1.0
 """A program in the background looks so often, in seconds of the loop, whether it is back."""
 _ENTER: Final = ("\r", "\n")
@@ -31,40 +33,36 @@ _LOCAL, _CONTROL = 3, 6
 
 
 @contextlib.contextmanager
-def keyboard(
-    keys: Keys, crew: Crew, say: Callable[[str], None], stream: TextIO | None = None
-) -> Iterator[None]:
+def keyboard(keys: Keys, enter: EnterKey, stream: TextIO | None = None) -> Iterator[None]:
     """Hear the operator's keys until the end of the context, where there is a terminal.
 
-    `say` names the keys at the beginning. From a pipe or a file nothing is read.
+    The keys are named at the beginning. From a pipe or a file nothing is read.
     """
     source = stream or sys.stdin
     if source is None or source.closed or not source.isatty():
         yield
         return
-    terminal = _Terminal(source.fileno(), keys)
-    before, crew.enter = crew.enter, terminal.entered
-    say(HELP)
+    terminal = _Terminal(source.fileno(), keys, enter)
+    _LOG.info(HELP)
     try:
         terminal.open()
         yield
     finally:
         terminal.close()
-        crew.enter = before
 
 
 class _Terminal:
     """One terminal, in the foreground or not."""
 
-    def __init__(self, file: int, keys: Keys) -> None:
+    def __init__(self, file: int, keys: Keys, enter: EnterKey) -> None:
         self._file = file
         self._keys = keys
+        self._enter = enter
         self._loop = asyncio.get_running_loop()
         self._saved: list[Any] | None = None
         self._reading = False
         self._gone = False
         self._looking: asyncio.TimerHandle | None = None
-        self._asked: asyncio.Future[bool] | None = None
 
     def open(self) -> None:
         """Begin to read; after a stop (Ctrl-Z) and `fg` again."""
@@ -80,16 +78,6 @@ class _Terminal:
         self._deaf()
         self._restore()
         atexit.unregister(self._restore)
-
-    async def entered(self) -> bool:
-        """Wait for Enter, pressed from now on; False when the terminal is gone."""
-        if self._gone:
-            return False
-        self._asked = self._loop.create_future()
-        try:
-            return await self._asked
-        finally:
-            self._asked = None
 
     # --- the terminal's settings -----------------------------------------------------------------
     def _in_front(self) -> bool:
@@ -135,11 +123,10 @@ class _Terminal:
                 _set(self._file, self._saved)
 
     def _lost(self) -> None:
-        """The terminal is gone, which is nobody's word."""
+        """The terminal is gone, which is no consent."""
         self._gone = True
         self._deaf()
-        if self._asked is not None and not self._asked.done():
-            self._asked.set_result(False)
+        self._enter.lose()
 
     # --- keys ------------------------------------------------------------------------------------
     def _read(self) -> None:
@@ -157,9 +144,8 @@ class _Terminal:
             self._pressed(key)
 
     def _pressed(self, key: str) -> None:
-        taken = self._keys.press(key)
-        if not taken and key in _ENTER and self._asked is not None and not self._asked.done():
-            self._asked.set_result(True)
+        if not self._keys.press(key) and key in _ENTER:
+            self._enter.press()
 
 
 def _set(file: int, settings: list[Any]) -> None:

@@ -6,9 +6,12 @@ knows of a terminal: `uavmap.fly.keyboard` reads one.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final, Protocol
+from typing import Final
+
+from uavmap.fly.steered import Steered
 
 FORGOTTEN_S: Final = 10.0
 """Real seconds after which a key that waits for a number, or for a second press, is forgotten."""
@@ -18,55 +21,17 @@ keys: p pause, everybody holds   c continue        r home: ra all, r2 vehicle 2
       ? this help                Ctrl-C everybody home, twice: by their autopilots"""
 _ENTER: Final = ("\r", "\n")
 _ALL: Final = "a"
-
-
-class Hand(Protocol):
-    """What is needed of a service."""
-
-    @property
-    def state(self) -> Any:
-        """What the mission knows: `vehicles` by their numbers."""
-        ...
-
-    def pause(self) -> bool:
-        """Have everybody hold."""
-        ...
-
-    def go_on(self) -> bool:
-        """End a pause."""
-        ...
-
-    def recall(self) -> None:
-        """Call everybody home."""
-        ...
-
-    def recall_vehicle(self, number: int) -> bool:
-        """Call one vehicle home."""
-        ...
-
-    def skip_cell(self, number: int) -> bool:
-        """Have nobody look from the cell of a vehicle."""
-        ...
-
-    def land_here(self, number: int) -> bool:
-        """Have a vehicle land where it is."""
-        ...
+_LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class Keys:
-    """Turns keys into what the service is asked for; `say` answers each.
+    """Turns keys into what the service is asked for, and answers each by a line.
 
     `now_s` is real time, in seconds.
     """
 
-    def __init__(
-        self,
-        service: Hand,
-        say: Callable[[str], None],
-        now_s: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, service: Steered, now_s: Callable[[], float] = time.monotonic) -> None:
         self._service = service
-        self._say = say
         self._now_s = now_s
         self._key = ""
         """The key that waits for a number."""
@@ -83,7 +48,7 @@ class Keys:
         self._pressed_s = now_s
         sure, self._sure = self._sure, ()
         if sure:
-            self._land(sure) if key == "q" else self._say("nobody lands")
+            self._land(sure) if key == "q" else _LOG.info("nobody lands")
             return True
         if self._key and self._number(key):
             return True
@@ -94,11 +59,11 @@ class Keys:
         service = self._service
         if key == "p":
             held = service.pause()
-            self._say("paused: everybody holds; c goes on" if held else "it is paused already")
+            _LOG.info("paused: everybody holds; c goes on" if held else "it is paused already")
         elif key == "c":
-            self._say("the mission goes on" if service.go_on() else "it is not paused")
+            _LOG.info("the mission goes on" if service.go_on() else "it is not paused")
         elif key == "?":
-            self._say(HELP)
+            _LOG.info(HELP)
         elif key in _QUESTIONS:
             self._ask(key)
         else:
@@ -116,7 +81,7 @@ class Keys:
             return
         self._key = key
         everybody = "" if key == "k" else ", or a for all"
-        self._say(f"{_QUESTIONS[key]}: which vehicle? its number{everybody}")
+        _LOG.info(f"{_QUESTIONS[key]}: which vehicle? its number{everybody}")
 
     def _number(self, key: str) -> bool:
         """Take a key after one that waits for a number; False if it is none of that."""
@@ -138,7 +103,7 @@ class Keys:
         key = self._key
         self._forget()
         if not set(numbers) <= set(self._numbers):
-            self._say(f"there is no vehicle {numbers[0]}")
+            _LOG.info(f"there is no vehicle {numbers[0]}")
             return
         self._act(key, numbers)
 
@@ -152,24 +117,24 @@ class Keys:
             self._home(numbers)
         elif key == "k":
             skipped = self._service.skip_cell(numbers[0])
-            self._say(f"{who} skips its cell" if skipped else f"{who} is at no cell to skip")
+            _LOG.info(f"{who} skips its cell" if skipped else f"{who} is at no cell to skip")
         else:
             self._sure = numbers
-            self._say(f"press q again to land {who} where it is; any other key: nobody lands")
+            _LOG.info(f"press q again to land {who} where it is; any other key: nobody lands")
 
     def _home(self, numbers: tuple[int, ...]) -> None:
         if numbers == tuple(self._numbers):
-            self._say("everybody comes home; the mission can be resumed")
+            _LOG.info("everybody comes home; the mission can be resumed")
             self._service.recall()
         elif self._service.recall_vehicle(numbers[0]):
-            self._say(f"{_named(numbers)} comes home and stays there; the others go on")
+            _LOG.info(f"{_named(numbers)} comes home and stays there; the others go on")
         else:
-            self._say(f"{_named(numbers)} is called home already")
+            _LOG.info(f"{_named(numbers)} is called home already")
 
     def _land(self, numbers: tuple[int, ...]) -> None:
         for number in numbers:
             if not self._service.land_here(number):
-                self._say(f"vehicle {number} is not in the air, or not ours to land")
+                _LOG.info(f"vehicle {number} is not in the air, or not ours to land")
 
 
 _QUESTIONS: Final = {"r": "home", "k": "skip a cell", "q": "land where it is"}

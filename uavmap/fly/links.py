@@ -12,6 +12,7 @@ from typing import Final
 
 from missions.errors import LinkError
 from missions.mission_file.schema import CameraSection
+from uavmap.base import messages
 from uavmap.cameras.mavlink import Fetch, MavlinkSource
 from uavmap.cameras.opening import opened_camera
 from uavmap.cameras.source import FrameSource
@@ -107,15 +108,14 @@ async def opened_links(
     cameras: Sequence[CameraSpec],
     section: CameraSection,
     record: Callable[[bytes], None],
-    say: Callable[[str], None],
 ) -> AsyncIterator[list[Link]]:
     """A link to every URL, in their order, open until the end of the context.
 
     With the signing of a key, and with the ground stations of `forward` beside them. `cameras`
     are one a link, `section` what the mission file says of all of them. `record` is given every
-    frame, `say` a line for the operator. Raises `LinkError` where a link or a camera cannot be
-    opened.
+    frame. Raises `LinkError` where a link or a camera cannot be opened.
     """
+    say = messages.bound("uavmap.link").line
     wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * options.speedup)
     lines = [_Line(parse_url(url), record, wait_s) for url in urls]
     forwarding = Forwarding(record)

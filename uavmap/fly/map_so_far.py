@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Final
 
 from missions.errors import JournalError, leaves
 from uavmap.fly.interrupts import SIGNALS
 
+_LOG: Final = logging.getLogger("uavmap.flight")
 
-def leave_map(
-    write: Callable[[], object], failure: BaseException, folder: Path, say: Callable[[str], None]
-) -> None:
+
+def leave_map(write: Callable[[], object], failure: BaseException, folder: Path) -> None:
     """Write what is known; call it `patiently`, when nobody depends on this process any more.
 
     `failure` is why the flight has ended. Raises nothing: where the map cannot be written, or the
-    operator does not wait for it, `say` gets the command that makes it.
+    operator does not wait for it, a line has the command that makes it.
     """
     found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
     if any(isinstance(error, JournalError) for error in found):
@@ -27,15 +29,15 @@ def leave_map(
     try:
         write()
     except KeyboardInterrupt:
-        say(f"the map so far is not written; {later}")
+        _LOG.info(f"the map so far is not written; {later}")
     except Exception as error:
-        say(f"the map so far cannot be written ({error}); {later}")
+        _LOG.info(f"the map so far cannot be written ({error}); {later}")
     else:
-        say(f"the map so far is in {folder}")
+        _LOG.info(f"the map so far is in {folder}")
 
 
 @contextlib.contextmanager
-def patiently(say: Callable[[str], None]) -> Iterator[None]:
+def patiently() -> Iterator[None]:
     """The first signal that would end the process is answered, the second does end what it does.
 
     From before anything is said of how it goes on: whoever reads that may press again at once.
@@ -51,7 +53,7 @@ def patiently(say: Callable[[str], None]) -> Iterator[None]:
         if presses > 1:
             raise KeyboardInterrupt
         with contextlib.suppress(RuntimeError):  # it came in the middle of another line
-            say("the map so far is being written; Ctrl-C once more leaves it out")
+            _LOG.info("the map so far is being written; Ctrl-C once more leaves it out")
 
     heard = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     before = {number: signal.signal(number, pressed) for number in heard}

@@ -1,10 +1,10 @@
-"""Whoever looks on while a mission is flown, and may pass the operator's orders on."""
+"""Looks on while a mission is flown: the table on the terminal, the page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import contextlib
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,48 +12,53 @@ from numpy.typing import NDArray
 from missions.events import Event
 from missions.state import Setting, State
 from missions.step import step
-from uavmap.fly.interrupts import Recallable
-from uavmap.fly.keys import Hand
-from uavmap.record.frames import FrameKeeper, Keeper, KeptFrame
+from uavmap.fly.steered import Steered
+from uavmap.record.frames import Keeper, KeptFrame
 
 
-class Steered(Hand, Recallable, Protocol):
-    """What is needed of a service."""
+class Onlooker:
+    """Looks on, and does nothing unless a method is overridden.
 
-
-class Onlooker(Protocol):
-    """Looks on. Nothing of it may raise, or take long: it is called while aircraft are steered."""
-
-    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """A picture is about to be judged."""
-        ...
+    No method may raise, or take long: it is called while aircraft are steered.
+    """
 
     def look_back(self, setting: Setting, event: Event, state: State) -> None:
-        """What a flight that is gone on with has brought before; `state` is that after `event`."""
-        ...
+        """See an event of before a resume; `state` is that after it."""
 
-    def hand(self, service: Steered, say: Callable[[str], None]) -> AbstractContextManager[None]:
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """See the flight start; `again`: a recorded one is repeated first."""
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """See an event and the state after it; `again` recorded ones are still to come."""
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """See a picture that is about to be judged."""
+
+    def steering(self, service: Steered) -> AbstractContextManager[None]:
         """Pass orders on to the service for as long as the context lasts."""
-        ...
+        return contextlib.nullcontext()
+
+    def end(self) -> None:
+        """See the flight end."""
 
 
-def folded(setting: Setting, events: Iterable[Event], onlooker: Onlooker | None) -> State:
-    """The state after a journal; who looks on is told how it came to be."""
+class Keepers:
+    """Several keepers of pictures as one."""
+
+    def __init__(self, keepers: Sequence[Keeper]) -> None:
+        self._keepers = keepers
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """Give a picture to each."""
+        for keeper in self._keepers:
+            keeper.keep(frame, picture)
+
+
+def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlooker] = ()) -> State:
+    """Return the state after the events of a journal; the onlookers see each of them."""
     state = State.initial(setting)
     for event in events:
         state, _ = step(setting, state, event)
-        if onlooker is not None:
+        for onlooker in onlookers:
             onlooker.look_back(setting, event, state)
     return state
-
-
-class Both:
-    """A keeper of pictures, and somebody who looks on."""
-
-    def __init__(self, keeper: FrameKeeper, onlooker: Onlooker) -> None:
-        self._keepers: tuple[Keeper, ...] = (keeper, onlooker)
-
-    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Give it to both."""
-        for keeper in self._keepers:
-            keeper.keep(frame, picture)

@@ -6,12 +6,10 @@ All of it goes to standard error, so that standard output holds only the result.
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable
-from typing import Final, Protocol, TextIO
+from typing import Final
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -33,6 +31,8 @@ from missions.events import (
 )
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
 from missions.state import Phase, Setting, State, VehicleState
+from uavmap.base.terminal import Terminal
+from uavmap.fly.onlooker import Onlooker
 from uavmap.fly.time_left import time_left
 from uavmap.printable import printable
 
@@ -48,7 +48,6 @@ _NOTED: Final = (
     Phase.DOWN,
     Phase.LOST,
 )
-LINE_LIMIT: Final = 4000
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 
 _DOING: Final = {
@@ -63,96 +62,33 @@ _DOING: Final = {
 }
 
 
-class Progress(Protocol):
-    """Where a flight reports to."""
+class ProgressTable(Onlooker):
+    """Shows the flight on a terminal: a table, or a line every few seconds where none can be drawn.
 
-    def say(self, text: str) -> None:
-        """A line that stays."""
-        ...
-
-    def begin(self, setting: Setting, *, again: bool) -> None:
-        """The flight starts; `again`: a recorded one is repeated first."""
-        ...
-
-    def update(self, event: Event, state: State, again: int) -> None:
-        """An event was taken in; `again` recorded ones are still to come."""
-        ...
-
-    def end(self) -> None:
-        """The flight is over."""
-        ...
-
-
-class Silent:
-    """No progress at all."""
-
-    def say(self, text: str) -> None:
-        """Nothing."""
-
-    def begin(self, setting: Setting, *, again: bool) -> None:
-        """Nothing."""
-
-    def update(self, event: Event, state: State, again: int) -> None:
-        """Nothing."""
-
-    def end(self) -> None:
-        """Nothing."""
-
-
-class PipeConsole(Console):
-    """A console whose reader may go away: `BrokenPipeError`, where rich would end the program."""
-
-    def on_broken_pipe(self) -> None:
-        """Nobody reads any more."""
-        raise BrokenPipeError
-
-
-class Terminal:
-    """Progress on standard error.
-
-    A terminal that is gone (a closed window, a broken pipe) is written to no more: nothing of a
-    flight depends on being read.
+    Lines of events that the operator has to know at once go to the same terminal.
     """
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        file = stream or sys.stderr
-        # by the stream alone: a notebook, and FORCE_COLOR, make no terminal that can redraw a table
-        self._console = PipeConsole(
-            file=file, highlight=False, force_jupyter=False, force_terminal=_is_terminal(file)
-        )
+    def __init__(self, terminal: Terminal) -> None:
+        self._terminal = terminal
         self._live: Live | None = None
         self._setting: Setting | None = None
         self._drawn_s = self._reckoned_s = float("-inf")
         self._left = ""
-        self._gone = False
-
-    def say(self, text: str) -> None:
-        """A line that stays."""
-        lines = "\n".join(printable(line, LINE_LIMIT) for line in text.split("\n"))
-        self._write(lambda: self._console.print(lines, soft_wrap=True, markup=False))
-
-    def _write(self, act: Callable[[], None]) -> None:
-        """Do what writes; once the terminal is gone, nothing."""
-        if self._gone:
-            return
-        try:
-            act()
-        except (OSError, ValueError):  # a stream that was closed on our side is a ValueError
-            self._gone = True
 
     def begin(self, setting: Setting, *, again: bool) -> None:
-        """The flight starts."""
+        """Draw the table from now on."""
         self._setting = setting
+        terminal = self._terminal
         if again:
-            self.say("repeating the recorded part of the simulated flight, event by event")
-        if self._console.is_terminal:
-            self._live = Live(console=self._console, auto_refresh=False, transient=True)
-            self._write(self._live.start)
+            terminal.show("repeating the recorded part of the simulated flight, event by event")
+        if terminal.console.is_terminal:
+            self._live = Live(console=terminal.console, auto_refresh=False, transient=True)
+            terminal.write(self._live.start)
 
     def update(self, event: Event, state: State, again: int) -> None:
-        """An event was taken in."""
+        """Show an event, and what has changed."""
         if text := remarkable(event, state):
-            self.say(f"{state.t_s:7.0f} s  {text}")
+            self._terminal.show(f"{state.t_s:7.0f} s  {text}")
         now_s = time.monotonic()
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
             return
@@ -161,14 +97,14 @@ class Terminal:
             self._reckoned_s, self._left = now_s, time_left(self._setting, state).told
         live = self._live
         if live is not None:
-            self._write(lambda: live.update(self._table(state, again), refresh=True))
+            self._terminal.write(lambda: live.update(self._table(state, again), refresh=True))
         else:
-            self.say(self._line(state, again))
+            self._terminal.show(self._line(state, again))
 
     def end(self) -> None:
-        """The flight is over."""
+        """Remove the table."""
         if self._live is not None:
-            self._write(self._live.stop)
+            self._terminal.write(self._live.stop)
             self._live = None
 
     def _line(self, state: State, again: int) -> str:
@@ -206,14 +142,6 @@ class Terminal:
         if self._setting is None:
             return 0.0
         return 100.0 * vehicle.remaining_wh / self._setting.energy.capacity_wh
-
-
-def _is_terminal(stream: TextIO) -> bool:
-    """Whether what is written can be redrawn."""
-    try:
-        return stream.isatty()
-    except ValueError:  # closed on our side
-        return False
 
 
 def phase(state: State) -> str:

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import Awaitable, Callable, Mapping
-from typing import Protocol
+from typing import Final, Protocol
 
 from missions.errors import EventError
 from missions.events import (
@@ -31,6 +32,7 @@ from missions.step import step
 from uavmap.journal.event_log import Journal
 
 Observer = Callable[[Event, State], None]
+_LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class Vehicle(Protocol):
@@ -52,7 +54,11 @@ class Vehicle(Protocol):
 
 
 class Service:
-    """One mission under way."""
+    """One mission under way.
+
+    `reports` are the events that wait to be taken in; another queue than an own one is given where
+    others report before there is a service.
+    """
 
     def __init__(
         self,
@@ -61,17 +67,16 @@ class Service:
         vehicles: Mapping[int, Vehicle],
         state: State,
         observe: Observer,
-        tell: Callable[[str], None] = lambda text: None,
+        reports: asyncio.Queue[Event] | None = None,
     ) -> None:
         self.setting = setting
         self.state = state
         self._journal = journal
         self._vehicles = vehicles
         self._observe = observe
-        self._tell = tell
         self.refused = 0
         """How many reports no journal can hold."""
-        self._reports: asyncio.Queue[Event] = asyncio.Queue()
+        self._reports = reports or asyncio.Queue[Event]()
         self._over = asyncio.Event()
         self._recalled = self._flying = False
         self._failure: Exception | None = None
@@ -137,7 +142,7 @@ class Service:
                 self._refuse(str(refused))
             except Exception as failure:
                 with contextlib.suppress(Exception):  # a terminal may be gone, too
-                    self._tell(
+                    _LOG.info(
                         "what the aircraft told after the mission's end is not in the journal "
                         f"({failure}): look at each of them before you resume"
                     )
@@ -146,7 +151,7 @@ class Service:
     def _refuse(self, reason: str) -> None:
         self.refused += 1
         if self.refused == 1:
-            self._tell(f"a report was refused: {reason}")
+            _LOG.info(f"a report was refused: {reason}")
 
     @property
     def flying(self) -> bool:

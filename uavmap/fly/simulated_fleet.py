@@ -8,51 +8,33 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import logging
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import LinkError
-from missions.events import Event
 from missions.mission_file.fleet_checks import check_fleet
 from missions.state import Phase, Setting, State
 from missions.units import GridPoint
+from uavmap.base.messages import prefixed
 from uavmap.clock import VirtualClock, run
 from uavmap.comms.air import Air, LinkModel, link_model
+from uavmap.comms.radio import SealedRadio
 from uavmap.comms.sealing import Seal
-from uavmap.fly.flight import Flight
+from uavmap.fly.one_flight import Flight
 from uavmap.fly.onlooker import folded
-from uavmap.fly.progress import Progress
 from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.results.merging import merged_results
 
+_LOG: Final = logging.getLogger("uavmap.fleet")
 MEMBER_FOLDER: Final = "vehicle-{number}"
 
 
-class OfMember:
-    """What one member of a fleet says: lines with its number, and no table of its own."""
-
-    def __init__(self, number: int, progress: Progress) -> None:
-        self._number = number
-        self._progress = progress
-
-    def say(self, text: str) -> None:
-        """A line that stays."""
-        self._progress.say(f"vehicle {self._number}: {text}")
-
-    def begin(self, setting: Setting, *, again: bool) -> None:
-        """Nothing: the fleet's begins once."""
-
-    def update(self, event: Event, state: State, again: int) -> None:
-        """Nothing."""
-
-    def end(self) -> None:
-        """Nothing."""
-
-
-def fly_fleet(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+def fly_fleet(plan: FlightPlan, folder: Path) -> dict[str, Any]:
     """Fly a simulated fleet into a folder; returns the summary of the map of all.
 
     Raises `MissionFileError`, `JournalError`, `LinkError` as a flight does.
@@ -61,31 +43,28 @@ def fly_fleet(plan: FlightPlan, folder: Path, progress: Progress) -> dict[str, A
         model = link_model(plan.comms or "free")
     except ValueError as error:
         raise LinkError(f"--comms {plan.comms}: {error}") from None
-    fleet = SimulatedFleet(plan, folder, progress, model)
+    fleet = SimulatedFleet(plan, folder, model)
     truth = run(fleet.fly(), VirtualClock(plan.speedup))
-    for flight in fleet.flights.values():
-        flight.finish()
-    return merged_results(
-        [flight.folder for flight in fleet.flights.values()], folder, progress.say, truth
-    )
+    for number, flight in fleet.flights.items():
+        with of_member(number):
+            flight.finish()
+    folders = [flight.folder for flight in fleet.flights.values()]
+    return merged_results(folders, folder, _LOG.info, truth)
 
 
 class SimulatedFleet:
     """The members of a fleet, each with a folder, a journal, and a service of its own."""
 
-    def __init__(
-        self, plan: FlightPlan, folder: Path, progress: Progress, model: LinkModel
-    ) -> None:
+    def __init__(self, plan: FlightPlan, folder: Path, model: LinkModel) -> None:
         """Raises `MissionFileError`, `JournalError`."""
         from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
         self.plan = plan
-        self.setting = replace(plan, member=0).setting(progress.say)
+        self.setting = replace(plan, member=0).setting(_LOG.info)
         check_fleet(self.setting.mission, plan.mission_source)
         self.world = Simulation(self.setting, plan.seed)
         self.air = Air(model, plan.seed)
         self._folder = folder
-        self._progress = progress
         self._key = hashlib.blake2s(f"simulated fleet {plan.seed}".encode()).digest()
         numbers = range(1, len(self.setting.mission.vehicles) + 1)
         self.flights = {number: self.new(number) for number in numbers}
@@ -100,24 +79,20 @@ class SimulatedFleet:
         at = self.folder(number)
         journal = Journal.create(at / JOURNAL, {"plan": asdict(own)})
         mine = Setting.of(self.setting.mission, number)
-        said = OfMember(number, self._progress)
-        return self.talking(Flight(own, mine, at, journal, State.initial(mine), said), number, 1)
+        return Flight(own, mine, at, journal, State.initial(mine))
 
-    def again(self, number: int, start: int) -> Flight:
+    def again(self, number: int) -> Flight:
         """A member whose program has died, and goes on with its journal."""
         at = self.folder(number)
         journal = Journal.open(at / JOURNAL)
         own = FlightPlan.read(journal)
         mine = Setting.of(self.setting.mission, number)
-        state = folded(mine, journal.events(), None)
-        flight = Flight(own, mine, at, journal, state, OfMember(number, self._progress))
-        return self.talking(flight, number, start)
+        return Flight(own, mine, at, journal, folded(mine, journal.events()))
 
-    def talking(self, flight: Flight, number: int, start: int) -> Flight:
-        """The same with a radio; its program starts for this time."""
-        flight.seal = Seal(self._key, number, start)
-        flight.radio = self.air.radio(number, _place_of(flight))
-        return flight
+    def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
+        """The radio of a member whose program starts for this time."""
+        radio = self.air.radio(number, _place_of(flight))
+        return SealedRadio(radio, Seal(self._key, number, start))
 
     async def fly(self) -> dict[str, Any]:
         """Fly until all members have ended; returns what the simulator has watched."""
@@ -134,8 +109,15 @@ class SimulatedFleet:
 
     async def live(self, number: int) -> None:
         """What one member's program does from its start to its end."""
-        await self.flights[number].fly_member(self.world)
+        flight = self.flights[number]
+        with of_member(number):
+            await flight.fly_member(self.world, self.radio(flight, number))
         self.air.silence(number)
+
+
+def of_member(number: int) -> AbstractContextManager[None]:
+    """Begin the lines of a member with its number."""
+    return prefixed(f"vehicle {number}: ")
 
 
 def _place_of(flight: Flight) -> Callable[[], tuple[GridPoint, float]]:

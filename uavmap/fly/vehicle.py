@@ -23,7 +23,7 @@ from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog import Role
 from missions.state import Setting
 from missions.units import LatLon
-from uavmap.fly.clock_rate import ClockRate
+from uavmap.clock import ClockRate
 from uavmap.fly.guardian import Guardian
 from uavmap.fly.imaging import CameraDriver
 from uavmap.fly.leapfrog import Leapfrog

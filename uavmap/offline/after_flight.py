@@ -6,16 +6,18 @@ cells stays as it was flown.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from missions.errors import UavmapError
 from missions.state import Setting, State
-from uavmap.fly.progress import Progress, Silent
+from uavmap.base.messages import muted
 from uavmap.journal.event_log import JournalReader
 from uavmap.offline.fine_map import FineMap, beneath, scene_of
 from uavmap.offline.gathering import gather
@@ -35,6 +37,8 @@ from uavmap.results.log import FlightLog
 from uavmap.results.score import true_roi
 from uavmap.results.write_results import flight_values, map_data
 
+_LOG: Final = logging.getLogger("uavmap.photos")
+
 
 def kept_frames(folder: Path) -> bool:
     """Whether the flight in a folder kept its pictures."""
@@ -43,7 +47,6 @@ def kept_frames(folder: Path) -> bool:
 
 def draw_boundary(
     folder: Path,
-    progress: Progress,
     complain: Callable[[str], None],
     wishes: Wishes | None = None,
 ) -> None:
@@ -53,7 +56,7 @@ def draw_boundary(
     """
     try:
         with Spool() as spool:
-            _draw(folder, spool, progress, wishes or Wishes())
+            _draw(folder, spool, wishes or Wishes())
     except UavmapError as error:
         complain(f"{error}; all other results are complete")
     except OSError as error:
@@ -68,18 +71,19 @@ def draw_boundary(
         )
 
 
-def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> None:
+def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     journal = JournalReader(folder / JOURNAL)
     plan = FlightPlan.read(journal)
     setting = plan.setting(lambda _: None)
     events, simulated = list(journal.events()), journal.meta.get("truth")
     state, found = figures(setting, events)
     gathered = gather(FlightFrames(folder))
-    progress.say(
+    _LOG.info(
         f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "
         "there (Ctrl-C leaves it out)"
     )
-    looked = look_at_all(gathered, setting, spool, Silent(), Options())
+    with muted():
+        looked = look_at_all(gathered, setting, spool, Options())
     scene = scene_of(setting, _footings(looked))
     if scene is None:
         return
@@ -94,10 +98,10 @@ def _draw(folder: Path, spool: Spool, progress: Progress, wishes: Wishes) -> Non
     seed = plan.seed if plan.simulated else None
     values = flight_values(setting, state, found, seed, simulated, truth)
     flown = flown_from(folder, plan, setting, cells, values, FlightLog.of(events))
-    write_documents(flown, progress.say)
+    write_documents(flown, _LOG.info)
     placed = [shot.placed for shot in looked.shots]
     rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
-    rasters.write(folder, wishes, progress)
+    rasters.write(folder, wishes)
 
 
 def _footings(looked: Looked) -> list[Footing]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.base.extras import install_command
-from uavmap.fly.progress import Progress
 from uavmap.offline.credible import Placed
 from uavmap.offline.fine_map import FineMap, upright
 from uavmap.offline.geotiff import (
@@ -33,6 +33,7 @@ from vision.fusion import MOST, UNSEEN
 from vision.overlay import framed
 from vision.raster import Raster, Window
 
+_LOG: Final = logging.getLogger("uavmap.photos")
 ORTHO: Final = "ortho.tif"
 PROBABILITY: Final = "probability.tif"
 FINEST_M: Final = 0.05
@@ -83,27 +84,27 @@ class Rasters:
     t_s: float
     workers: int
 
-    def write(self, folder: Path, wishes: Wishes, progress: Progress) -> bool:
+    def write(self, folder: Path, wishes: Wishes) -> bool:
         """Write the files, if rasterio is there; returns whether it is.
 
         Raises `OutputError` when the disk refuses.
         """
         wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
         if not there():
-            progress.say(
+            _LOG.info(
                 f"{' and '.join(wanted)}: not written without rasterio: {install_command('geo')}"
             )
             return False
-        self._write_probability(folder / PROBABILITY, progress)
+        self._write_probability(folder / PROBABILITY)
         if ORTHO in wanted:
-            self._write_ortho(folder / ORTHO, wishes.gsd_m, progress)
+            self._write_ortho(folder / ORTHO, wishes.gsd_m)
         return True
 
-    def _write_probability(self, path: Path, progress: Progress) -> None:
+    def _write_probability(self, path: Path) -> None:
         surface, grid = self.fine.surface, self.fine.setting.grid
         raster = surface.raster
         if raster.rows * raster.columns > MOST_LEVELS_PX:
-            progress.say(
+            _LOG.info(
                 f"{PROBABILITY}: not written: it would have {raster.columns:,} x {raster.rows:,} "
                 f"pixels of {raster.pitch_m:.2g} m, and at most {MOST_LEVELS_PX:,} are written; "
                 f"boundary.geojson says where the region is{self._remedy()}"
@@ -120,7 +121,7 @@ class Rasters:
             return ""
         return "; most of that is ground between the pictures: replay each site by itself"
 
-    def _write_ortho(self, path: Path, gsd_m: float | None, progress: Progress) -> None:
+    def _write_ortho(self, path: Path, gsd_m: float | None) -> None:
         grid, scene = self.fine.setting.grid, self.fine.scene
         low = np.min([entry.bounds[0] for entry in scene.shown], axis=0)
         high = np.max([entry.bounds[1] for entry in scene.shown], axis=0)
@@ -128,12 +129,12 @@ class Rasters:
         least = math.sqrt(float(np.prod(high - low)) / MOST_PX)
         if step < least:
             step = math.ceil(100.0 * least) / 100.0
-            progress.say(
+            _LOG.info(
                 f"{ORTHO}: {step:g} m a pixel, or it would have more than {MOST_PX:,}"
                 f"{self._remedy()}"
             )
         if len(scene.shown) >= _MINUTES:
-            progress.say(
+            _LOG.info(
                 f"{ORTHO}: laying {len(scene.shown)} pictures, {step:g} m a pixel; all else is "
                 "written (Ctrl-C leaves it out)"
             )
@@ -141,7 +142,7 @@ class Rasters:
         blocks = self._blocks(raster, step, unread, Recent(_RECENT_BYTES))
         write_cog(path, raster, grid, self.t_s, COLOURS, blocks)
         for name in sorted(unread):
-            progress.say(f"{ORTHO}: without {name}, which cannot be read any more")
+            _LOG.info(f"{ORTHO}: without {name}, which cannot be read any more")
 
     def _blocks(
         self, raster: Raster, step_m: float, unread: set[str], recent: Recent

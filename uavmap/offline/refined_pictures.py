@@ -8,8 +8,9 @@ be used where they overlap others.
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,6 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from missions.mission_file.schema import Mission
 from missions.state import Setting
-from uavmap.fly.progress import Progress
 from uavmap.offline.feature_file import FeatureFile
 from uavmap.offline.gathering import Gathered
 from uavmap.offline.pixels import eight_bits
@@ -43,6 +43,7 @@ from vision.lens import Lens
 from vision.registration import WIDTH_PX, Features, Registration, extract, thumbnail
 from vision.straighten import Straightening, straightening
 
+_LOG: Final = logging.getLogger("uavmap.photos")
 HFOV_DEG: Final = 75.0
 """The angle of view of pictures of which neither tags nor a mission file tell one."""
 
@@ -67,10 +68,10 @@ class RefinedSet:
     result: Registration
     found: Mapping[str, Found]
 
-    def say(self, progress: Progress) -> None:
+    def log(self) -> None:
         """A few lines on what was done."""
         for line in lines(self.tags, self.result, self.found):
-            progress.say(line)
+            _LOG.info(line)
 
     def write(self, folder: Path) -> None:
         """Write registration.json."""
@@ -79,7 +80,6 @@ class RefinedSet:
 
 def refined(
     gathered: Gathered,
-    progress: Progress,
     mission: Mission | None = None,
     *,
     lens: Lens | None = None,
@@ -89,7 +89,6 @@ def refined(
 
     Args:
         gathered: The set, as tagged.
-        progress: Hears how far it is, and what was done.
         mission: What is to be mapped, where that is known: it tells the ground, and the angle of
             view of pictures that do not.
         lens: A calibration for all pictures.
@@ -98,17 +97,17 @@ def refined(
     lenses = _Lenses(lens, HFOV_DEG if mission is None else mission.camera.hfov_deg)
     placed = [p for p in gathered.pictures if _has_place(p)]
     with FeatureFile() as kept:
-        refinement = _looked_at(placed, lenses, mission, progress, crew or Threads(), kept)
+        refinement = _looked_at(placed, lenses, mission, crew or Threads(), kept)
         threads = crew.count if isinstance(crew, Threads) else None
         many = partial(in_order, workers=threads or worker_count())
-        result, found = refinement.run(_told(progress), many)
+        result, found = refinement.run(_log_overlaps, many)
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}
     turned = frozenset(name for name, pose in found.items() if pose.refined.turned)
     better = RefinedSet(
         replace(gathered, refined=poses, upside_down=turned), tuple(refinement.tags), result, found
     )
-    better.say(progress)
+    better.log()
     return better
 
 
@@ -116,7 +115,6 @@ def _looked_at(
     placed: Sequence[Picture],
     lenses: _Lenses,
     mission: Mission | None,
-    progress: Progress,
     crew: Crew,
     kept: FeatureFile,
 ) -> Refinement:
@@ -133,18 +131,14 @@ def _looked_at(
             refinement.tags.append(lenses.tags(picture, hfov_rad))
             refinement.features.append(kept.put(features))
         if number % every == 0 or number == len(placed):
-            progress.say(f"compared {number} of {len(placed)}: {printable(picture.name)}")
+            _LOG.info(f"compared {number} of {len(placed)}: {printable(picture.name)}")
     return refinement
 
 
-def _told(progress: Progress) -> Callable[[int, int], None]:
-    """Says how many possible overlaps were looked at, now and then."""
-
-    def say(done: int, all_: int) -> None:
-        if done % _OVERLAPS_A_LINE == 0 and done < all_:
-            progress.say(f"looked for overlaps: {done} of {all_}")
-
-    return say
+def _log_overlaps(done: int, all_: int) -> None:
+    """Log how many possible overlaps were examined, now and then."""
+    if done % _OVERLAPS_A_LINE == 0 and done < all_:
+        _LOG.info(f"looked for overlaps: {done} of {all_}")
 
 
 def _has_place(picture: Picture) -> bool:

@@ -14,6 +14,7 @@ A bad picture is refused with its reason, and never ends the run.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
@@ -29,7 +30,7 @@ from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from missions.units import Cell, GridPoint
-from uavmap.fly.progress import LINE_LIMIT, Progress
+from uavmap.base.terminal import LINE_LIMIT
 from uavmap.journal.event_log import Journal
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible
@@ -58,6 +59,7 @@ from vision.camera import Camera
 from vision.lens import Lens
 from vision.upright import UprightSearch
 
+_LOG: Final = logging.getLogger("uavmap.photos")
 VEHICLE: Final = 1
 BLURRED: Final = 0.2
 """A picture with less than this part of the others' usual sharpness is blurred."""
@@ -101,7 +103,6 @@ def replay(
     setting: Setting,
     journal: Journal,
     folder: Path,
-    progress: Progress,
     options: Options | None = None,
 ) -> dict[str, Any]:
     """Map what the pictures at a path show; returns the summary.
@@ -111,13 +112,13 @@ def replay(
     options = options or Options()
     gathered = gather(open_source(images))
     if options.refine:
-        better = refined(gathered, progress, setting.mission, lens=options.lens, crew=options.crew)
+        better = refined(gathered, setting.mission, lens=options.lens, crew=options.crew)
         if better is not None:
             better.write(folder)
             gathered = better.gathered
     with Spool() as spool:
-        looked = look_at_all(gathered, setting, spool, progress, options)
-        return looked.written(journal, folder, progress)
+        looked = look_at_all(gathered, setting, spool, options)
+        return looked.written(journal, folder)
 
 
 @dataclass(slots=True)
@@ -135,11 +136,11 @@ class Looked:
     fine: FineMap | None = None
     """The region at pixel level, once the results are written."""
 
-    def written(self, journal: Journal, folder: Path, progress: Progress) -> dict[str, Any]:
+    def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
         scene = scene_of(self.setting, self.footings())
         with set_apart(), beside(partial(self._drawn, scene)) as fine:
-            return self._written(journal, folder, progress, scene, fine)
+            return self._written(journal, folder, scene, fine)
 
     def _drawn(self, scene: Scene | None, go_on: GoOn) -> FineMap | None:
         """The region at pixel level: of what the pictures say, which waits on the spool."""
@@ -151,7 +152,6 @@ class Looked:
         self,
         journal: Journal,
         folder: Path,
-        progress: Progress,
         scene: Scene | None,
         fine: Future[FineMap | None],
     ) -> dict[str, Any]:
@@ -192,9 +192,9 @@ class Looked:
             ground = beneath(scene, self.spool, grid, self.workers, mapped.end_s)
         summary = write_replay(folder, self.setting, mapped, boundary, ground, calendar, also)
         for line in said:
-            progress.say(line)
+            _LOG.info(line)
         write_pictures(self._rows(), folder / FILE)
-        self._say(progress)
+        self._log()
         return summary
 
     def taken(self) -> dict[str, Any]:
@@ -206,7 +206,7 @@ class Looked:
             return {}
         return taken_meta(min(times), "utc" if clocks == {"utc"} else "camera")
 
-    def write_rasters(self, folder: Path, wishes: Wishes, progress: Progress) -> bool:
+    def write_rasters(self, folder: Path, wishes: Wishes) -> bool:
         """ortho.tif and probability.tif, after all else; returns whether any was written.
 
         Raises `OutputError` where the disk refuses.
@@ -215,7 +215,7 @@ class Looked:
             return False
         placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
         rasters = Rasters(self.fine, self.judge, placed, t_s, self.workers)
-        return rasters.write(folder, wishes, progress)
+        return rasters.write(folder, wishes)
 
     def refuse_empty(self) -> None:
         """Raise `ImageError` where no picture at all is used."""
@@ -295,7 +295,7 @@ class Looked:
         rows += [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
         return sorted(rows, key=lambda row: row.name)
 
-    def _say(self, progress: Progress) -> None:
+    def _log(self) -> None:
         """Who is not used and why; what was mended; what was not read."""
         lines = [f"{row.name}: {row.reason}; not judged" for row in self._rows() if row.reason]
         lines += [
@@ -305,24 +305,21 @@ class Looked:
             if s.turned
         ]
         for line in lines[:_LINES]:
-            progress.say(printable(line, LINE_LIMIT))  # a name may hold a line break
+            _LOG.info(printable(line, LINE_LIMIT))  # a name may hold a line break
         if len(lines) > _LINES:
-            progress.say(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
+            _LOG.info(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
         for line in self.gathered.left_out:
-            progress.say(f"{self.gathered.source}: not read: {line}")
+            _LOG.info(f"{self.gathered.source}: not read: {line}")
         fence, grid = self.setting.fence, self.setting.grid
         outside = sum(not fence.contains(grid.fixed(s.placed.pose.position)) for s in self._used)
         if outside:
             count = len(self._used)
-            progress.say(f"{outside} of {count} photographs were taken outside of the fence")
+            _LOG.info(f"{outside} of {count} photographs were taken outside of the fence")
 
 
 # --- the two passes ------------------------------------------------------------------------------
-def look_at_all(
-    gathered: Gathered, setting: Setting, spool: Spool, progress: Progress, options: Options
-) -> Looked:
+def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Options) -> Looked:
     """Both passes over the pictures. Raises `ImageError` where no tags allow to use one."""
-    progress.begin(setting, again=False)
     verdicts = credible(gathered.posed, setting.mission, any_day=options.any_day)
     placed = [
         replace(verdict, pose=above_ground(verdict.pose, setting))
@@ -341,12 +338,11 @@ def look_at_all(
     judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
     placed_all = all(entry.picture.name in gathered.refined for entry in placed)
     judge = replace(judge, compare=not placed_all)
-    _judge_all(judge, shots, spool, progress, options.crew)
+    _judge_all(judge, shots, spool, options.crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
     # what was compared is not needed any more
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
-    progress.end()
     # marks and pictures that were judged elsewhere are laid on the ground here
     workers = options.crew.count if isinstance(options.crew, Threads) else None
     return Looked(setting, gathered, refused, shots, spool, judge, workers or worker_count())
@@ -379,9 +375,7 @@ def _timed(placed: Sequence[Placed]) -> list[Shot]:
     return shots
 
 
-def _judge_all(
-    judge: Judge, shots: Sequence[Shot], spool: Spool, progress: Progress, crew: Crew
-) -> None:
+def _judge_all(judge: Judge, shots: Sequence[Shot], spool: Spool, crew: Crew) -> None:
     """Decode and judge every picture; what each says is put on the spool."""
     seen: dict[bytes, int] = {}
     every = max(1, len(shots) // 10)
@@ -404,7 +398,7 @@ def _judge_all(
             spool.put(number, what)
         if number % every == every - 1 or number + 1 == len(shots):
             name = printable(shot.placed.picture.name)
-            progress.say(f"looked at {number + 1} of {len(shots)}: {name}")
+            _LOG.info(f"looked at {number + 1} of {len(shots)}: {name}")
 
 
 def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:

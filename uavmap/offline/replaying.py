@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import time
 from collections.abc import Callable
@@ -14,7 +15,6 @@ from missions.errors import OutputError, UavmapError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
 from uavmap.detector_source import detector_text
-from uavmap.fly.progress import Progress
 from uavmap.journal.event_log import Journal
 from uavmap.kept_detector import keep_detector, with_relative_model
 from uavmap.mission_source import MissionSource, load_source
@@ -35,6 +35,7 @@ from uavmap.results import documents
 from uavmap.results.atomic import write_text
 from vision.lens import Lens
 
+_LOG: Final = logging.getLogger("uavmap.photos")
 MEMORY_HELPS: Final = (
     "end other programs, or replay with --workers 1, fewer pictures at a time, or larger cells "
     "(grid.cell_m of a mission file)"
@@ -75,9 +76,7 @@ class Done:
     interrupted: bool = False
 
 
-def replay_pictures(
-    wanted: Wanted, crew: Crew, progress: Progress, complain: Callable[[str], None]
-) -> Done:
+def replay_pictures(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
     """Map what pictures show, into a folder.
 
     `crew` looks at them; `complain` is told what went wrong with the GeoTIFFs, without which the
@@ -85,12 +84,10 @@ def replay_pictures(
     and `UavmapError` where memory runs out.
     """
     with memory_told(f"{wanted.path} is not mapped", MEMORY_HELPS):
-        return _replayed(wanted, crew, progress, complain)
+        return _replayed(wanted, crew, complain)
 
 
-def _replayed(
-    wanted: Wanted, crew: Crew, progress: Progress, complain: Callable[[str], None]
-) -> Done:
+def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
     wanted.rasters.check()
     given = None if wanted.mission is None else load_source(wanted.mission, wanted.detector)
     asked = None if given is None else given.parse()  # say what is wrong before pictures are read
@@ -101,7 +98,7 @@ def _replayed(
     if wanted.out is not None:  # said before pictures are read, which may take long
         refuse_unwritable(results_folder(wanted.out, ""))
     gathered = gather(open_source(Path(wanted.path), wanted.video_start))
-    better = _refined(gathered, lens, given, wanted, progress, crew)
+    better = _refined(gathered, lens, given, wanted, crew)
     gathered = gathered if better is None else better.gathered
     source = given or _derived(gathered, lens, detector, any_day=wanted.any_day)
     mission = source.parse()
@@ -109,11 +106,11 @@ def _replayed(
     folder = results_folder(wanted.out, mission.name)
     if given is None:
         for line in _shown(source):
-            progress.say(line)
+            _LOG.info(line)
     with Spool() as spool:
         how = Options(crew, lens, wanted.any_day, refine=better is not None)
         with beside(lambda _: documents.load()):
-            looked = look_at_all(gathered, Setting.of(mission), spool, progress, how)
+            looked = look_at_all(gathered, Setting.of(mission), spool, how)
         looked.refuse_empty()
         make_folder(folder)
         keep_detector(mission.detector, source.text, folder)
@@ -122,15 +119,15 @@ def _replayed(
                 better.write(folder)
             if given is None:
                 write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
-                progress.say(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
+                _LOG.info(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             began_s = time.perf_counter()
             meta = journal_meta(source, wanted.path) | looked.taken()
             with Journal.create(folder / JOURNAL, meta) as journal:
-                summary = looked.written(journal, folder, progress)
-            progress.say(f"results written in {time.perf_counter() - began_s:.2f} s")
+                summary = looked.written(journal, folder)
+            _LOG.info(f"results written in {time.perf_counter() - began_s:.2f} s")
         except OSError as error:
             raise OutputError(_unwritten(folder, error)) from None
-        interrupted = _rasters(looked, folder, wanted.rasters, progress, complain)
+        interrupted = _rasters(looked, folder, wanted.rasters, complain)
     return Done(folder, summary, interrupted)
 
 
@@ -149,7 +146,6 @@ def _rasters(
     looked: Looked,
     folder: Path,
     wishes: Wishes,
-    progress: Progress,
     complain: Callable[[str], None],
 ) -> bool:
     """The GeoTIFFs, without which the results are complete; whether they were interrupted."""
@@ -157,8 +153,8 @@ def _rasters(
     give_back()
     try:
         with memory_told("not all GeoTIFFs are written", "try a coarser --gsd, or --no-ortho"):
-            if looked.write_rasters(folder, wishes, progress):
-                progress.say(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
+            if looked.write_rasters(folder, wishes):
+                _LOG.info(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
     except UavmapError as error:
         complain(f"{error}; all other results are complete")
     except KeyboardInterrupt:
@@ -172,14 +168,13 @@ def _refined(
     lens: Lens | None,
     given: MissionSource | None,
     wanted: Wanted,
-    progress: Progress,
     crew: Crew,
 ) -> RefinedSet | None:
     """The set with the poses that its overlaps give; None where those of the tags are wanted."""
     if not wanted.refine:
         return None
     mission = None if given is None else given.parse()
-    return refined(gathered, progress, mission, lens=lens, crew=crew)
+    return refined(gathered, mission, lens=lens, crew=crew)
 
 
 def _derived(

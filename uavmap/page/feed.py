@@ -7,6 +7,7 @@ process; while that is full nothing more is put in, and the next delta holds wha
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import queue
 import select
@@ -14,13 +15,13 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable
 from typing import Final
 
 from missions.errors import OutputError
 from uavmap.child_process import Child
 from uavmap.page.pipe import Lines, Words, packed
 
+_LOG: Final = logging.getLogger("uavmap.page")
 START_S: Final = 60.0
 """Real seconds in which the page must be ready; it takes some 3 on a small computer."""
 END_S: Final = 6.0
@@ -30,13 +31,9 @@ WAITING: Final = 8
 
 
 class Feed:
-    """A page's process under way.
+    """A page's process under way. A line is logged when it ends before its time."""
 
-    `say` gets a line when it ends before its time; called from the thread that calls `put`.
-    """
-
-    def __init__(self, config: Words, listening: socket.socket, say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, config: Words, listening: socket.socket) -> None:
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._lines = Lines()
         self._dead = self._told = False
@@ -97,7 +94,7 @@ class Feed:
         if not self._told:
             self._told = True
             why = self._child.last_words() or "its process has ended"
-            self._say(f"the live page is gone ({why}); the flight goes on without it")
+            _LOG.info(f"the live page is gone ({why}); the flight goes on without it")
 
     # --- back ------------------------------------------------------------------------------
     @property

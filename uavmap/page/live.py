@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, Final
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 
 from missions.events import Event, FrameSeen
 from missions.state import Setting, State
-from uavmap.fly.onlooker import Steered
-from uavmap.fly.progress import Progress
+from uavmap.fly.onlooker import Onlooker
+from uavmap.fly.steered import Steered
 from uavmap.page.background import Background
 from uavmap.page.feed import Feed
 from uavmap.page.marks import marks_of
@@ -27,6 +28,7 @@ from uavmap.page.scene import scene_of
 from uavmap.page.watching import Watcher
 from uavmap.record.frames import KeptFrame
 
+_LOG: Final = logging.getLogger("uavmap.page")
 UPDATE_S: Final = 0.1
 """The page is told what is new no more often, real seconds."""
 PICTURE_S: Final = 1.0
@@ -36,8 +38,8 @@ NOT_YET: Final = "orders are taken once the vehicles have answered"
 LANDED: Final = "the flight is over"
 
 
-class FlightPage:
-    """Tells a page of a flight: a `Progress` that another one hears too, and an `Onlooker`.
+class FlightPage(Onlooker):
+    """Shows a flight on a page, and its lines (`uavmap.base.messages.Display`).
 
     `simulated`: the flight takes no orders. `now_s` is real time, seconds.
     """
@@ -45,14 +47,12 @@ class FlightPage:
     def __init__(
         self,
         feed: Feed,
-        inner: Progress,
         *,
         simulated: bool,
         background: Background | None = None,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._feed = feed
-        self._inner = inner
         self._hands_off = SIMULATED if simulated else NOT_YET
         self._now_s = now_s
         self._background = background
@@ -69,10 +69,8 @@ class FlightPage:
         """How many pictures."""
         self._broken = False
 
-    # --- progress --------------------------------------------------------------------------
-    def say(self, text: str) -> None:
-        """A line that stays."""
-        self._inner.say(text)
+    def show(self, text: str) -> None:
+        """Add a line to the page's log."""
         with self._harmless():
             if self._watcher is None:
                 self._said.append(text)
@@ -81,7 +79,6 @@ class FlightPage:
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """The flight starts."""
-        self._inner.begin(setting, again=again)
         with self._harmless():
             before, self._looked_back = self._looked_back, False
             if not before:
@@ -90,7 +87,6 @@ class FlightPage:
 
     def update(self, event: Event, state: State, again: int) -> None:
         """An event was taken in."""
-        self._inner.update(event, state, again)
         with self._harmless():
             if self._watcher is None:
                 return
@@ -104,7 +100,6 @@ class FlightPage:
 
     def end(self) -> None:
         """The flight is over."""
-        self._inner.end()
         with self._harmless():
             if self._watcher is not None:
                 self._watcher.board.set_field("hands_off", LANDED)
@@ -123,7 +118,6 @@ class FlightPage:
         for text in self._said:
             self._watcher.say(text)
 
-    # --- onlooker --------------------------------------------------------------------------
     def look_back(self, setting: Setting, event: Event, state: State) -> None:
         """What a flight that is gone on with has brought before: shown when it begins."""
         if self._broken:
@@ -141,14 +135,14 @@ class FlightPage:
             self._pictures[frame.vehicle] = (frame, picture)
 
     @contextlib.contextmanager
-    def hand(self, service: Steered, say: Callable[[str], None]) -> Iterator[None]:
+    def steering(self, service: Steered) -> Iterator[None]:
         """Hear the page's orders."""
         loop, file = asyncio.get_running_loop(), self._feed.orders_file
 
         def hear() -> None:
             with self._harmless():
                 for order in self._feed.orders():
-                    self._obey(service, order, say)
+                    self._obey(service, order)
             if self._feed.dead or self._broken:
                 loop.remove_reader(file)
 
@@ -163,9 +157,9 @@ class FlightPage:
                 loop.remove_reader(file)
             self._set("hands_off", LANDED)
 
-    def _obey(self, service: Steered, order: Words, say: Callable[[str], None]) -> None:
+    def _obey(self, service: Steered, order: Words) -> None:
         answer = carry_out(service, order)
-        say(f"page: {answer}")
+        _LOG.info(f"page: {answer}")
         self._feed.put({"kind": "answer", "id": order.get("id"), "text": answer})
 
     # --- out -------------------------------------------------------------------------------
@@ -212,7 +206,7 @@ class FlightPage:
                 return
             self._broken, self._watcher = True, None
             self._pictures.clear()
-            self._inner.say(
+            _LOG.info(
                 f"the live page has failed ({type(failure).__name__}: {failure}); the flight goes "
                 "on without it"
             )

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from uavmap.page.address import LOOPBACK, bound, need_nicegui
 from uavmap.page.feed import Feed
 from uavmap.page.pipe import Words
+
+_LOG: Final = logging.getLogger("uavmap.page")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,15 +31,14 @@ class Wishes:
 
 
 @contextlib.contextmanager
-def opened(wishes: Wishes, config: Words, say: Callable[[str], None]) -> Iterator[Feed]:
-    """A page, ready to be looked at, for as long as the context lasts; `say` tells where.
+def opened(wishes: Wishes, config: Words) -> Iterator[Feed]:
+    """A page, ready to be looked at, for as long as the context lasts; a line says where.
 
     Args:
         wishes: How it is served.
         config: What it shows: `title`; `steers`, whether there are buttons; `why` there are none;
             `timeline`, whether earlier times can be looked at; `frames`, the folder of the
             pictures; `pictures`, why there are none.
-        say: Takes lines for the operator.
 
     Raises:
         UavmapError: NiceGUI is missing, or the port is taken.
@@ -44,12 +47,14 @@ def opened(wishes: Wishes, config: Words, say: Callable[[str], None]) -> Iterato
     address = bound(wishes.host, wishes.port, wishes.option)
     url, served = address.url, {"token": address.token, "port": address.port}
     with address.listening:  # the page's process has its own from then on
-        feed = Feed({**config, **served}, address.listening, say)
+        feed = Feed({**config, **served}, address.listening)
     try:
         feed.wait_ready()
-        say(f"live page: {url}")
+        _LOG.info(f"live page: {url}")
         if wishes.host != LOOPBACK:
-            say("live page: whoever reaches this computer and has the token can give orders there")
+            _LOG.info(
+                "live page: whoever reaches this computer and has the token can give orders there"
+            )
         yield feed
     finally:
         feed.close()

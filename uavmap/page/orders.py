@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from uavmap.fly.onlooker import Steered
+from uavmap.fly.steered import Steered
 
 PAUSE: Final = "pause"
 GO_ON: Final = "continue"

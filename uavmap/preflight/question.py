@@ -1,20 +1,20 @@
-"""A question to whoever sits at the terminal, without holding up the links meanwhile."""
+"""A question to the operator at the terminal, without holding up the links meanwhile."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
+import logging
 import sys
-import termios
-from collections.abc import Callable
-from typing import TextIO
+from typing import Final, TextIO
+
+from uavmap.base.terminal import forget_typed, read_line
+
+_LOG: Final = logging.getLogger("uavmap.preflight")
 
 
 class Operator:
-    """Who can answer a question: somebody at a terminal, or nobody."""
+    """The operator at the terminal, if there is one."""
 
-    def __init__(self, say: Callable[[str], None], stream: TextIO | None = None) -> None:
-        self._say = say
+    def __init__(self, stream: TextIO | None = None) -> None:
         self._stream: TextIO | None = stream or sys.stdin
 
     @property
@@ -24,18 +24,6 @@ class Operator:
 
     async def agrees(self, question: str) -> bool:
         """Ask, and wait for a line; whether it is a yes."""
-        if self._stream is None:
-            return False
-        loop, file = asyncio.get_running_loop(), self._stream.fileno()
-        readable = asyncio.Event()
-        with contextlib.suppress(termios.error):
-            termios.tcflush(file, termios.TCIFLUSH)  # what was typed before is no answer
-        self._say(question)
-        loop.add_reader(file, readable.set)
-        try:
-            await readable.wait()
-            return self._stream.readline().strip().lower() in ("y", "yes")
-        except OSError:
-            return False
-        finally:
-            loop.remove_reader(file)
+        forget_typed(self._stream)
+        _LOG.info(question)
+        return (await read_line(self._stream)).strip().lower() in ("y", "yes")

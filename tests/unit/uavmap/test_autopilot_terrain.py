@@ -11,10 +11,10 @@ from missions.ground.grid import Grid
 from missions.units import GridPoint
 from sitl.mavlink.telemetry import Telemetry
 from tests.hills import slope, text_over
+from tests.said import Said
 from tests.small_missions import START, mission_text, square
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
-from uavmap.fly.progress import Terminal
 from uavmap.record.flight_plan import FlightPlan
 
 GRID = Grid.at(START, 4.0)
@@ -31,24 +31,23 @@ def plan(autopilot: str = "ardupilot") -> FlightPlan:
     return FlightPlan("field.toml", text, None, None, 1, (), None, 0.0)
 
 
-def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it() -> None:
-    told: list[str] = []
-    surveyed = with_ground(plan(), told.append)
+def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said: Said) -> None:
+    surveyed = with_ground(plan())
     assert 'source = "autopilot"' not in surveyed.mission_text
     ground = surveyed.mission().ground
     assert ground is not None
     assert ground.step_m == pytest.approx(10.0)
     rise_m = ground.height_m(GridPoint(40.0, 0.0)) - ground.height_m(GridPoint(0.0, 0.0))
     assert rise_m == pytest.approx(4.0, abs=0.05)
-    assert any("asks the autopilot for the ground at" in line for line in told)
-    assert with_ground(surveyed, told.append) is surveyed
+    assert any("asks the autopilot for the ground at" in line for line in said)
+    assert with_ground(surveyed) is surveyed
 
 
 def test_without_its_answer_nothing_is_flown(tmp_path) -> None:
     with pytest.raises(LinkError, match=r"a PX4 tells nobody of its terrain; give terrain.dem"):
-        _alone(lambda: with_ground(plan("px4"), lambda line: None))
+        _alone(lambda: with_ground(plan("px4")))
     with pytest.raises(MissionFileError, match=r"terrain.source"):
-        fly(plan(), tmp_path, Terminal())
+        fly(plan(), tmp_path)
 
 
 def test_ground_that_never_comes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +55,7 @@ def test_ground_that_never_comes_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(Telemetry, "terrain_report", lambda self, lat, lon, *, loaded: tell(
         self, lat, lon, loaded=False))  # fmt: skip
     with pytest.raises(LinkError, match=r"knows no ground at \d+ of \d+ places, and waits for 56"):
-        _alone(lambda: with_ground(plan(), lambda line: None))
+        _alone(lambda: with_ground(plan()))
 
 
 def _alone(call) -> None:
@@ -76,9 +75,8 @@ def test_a_long_leg_up_a_steep_slope_is_no_trouble(tmp_path) -> None:
         square(-4, 150, 12, 12), square(-20, -20, 60, 200), altitude_m=16.0, capacity_wh=60.0
     ).replace("[fence]", "[fence]\nceiling_m = 200.0")
     text = text_over(text, slope(55.0, 0.0))
-    summary = fly(
-        FlightPlan("steep.toml", text, None, None, 1, (), None, 0.0), tmp_path / "out", Terminal()
-    )
+    plan = FlightPlan("steep.toml", text, None, None, 1, (), None, 0.0)
+    summary = fly(plan, tmp_path / "out")
     assert summary["completed"]
 
 
@@ -87,4 +85,4 @@ def test_a_fence_too_large_to_ask_for_is_refused() -> None:
     text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
     large = replace(plan(), mission_text=text + '\n[terrain]\nsource = "autopilot"\n')
     with pytest.raises(LinkError, match=r"lie 115 m apart, more than 100; draw it smaller"):
-        _alone(lambda: with_ground(large, lambda line: None))
+        _alone(lambda: with_ground(large))

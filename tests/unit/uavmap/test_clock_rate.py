@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from tests.unit.uavmap.flights import Flight, fly
-from uavmap.fly.clock_rate import ClockRate
+from uavmap.clock import ClockRate
 
 
 def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:

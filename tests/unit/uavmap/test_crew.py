@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 import pytest
 
+from tests.said import Said
 from uavmap.fly.ground_crew import Crew
 
 SOON_S = 0.15
@@ -47,22 +48,22 @@ async def drop(*tasks: asyncio.Task[None]) -> None:
     await asyncio.wait(tasks)
 
 
-def test_simulated_crews_need_no_word() -> None:
+def test_simulated_crews_need_no_word(said: Said) -> None:
     async def body() -> None:
-        crew = Crew(pytest.fail, automatic=True, stream=io.StringIO())
+        crew = Crew(automatic=True, stream=io.StringIO())
         await crew.swap(1)
         assert not crew.absent
         assert not crew.waiting
 
     on_loop(body)
+    assert not said
 
 
-def test_the_word_is_enter(terminal: tuple[int, TextIO]) -> None:
+def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
     operator, stream = terminal
-    said: list[str] = []
 
     async def body() -> None:
-        crew = Crew(said.append, automatic=False, stream=stream)
+        crew = Crew(automatic=False, stream=stream)
         assert not crew.absent
         task = asyncio.create_task(crew.swap(3))
         assert not await answered(task)
@@ -84,7 +85,7 @@ def test_enter_pressed_before_the_question_is_no_word(terminal: tuple[int, TextI
     async def body() -> None:
         os.write(operator, b"\n\n\n")
         await asyncio.sleep(SOON_S)
-        crew = Crew(lambda _: None, automatic=False, stream=stream)
+        crew = Crew(automatic=False, stream=stream)
         task = asyncio.create_task(crew.swap(1))
         assert not await answered(task)
         await drop(task)
@@ -97,7 +98,7 @@ def test_a_terminal_that_is_gone_gives_no_word(terminal: tuple[int, TextIO], how
     operator, stream = terminal
 
     async def body() -> None:
-        crew = Crew(lambda _: None, automatic=False, stream=stream)
+        crew = Crew(automatic=False, stream=stream)
         task = asyncio.create_task(crew.swap(1))
         assert not await answered(task)
         if how == "hang-up":
@@ -111,12 +112,11 @@ def test_a_terminal_that_is_gone_gives_no_word(terminal: tuple[int, TextIO], how
     on_loop(body)
 
 
-def test_one_question_at_a_time(terminal: tuple[int, TextIO]) -> None:
+def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) -> None:
     operator, stream = terminal
-    said: list[str] = []
 
     async def body() -> None:
-        crew = Crew(said.append, automatic=False, stream=stream)
+        crew = Crew(automatic=False, stream=stream)
         first = asyncio.create_task(crew.swap(1))
         second = asyncio.create_task(crew.swap(2))
         assert not await answered(first)
@@ -133,14 +133,13 @@ def test_one_question_at_a_time(terminal: tuple[int, TextIO]) -> None:
 
 @pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])
 def test_without_a_terminal_nobody_can_give_it(
-    stream: TextIO | None, monkeypatch: pytest.MonkeyPatch
+    stream: TextIO | None, monkeypatch: pytest.MonkeyPatch, said: Said
 ) -> None:
-    said: list[str] = []
     if stream is None:
         monkeypatch.setattr("sys.stdin", None)
 
     async def body() -> None:
-        crew = Crew(said.append, automatic=False, stream=stream)
+        crew = Crew(automatic=False, stream=stream)
         assert crew.absent
         task = asyncio.create_task(crew.swap(1))
         assert not await answered(task)

@@ -15,11 +15,12 @@ from missions.state import Phase
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
 from tests.unit.missions.test_step import HOME, Service
+from uavmap.base.terminal import Terminal
 from uavmap.cli import parser
 from uavmap.cli.common import report
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
-from uavmap.fly.flight import _all_wait
-from uavmap.fly.progress import Terminal
+from uavmap.fly.one_flight import _all_wait
+from uavmap.fly.progress import ProgressTable
 from uavmap.results.figures import aircraft_down
 
 BESIDE = GridPoint(8.0, 0.0)
@@ -40,7 +41,7 @@ def told(made: Service, event: Overridden | Landed | Released) -> str:
     """The line that the operator sees, once the event is taken in."""
     made.post(event)
     out = io.StringIO()
-    terminal = Terminal(out)
+    terminal = ProgressTable(Terminal(out))
     terminal._drawn_s = float("inf")  # without the line of every few seconds
     terminal.update(event, made.state, 0)
     return out.getvalue()

@@ -12,7 +12,6 @@ from missions.mapping.tree import Tree
 from missions.state import Setting, State
 from missions.units import Cell
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
@@ -33,7 +32,7 @@ def test_it_ends_with_the_whole_region(tmp_path: Path, monkeypatch: pytest.Monke
 
     monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
     monkeypatch.setattr(passes, "fall_back", told)
-    summary = fly(plan(tmp_path), tmp_path, Silent())
+    summary = fly(plan(tmp_path), tmp_path)
     assert fallen
     assert summary["completed"]
     assert summary["cells_missed"] == 0
@@ -48,7 +47,7 @@ def test_it_is_never_needed_where_frames_decide(
         raise AssertionError(f"at {state.t_s} s")
 
     monkeypatch.setattr(passes, "fall_back", never)
-    summary = fly(plan(tmp_path), tmp_path, Silent())
+    summary = fly(plan(tmp_path), tmp_path)
     assert summary["completed"]
     assert summary["exploration_s"] < 0.5 * summary["bound_makespan_s"]
 

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.mission_file.schema import CameraSection
+from tests.said import Said
 from tests.unit.uavmap.peer import Peer, heartbeat
 from uavmap.cameras.spec import parse_camera
 from uavmap.clock import VirtualClock, run
@@ -106,11 +107,11 @@ def plan(*urls: str, forward: tuple[str, ...] = ()) -> FlightPlan:
 
 
 def links_of(
-    flown: FlightPlan, record: Callable[[bytes], None], say: Callable[[str], None]
+    flown: FlightPlan, record: Callable[[bytes], None]
 ) -> contextlib.AbstractAsyncContextManager[list[Link]]:
     """The links of a plan, each with a MAVLink camera."""
     cameras = [parse_camera("mavlink")] * len(flown.urls)
-    return opened_links(flown.urls, LinkOptions.of(flown), cameras, CameraSection(), record, say)
+    return opened_links(flown.urls, LinkOptions.of(flown), cameras, CameraSection(), record)
 
 
 def sockets(count: int) -> list[socket.socket]:
@@ -145,7 +146,7 @@ def test_not_a_byte_is_changed_either_way() -> None:
         forward = (f"udpout://{LOOPBACK}:{ground.getsockname()[1]}",)
         logged: list[bytes] = []
         flown = plan(f"udpin://{LOOPBACK}:{port}", forward=forward)
-        async with links_of(flown, logged.append, print) as (link,):
+        async with links_of(flown, logged.append) as (link,):
             ours = (LOOPBACK, port)
             down = FRAMES[0] + unknown(1) + frame(heartbeat(), 1, signed=True)
             vehicle.sendto(down, ours)
@@ -248,17 +249,16 @@ def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None
 
 # --- one port, several vehicles ----------------------------------------------------------------
 @pytest.mark.parametrize("routed", [True, False], ids=["a router", "each its own address"])
-def test_one_port_serves_several_vehicles(routed: bool) -> None:
+def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
     port = free_port()
     first, second = sockets(2)
     if routed:
         second.close()
         second = first
-    said: list[str] = []
 
     async def body() -> None:
         urls = [f"udpin://{LOOPBACK}:{port}?system={system}" for system in (2, 1)]
-        async with links_of(plan(*urls), lambda data: None, said.append) as links:
+        async with links_of(plan(*urls), lambda data: None) as links:
             ours = (LOOPBACK, port)
             for link, system in ((first, 1), (second, 2), (first, 9)):
                 link.sendto(frame(heartbeat(), system), ours)

@@ -12,7 +12,8 @@ from typing import Any, TextIO
 
 import pytest
 
-from uavmap.fly.ground_crew import Crew
+from tests.said import Said
+from uavmap.fly.ground_crew import Crew, EnterKey
 from uavmap.fly.keyboard import keyboard
 from uavmap.fly.keys import FORGOTTEN_S, Keys
 
@@ -67,9 +68,9 @@ class Service:
         ("?x9", []),
     ],
 )
-def test_keys(pressed: str, asked: list[Any]) -> None:
-    service, said = Service(), []
-    keys = Keys(service, said.append)
+def test_keys(pressed: str, asked: list[Any], said: Said) -> None:
+    service = Service()
+    keys = Keys(service)
     for key in pressed:
         keys.press(key)
     assert service.asked == asked
@@ -78,7 +79,7 @@ def test_keys(pressed: str, asked: list[Any]) -> None:
 
 def test_a_single_vehicle_needs_no_number() -> None:
     service = Service(vehicles=1)
-    keys = Keys(service, lambda text: None)
+    keys = Keys(service)
     for key in "rkqq":
         keys.press(key)
     assert service.asked == ["recall", ("skip", 1), ("land", 1)]
@@ -86,7 +87,7 @@ def test_a_single_vehicle_needs_no_number() -> None:
 
 def test_a_number_of_two_digits_ends_with_the_second_or_enter() -> None:
     service = Service(vehicles=12)
-    keys = Keys(service, lambda text: None)
+    keys = Keys(service)
     for key in "r12r1\nr7":
         keys.press(key)
     assert service.asked == [("recall", 12), ("recall", 1), ("recall", 7)]
@@ -94,7 +95,7 @@ def test_a_number_of_two_digits_ends_with_the_second_or_enter() -> None:
 
 def test_a_key_that_waits_is_forgotten() -> None:
     service, now_s = Service(), [0.0]
-    keys = Keys(service, lambda text: None, lambda: now_s[0])
+    keys = Keys(service, lambda: now_s[0])
     keys.press("q")
     keys.press("1")
     now_s[0] += FORGOTTEN_S + 1.0
@@ -105,7 +106,7 @@ def test_a_key_that_waits_is_forgotten() -> None:
 @pytest.mark.parametrize("question", ["r", "q", "k"])
 def test_enter_answers_the_question_that_was_asked_last(question: str) -> None:
     """Who is asked for a number and presses Enter has not said that anybody may take off."""
-    keys = Keys(Service(), lambda text: None)
+    keys = Keys(Service())
     assert not keys.press("\n")
     keys.press(question)
     assert keys.press("\n")
@@ -128,15 +129,15 @@ async def _until(condition: Any) -> None:
 
 
 def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(
-    terminal: tuple[int, TextIO],
+    terminal: tuple[int, TextIO], said: Said
 ) -> None:
     operator, stream = terminal
     before = termios.tcgetattr(stream.fileno())
-    service, said = Service(), []
+    service, enter = Service(), EnterKey()
 
     async def body() -> None:
-        crew = Crew(said.append, automatic=False, stream=stream)
-        with keyboard(Keys(service, said.append), crew, said.append, stream):
+        crew = Crew(automatic=False, enter=enter, stream=stream)
+        with keyboard(Keys(service), enter, stream):
             assert not termios.tcgetattr(stream.fileno())[3] & (termios.ICANON | termios.ECHO)
             assert termios.tcgetattr(stream.fileno())[3] & termios.ISIG  # Ctrl-C stays a signal
             os.write(operator, b"p")
@@ -163,10 +164,9 @@ def test_the_terminal_is_put_back_however_it_ends(
     before = termios.tcgetattr(stream.fileno())
 
     async def body() -> None:
-        crew = Crew(lambda text: None, automatic=False, stream=stream)
         with (
             pytest.raises(end),
-            keyboard(Keys(Service(), print), crew, lambda text: None, stream),
+            keyboard(Keys(Service()), EnterKey(), stream),
         ):
             raise end
 
@@ -179,8 +179,9 @@ def test_a_terminal_that_is_gone_is_nobodys_word() -> None:
     stream = os.fdopen(ours, "r")
 
     async def body() -> None:
-        crew = Crew(lambda text: None, automatic=False, stream=stream)
-        with keyboard(Keys(Service(), print), crew, lambda text: None, stream):
+        enter = EnterKey()
+        crew = Crew(automatic=False, enter=enter, stream=stream)
+        with keyboard(Keys(Service()), enter, stream):
             swapped = asyncio.create_task(crew.swap(1))
             await asyncio.sleep(0)
             os.close(operator)
@@ -193,11 +194,12 @@ def test_a_terminal_that_is_gone_is_nobodys_word() -> None:
     stream.close()
 
 
-def test_a_pipe_is_not_read() -> None:
+def test_a_pipe_is_not_read(said: Said) -> None:
     read, write = os.pipe()
     os.write(write, b"q")
     with os.fdopen(read) as stream:
-        with keyboard(Keys(Service(), print), Crew(print, automatic=True), pytest.fail, stream):
+        with keyboard(Keys(Service()), EnterKey(), stream):
             pass
         assert stream.read(1) == "q"
+    assert not said
     os.close(write)

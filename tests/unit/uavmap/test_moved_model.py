@@ -10,6 +10,7 @@ import pytest
 from missions.errors import ImageError, MissionFileError
 from missions.mission_file.detector_section import DetectorSection
 from missions.state import Setting
+from tests.said import Said
 from tests.unit.uavmap.flights import small_mission
 from uavmap.fly.classifier import Blind
 from uavmap.fly.fleet import vehicles_of
@@ -24,7 +25,7 @@ async def _no_picture(_: str) -> bytes:
     return b""
 
 
-def fleet(model: Path, told: list[str], *, recall: bool) -> dict[int, MavlinkVehicle]:
+def fleet(model: Path, *, recall: bool) -> dict[int, MavlinkVehicle]:
     section = DetectorSection(name="learned", model=str(model), model_sha256="0" * 64)
     made = small_mission().model_copy(update={"detector": section})
     plan = FlightPlan(
@@ -33,23 +34,21 @@ def fleet(model: Path, told: list[str], *, recall: bool) -> dict[int, MavlinkVeh
     )  # fmt: skip
     session = Session(lambda frame: None, lambda frame: None)
     link = mavlink_link("one", session, _no_picture)
-    crew = Crew(told.append, automatic=False)
-    return vehicles_of(
-        plan, Setting.of(made), [link], crew, lambda: 0.0, told.append, recall=recall
-    )
+    crew = Crew(automatic=False)
+    return vehicles_of(plan, Setting.of(made), [link], crew, lambda: 0.0, recall=recall)
 
 
 @pytest.mark.parametrize("there", [False, True])
 def test_without_its_model_a_flight_can_be_called_home_and_no_more(
-    tmp_path: Path, there: bool
+    tmp_path: Path, there: bool, said: Said
 ) -> None:
-    model, told = tmp_path / "model.json", list[str]()
+    model = tmp_path / "model.json"
     if there:
         model.write_text("another one")
     with pytest.raises(MissionFileError, match=r"put (it|the old one) back: its SHA-256 is 0000"):
-        fleet(model, told, recall=False)
-    assert list(fleet(model, told, recall=True)) == [1]
-    (line,) = told
+        fleet(model, recall=False)
+    assert list(fleet(model, recall=True)) == [1]
+    (line,) = said
     assert str(model) in line
     assert line.endswith("the aircraft are brought home without it")
 

@@ -12,9 +12,10 @@ import pytest
 from missions.events import GivenUp
 from missions.state import Setting, State
 from tests.small_missions import mission, square
+from uavmap.base.terminal import Terminal
 from uavmap.cli.common import report
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.fly.progress import Terminal
+from uavmap.fly.progress import ProgressTable
 
 SUMMARY: dict[str, Any] = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}
 
@@ -47,9 +48,10 @@ FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed fi
 def test_progress_goes_on_in_silence(failure: Exception, terminal: bool) -> None:
     setting = Setting.of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, stream = State.initial(setting), Gone(failure, terminal=terminal)
-    progress = Terminal(stream)
+    terminal_ = Terminal(stream)
+    progress = ProgressTable(terminal_)
     progress.begin(setting, again=False)
-    progress.say("vehicle 1: it returns by its autopilot")
+    terminal_.show("vehicle 1: it returns by its autopilot")
     for second in range(3):
         progress.update(GivenUp(1, float(second), "silent"), state, 0)
     progress.end()

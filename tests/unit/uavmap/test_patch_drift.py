@@ -21,7 +21,6 @@ from tests.fleet_rig import field_text
 from uavmap import simulation
 from uavmap.cli.common import report
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.results.patch_drift import LEAST_S, Drift, Shares
 
@@ -176,7 +175,7 @@ def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(
     plan = FlightPlan(
         "film", field_text(1, high=True), None, None, 1, (), None, SIM_EPOCH_UTC_S
     )  # fmt: skip
-    told = fly(plan, tmp_path, Silent())
+    told = fly(plan, tmp_path)
     drift = told["patches"][0]["drift"]
     toward = math.radians(drift["toward_deg"] - 30.0)
     off = math.hypot(drift["speed_m_s"] * math.cos(toward) - 0.06, math.sin(toward) * 0.06)

@@ -18,7 +18,8 @@ from missions.ground.geodesy import Utm, UtmZone
 from missions.state import Setting, State
 from tests.unit.test_pages import ROOT
 from uavmap.api.aside import single
-from uavmap.fly.progress import Terminal
+from uavmap.base.terminal import Terminal
+from uavmap.fly.progress import ProgressTable
 from uavmap.mission_source import MissionSource, load_source
 from uavmap.preflight.plan_figures import plan_lines, taken_lines
 
@@ -238,7 +239,7 @@ def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(
     """A notebook's kernel sets FORCE_COLOR, and cannot move a cursor."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     text = io.StringIO()
-    progress = Terminal(text)
+    progress = ProgressTable(Terminal(text))
     setting = Setting.of(load_source("runway").parse())
     progress.begin(setting, again=False)
     progress.update(Paused(1.0), State.initial(setting), 0)

@@ -17,10 +17,10 @@ from missions.ground.grid import Grid
 from missions.mission_file.checks import parse_mission
 from missions.state import Setting
 from missions.units import Cell, GridPoint
+from tests.said import Said
 from tests.small_missions import CELL_M, START, ring, square
 from tests.unit.uavmap.journals import META
 from tests.unit.uavmap.photographs import dji, write_photo
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import load_source
 from uavmap.offline.replay import Options, replay
@@ -92,7 +92,7 @@ def mapped(
 ) -> tuple[dict[str, Any], dict[Cell, str]]:
     """The summary, and the states of the cells in the map."""
     with Journal.create(out / JOURNAL, META) as journal:
-        summary = replay(images, made, journal, out, Silent(), Options(refine=refine))
+        summary = replay(images, made, journal, out, Options(refine=refine))
     features = json.loads((out / "map.geojson").read_text())["features"]
     states = {
         Cell(f["properties"]["column"], f["properties"]["row"]): f["properties"]["state"]
@@ -173,16 +173,6 @@ def row(folder: Path, *images: Image.Image) -> Path:
     return folder
 
 
-class Heard(Silent):
-    """Keeps what is said."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def say(self, line: str) -> None:
-        self.lines.append(line)
-
-
 def test_a_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
     summary, states = mapped(row(tmp_path / "images", cap, cap), setting(), tmp_path / "out")
@@ -192,16 +182,15 @@ def test_a_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
 
 
 def test_a_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
-    tmp_path: Path,
+    tmp_path: Path, said: Said
 ) -> None:
     good = paint(16.0, 12.0, 0.0, seed=1)
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
     images = row(tmp_path / "images", good, good, cap, paint(16.0, 12.0, 0.0, seed=2))
-    heard = Heard()
     with Journal.create(tmp_path / JOURNAL, META) as journal:
-        summary = replay(images, setting(), journal, tmp_path, heard)
+        summary = replay(images, setting(), journal, tmp_path)
         lost = [e for e in journal.events() if isinstance(e, FrameLost)]
-    assert [line.split(":")[0] for line in heard.lines if "not judged" in line] == [
+    assert [line.split(":")[0] for line in said if "not judged" in line] == [
         "1.jpg",
         "2.jpg",
     ]

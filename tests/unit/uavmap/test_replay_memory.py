@@ -14,7 +14,6 @@ from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from tests.benchmarks.many_pictures import write_survey
 from tests.unit.uavmap.results.conftest import build
-from uavmap.fly.progress import Silent
 from uavmap.mission_source import MissionSource
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import gather
@@ -46,7 +45,7 @@ def traced() -> Iterator[Callable[[], tuple[int, int]]]:
 def looked_at(folder: Path, spool: Spool) -> Looked:
     gathered = gather(open_source(folder))
     setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
-    return look_at_all(gathered, setting, spool, Silent(), Options(Threads(1)))
+    return look_at_all(gathered, setting, spool, Options(Threads(1)))
 
 
 def test_pictures_leave_little_in_memory(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from missions.orders import Order, StandDown, TakeOff
 from missions.state import Phase, Setting, State
 from missions.step import fold
 from missions.units import GridPoint
+from tests.said import Said
 from tests.unit.uavmap.flights import small_mission
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.service import Service
@@ -143,7 +144,7 @@ def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal
 
 @pytest.mark.filterwarnings("error")
 def test_a_journal_that_cannot_be_written_ends_the_mission(
-    journal: Journal, monkeypatch: pytest.MonkeyPatch
+    journal: Journal, monkeypatch: pytest.MonkeyPatch, said: Said
 ) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -166,13 +167,11 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
 
     with pytest.raises(JournalError, match="cannot be written: No space left on device"):
         run(main(), VirtualClock())
-    told: list[str] = []
-    service._tell = told.append
     service.keep_last_words()
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
-    assert len(told) == 1
-    assert "is not in the journal" in told[0]
+    assert len(said) == 1
+    assert "is not in the journal" in said[0]
 
 
 def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
@@ -207,14 +206,13 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
     assert fold(setting, journal.events()).vehicles[1].phase is Phase.DOWN
 
 
-def test_a_report_that_no_journal_can_hold_is_refused_and_told(journal: Journal) -> None:
+def test_a_report_that_no_journal_can_hold_is_refused_and_told(
+    journal: Journal, said: Said
+) -> None:
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
     setting = Setting.of(small_mission())
-    told: list[str] = []
-    service = Service(
-        setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None, told.append
-    )
+    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
 
     async def main() -> None:
         asyncio.get_running_loop().call_later(10.0, service.stop)
@@ -224,4 +222,4 @@ def test_a_report_that_no_journal_can_hold_is_refused_and_told(journal: Journal)
     assert [type(e) for e in journal.events()] == [Connected]
     assert service.refused == 1
     assert service.state.vehicles[1].position == HOME
-    assert "a report was refused" in told[0]
+    assert "a report was refused" in said[0]

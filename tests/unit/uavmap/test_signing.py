@@ -14,7 +14,6 @@ from missions.errors import LinkError
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.link import signing as signing_module
 from uavmap.link.key_file import BESIDE, KeptTimestamps, new_key, read_key, signing_with
 from uavmap.link.session import Session
@@ -255,7 +254,7 @@ def test_a_signed_mission_in_both_flavours(
         mission_source="speck.toml", mission_text=text, strategy=None, vehicles=None, seed=1,
         urls=(), speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
     )  # fmt: skip
-    summary = fly(plan, tmp_path / "out", Silent())
+    summary = fly(plan, tmp_path / "out")
     assert summary["completed"], summary
     assert sessions
     for session in sessions:

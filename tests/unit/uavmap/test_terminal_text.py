@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from missions.events import FrameLost
 from missions.state import Phase, Setting, State
 from tests.small_missions import mission, square
-from uavmap.fly.progress import Terminal
+from uavmap.base.terminal import Terminal
+from uavmap.fly.progress import ProgressTable
 from uavmap.printable import printable
 
 
@@ -40,7 +41,7 @@ def test_bidi_and_zero_width_marks_go() -> None:
 
 def test_say_writes_no_escape_sequences_but_keeps_its_lines() -> None:
     out = io.StringIO()
-    Terminal(out).say("      5 s  vehicle 1:\x1b[2J\x1b]0;owned\x07 [/x] gone\nnext\x9b31m line")
+    Terminal(out).show("      5 s  vehicle 1:\x1b[2J\x1b]0;owned\x07 [/x] gone\nnext\x9b31m line")
     assert out.getvalue() == "      5 s  vehicle 1: [/x] gone\nnext line\n"
 
 
@@ -49,7 +50,7 @@ def test_a_note_that_looks_like_markup_breaks_no_table() -> None:
     state = State.initial(setting)
     lost = replace(state.vehicles[1], phase=Phase.FAILED, note="[/x] \x1b[2Jrefused [bold]")
     out = Tty()
-    terminal = Terminal(out)
+    terminal = ProgressTable(Terminal(out))
     terminal.begin(setting, again=False)
     terminal.update(FrameLost(1, 0.0, "[/y]\x1b]0;owned\x07"), state.with_vehicle(lost), 0)
     terminal.end()

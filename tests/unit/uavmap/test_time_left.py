@@ -11,8 +11,9 @@ from missions.events import from_json
 from missions.state import Phase, State
 from missions.step import step
 from tests.golden.recording import STOPS, Recording
+from uavmap.base.terminal import Terminal
 from uavmap.fly import progress
-from uavmap.fly.progress import Terminal
+from uavmap.fly.progress import ProgressTable
 from uavmap.fly.time_left import Left, time_left
 
 
@@ -66,7 +67,7 @@ def test_a_terminal_and_a_pipe_show_it(live: bool, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(progress.time, "monotonic", lambda: 2.0 * next(clock))
     monkeypatch.setenv("COLUMNS", "200")
     setting, out = STOPS.setting(), Stream()
-    terminal, state = Terminal(out), State.initial(setting)
+    terminal, state = ProgressTable(Terminal(out)), State.initial(setting)
     terminal.begin(setting, again=False)
     for index, line in enumerate(STOPS.lines()[:400]):
         state, _ = step(setting, state, event := from_json(line))

@@ -14,8 +14,8 @@ from missions.events import Navigated, Tracked
 from missions.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests.said import Said
 from uavmap.fly.flight import fly
-from uavmap.fly.progress import Silent
 from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.simulation import Truth
@@ -29,16 +29,6 @@ SMALLER = {
     "height_px = 480": "height_px = 240\npixels_per_cell = 40",
 }
 LOST = '[[sim.faults]]\nkind = "gps"\nat_s = 25\n'
-
-
-class Told(Silent):
-    """Keeps what the operator is told."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def say(self, text: str) -> None:
-        self.lines.append(text)
 
 
 @dataclass(slots=True)
@@ -65,7 +55,7 @@ class Flown:
 
 
 @pytest.fixture
-def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said):
     """Fly the small box with more in its file."""
 
     def flying(navigation: str, faults: str, sim: str = "") -> Flown:
@@ -86,13 +76,12 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             text = text.replace(old, new)
         text += f"\n[navigation]\n{navigation}\n{faults}"
         plan = FlightPlan("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
-        told = Told()
-        summary = fly(plan, tmp_path / "out", told)
+        summary = fly(plan, tmp_path / "out")
         with Journal.open(tmp_path / "out" / JOURNAL) as journal:
             events = list(journal.events())
         return Flown(
             summary,
-            "\n".join(told.lines),
+            "\n".join(said),
             [event for event in events if isinstance(event, Navigated)],
             [event for event in events if isinstance(event, Tracked)],
             true,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from missions.ground.grid import Grid
 from missions.units import LatLon
-from uavmap.fly.progress import Silent
+from uavmap.base.messages import muted
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.gathering import gather
 from uavmap.offline.pixels import eight_bits
@@ -189,7 +189,8 @@ def _projected(
     """The pictures with the polygons, by the best poses that there are."""
     shapes = [shape for path in files for shape in _shapes(path)]
     gathered = gather(open_source(images))
-    better = refined(gathered, Silent())
+    with muted():
+        better = refined(gathered)
     verdicts = credible(better.gathered.posed)
     placed = [entry for entry in verdicts if not isinstance(entry, str)]
     if not placed:

@@ -16,21 +16,22 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import FrameLost, FrameSeen
 from missions.mission_file.schema import Mission
 from missions.state import Setting, State
+from tests.said import Said
 from tests.unit.uavmap.cameras.conformance import inline, running
 from tests.unit.uavmap.flights import small_mission
+from uavmap.base.messages import shown_on
 from uavmap.cameras.folder import FolderSource
 from uavmap.cameras.mavlink import MavlinkSource
 from uavmap.cameras.mount import Mount
 from uavmap.cameras.source import FrameSource
 from uavmap.cameras.triggered import TriggeredSource
-from uavmap.fly.flight import Flight
 from uavmap.fly.links import Link
-from uavmap.fly.progress import Progress
+from uavmap.fly.one_flight import Flight
 from uavmap.journal.event_log import Journal
 from uavmap.link.commands import MavlinkCommands
 from uavmap.link.session import Session
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
-from uavmap.simulation import Simulation
+from uavmap.simulation import Simulation, Truth
 
 LATENCY_S = 0.35
 INTERVAL_S = 0.4
@@ -77,14 +78,6 @@ class Card:
             await asyncio.sleep(5.0)
 
 
-class Ears(Progress):
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
-
-
 Rig = Callable[
     [Simulation, Session, Path, list[str]], contextlib.AbstractAsyncContextManager[FrameSource]
 ]
@@ -93,12 +86,12 @@ Rig = Callable[
 class RiggedFlight(Flight):
     """A simulated flight with another camera."""
 
-    rig: Rig
-    said: list[str]
+    def __init__(self, rig: Rig, said: list[str], *how: Any) -> None:
+        super().__init__(*how)
+        self.rig, self.said = rig, said
 
-    async def _fly_simulated(self) -> None:
+    async def _fly_simulated(self) -> Truth:
         simulation = Simulation(self._setting, self._plan.seed)
-        self._truth = simulation.truth
         session = simulation.open_session(0, lambda frame: None)
         card = self._folder / "card"
         card.mkdir()
@@ -107,17 +100,18 @@ class RiggedFlight(Flight):
             async with self.rig(simulation, session, card, self.said) as source:
                 await self._serve([Link("sim", session, source, MavlinkCommands(session))])
             world.cancel()
+        return simulation.truth
 
 
 def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[Any], list[str]]:
     """The summary, the events and what was said of a flight."""
     plan = FlightPlan("m.toml", "", None, None, 1, (), None, SIM_EPOCH_UTC_S)
-    setting, ears = Setting.of(made), Ears()
+    setting, said = Setting.of(made), Said()
     folder.mkdir()
     with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
-        flight = RiggedFlight(plan, setting, folder, journal, State.initial(setting), ears)
-        flight.rig, flight.said = rig, ears.said
-        return flight.run(), list(journal.events()), ears.said
+        flight = RiggedFlight(rig, said, plan, setting, folder, journal, State.initial(setting))
+        with shown_on(said):
+            return flight.run(), list(journal.events()), said
 
 
 def mission(latency_s: float = LATENCY_S, **how: Any) -> Mission:

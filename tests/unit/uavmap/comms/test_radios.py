@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from tests.said import Said
 from uavmap.comms.endpoints import parse_endpoint
 from uavmap.comms.multicast_radio import MulticastRadio
 from uavmap.comms.radio import Radios
@@ -57,9 +58,9 @@ async def exchanged(
 
 
 @contextlib.asynccontextmanager
-async def over_zenoh(said: list[str], **where: str) -> AsyncIterator[ZenohRadio]:
+async def over_zenoh(**where: str) -> AsyncIterator[ZenohRadio]:
     links = ZenohLinks(**{name: (parse_endpoint("--x", text),) for name, text in where.items()})
-    radio = ZenohRadio(links, "uavmap/test", said.append)
+    radio = ZenohRadio(links, "uavmap/test")
     radio.open()
     try:
         yield radio
@@ -68,16 +69,16 @@ async def over_zenoh(said: list[str], **where: str) -> AsyncIterator[ZenohRadio]
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_who_was_gone_and_comes_again_is_heard_again(kind: str) -> None:
+def test_who_was_gone_and_comes_again_is_heard_again(kind: str, said: Said) -> None:
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
-    endpoint, said = f"{kind}/127.0.0.1:{free_port(type_)}", list[str]()
+    endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
 
     async def talk() -> None:
-        async with over_zenoh(said, listen=endpoint) as one:
+        async with over_zenoh(listen=endpoint) as one:
             at_one = Ear(one)
             for word in (b"first", b"second"):
-                async with over_zenoh(said, peers=endpoint) as other:
+                async with over_zenoh(peers=endpoint) as other:
                     await exchanged(one, at_one, other, Ear(other), word)
             assert one.opened == 1
             assert b"to other" not in at_one.heard  # nobody hears itself
@@ -87,16 +88,15 @@ def test_who_was_gone_and_comes_again_is_heard_again(kind: str) -> None:
     assert said == []
 
 
-def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
+def test_a_port_that_is_taken_is_told_and_tried_again(said: Said) -> None:
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
-    said: list[str] = []
 
     async def try_it() -> None:
         with socket.socket() as taken:
             taken.bind(("127.0.0.1", 0))
             taken.listen()
             endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-            async with over_zenoh(said, listen=endpoint) as radio:
+            async with over_zenoh(listen=endpoint) as radio:
                 await until(lambda: bool(said), lambda: radio.send(b"into the void"))
 
     asyncio.run(try_it())
@@ -109,13 +109,13 @@ def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
 def group(interface: str) -> MulticastRadio:
     port = free_port(socket.SOCK_DGRAM)
     endpoint = parse_endpoint("--listen", f"udp/224.0.0.224:{port}#iface={interface}")
-    return MulticastRadio(endpoint, lambda text: None)
+    return MulticastRadio(endpoint)
 
 
 def test_all_of_a_group_hear_what_one_says() -> None:
     async def talk() -> None:
         one = group("lo")
-        others = [MulticastRadio(one._endpoint, lambda text: None) for _ in range(2)]
+        others = [MulticastRadio(one._endpoint) for _ in range(2)]
         ears = [Ear(radio) for radio in (one, *others)]
         for radio in (one, *others):
             radio.open()
@@ -133,12 +133,11 @@ def test_all_of_a_group_hear_what_one_says() -> None:
     asyncio.run(talk())
 
 
-def test_an_interface_that_is_not_there_is_told_once_and_waited_for() -> None:
-    said: list[str] = []
+def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) -> None:
 
     async def wait() -> None:
         endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
-        radio = MulticastRadio(endpoint, said.append)
+        radio = MulticastRadio(endpoint)
         radio.open()
         radio.open()
         radio.send(b"into the void")
@@ -151,16 +150,16 @@ def test_an_interface_that_is_not_there_is_told_once_and_waited_for() -> None:
 
 def test_two_speak_by_a_router() -> None:
     zenoh = pytest.importorskip("zenoh", reason="the extra fleet is not installed")
-    endpoint, said = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}", list[str]()
+    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
 
     async def talk() -> None:
-        async with over_zenoh(said, routers=endpoint) as one:
+        async with over_zenoh(routers=endpoint) as one:
             with zenoh.open(config):  # it comes up after the first has called
-                async with over_zenoh(said, routers=endpoint) as other:
+                async with over_zenoh(routers=endpoint) as other:
                     await exchanged(one, Ear(one), other, Ear(other), b"word")
 
     asyncio.run(talk())

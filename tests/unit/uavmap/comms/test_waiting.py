@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
+from tests.said import Said
 from uavmap.comms.member import Member
 from uavmap.comms.talking import talking
 
@@ -23,28 +24,27 @@ class Waits:
         """Nothing is to be ended."""
 
 
-async def flight(say: Any, landed: asyncio.Event) -> str:
-    async with talking(cast(Member, Waits()), say):
+async def flight(landed: asyncio.Event, *, may_leave: bool) -> str:
+    async with talking(cast(Member, Waits()), may_leave=may_leave):
         landed.set()
     return "results"
 
 
-async def interrupted(say: Any) -> str:
+async def interrupted(*, may_leave: bool) -> str:
     landed = asyncio.Event()
-    task = asyncio.create_task(flight(say, landed))
+    task = asyncio.create_task(flight(landed, may_leave=may_leave))
     await landed.wait()
     await asyncio.sleep(0)
     task.cancel()
     return await task
 
 
-def test_an_operator_ends_the_wait_and_gets_the_results() -> None:
-    said: list[str] = []
-    assert asyncio.run(interrupted(said.append)) == "results"
+def test_an_operator_ends_the_wait_and_gets_the_results(said: Said) -> None:
+    assert asyncio.run(interrupted(may_leave=True)) == "results"
     assert "Ctrl-C ends it" in said[0]
     assert "uavmap merge" in said[1]
 
 
 def test_without_an_operator_it_ends_as_any_task() -> None:
     with pytest.raises(asyncio.CancelledError):
-        asyncio.run(interrupted(None))
+        asyncio.run(interrupted(may_leave=False))

@@ -14,9 +14,10 @@ from missions.events import from_json
 from missions.state import State
 from missions.step import step
 from tests.golden.recording import STOPS
+from tests.said import Said
+from uavmap.base.messages import shown_on
 from uavmap.fly.flight import fly
-from uavmap.fly.onlooker import Both
-from uavmap.fly.progress import Silent
+from uavmap.fly.one_flight import Company
 from uavmap.mission_source import load_source
 from uavmap.page.board import Board
 from uavmap.page.live import SIMULATED, FlightPage
@@ -32,17 +33,14 @@ BROKEN = (
 )
 
 
-class Told(Silent):
-    """Remembers what the operator was told."""
+class Heard:
+    """A display whose lines are waited for."""
 
     def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.heard: asyncio.Queue[str] | None = None
+        self.lines: asyncio.Queue[str] = asyncio.Queue()
 
-    def say(self, text: str) -> None:
-        self.lines.append(text)
-        if self.heard is not None:
-            self.heard.put_nowait(text)
+    def show(self, text: str) -> None:
+        self.lines.put_nowait(text)
 
 
 class Feed:
@@ -78,18 +76,18 @@ def ticking() -> Any:
     return lambda: 0.07 * next(times)
 
 
-def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path) -> None:
-    source, told, broken = load_source(MISSION), Told(), Feed(20)
+def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, said: Said) -> None:
+    source, broken = load_source(MISSION), Feed(20)
     plan = FlightPlan(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
     feed: Any = Feed()
-    page = FlightPage(feed, told, simulated=True, now_s=ticking())
-    breaking = FlightPage(cast(Any, broken), page, simulated=True, now_s=ticking())
-    onlooker = cast(Any, Both(cast(Any, page), breaking))
-    summary = fly(plan, tmp_path, breaking, onlooker=onlooker)
+    page = FlightPage(feed, simulated=True, now_s=ticking())
+    breaking = FlightPage(cast(Any, broken), simulated=True, now_s=ticking())
+    with shown_on(page, breaking):
+        summary = fly(plan, tmp_path, Company(onlookers=(page, breaking)))
     assert summary["completed"]
     page.close("the flight is over")
     breaking.close("the flight is over")
-    assert [line for line in told.lines if "live page" in line] == [BROKEN]
+    assert [line for line in said if "live page" in line] == [BROKEN]
     kinds = [words["kind"] for words, _ in feed.told]
     assert (kinds[0], kinds[-1]) == ("scene", "ended")
     board = Board()
@@ -104,9 +102,9 @@ def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path) -
     assert kinds.count("delta") > 20
 
 
-def told_of(feed: Any, told: Told) -> FlightPage:
+def told_of(feed: Any) -> FlightPage:
     """A page that has heard of a recorded flight."""
-    setting, page = STOPS.setting(), FlightPage(feed, told, simulated=True, now_s=ticking())
+    setting, page = STOPS.setting(), FlightPage(feed, simulated=True, now_s=ticking())
     state = State.initial(setting)
     page.begin(setting, again=False)
     for line in STOPS.lines():
@@ -117,12 +115,11 @@ def told_of(feed: Any, told: Told) -> FlightPage:
 
 
 @pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
-def test_whenever_it_fails_it_is_told_once(breaks_at: int) -> None:
-    told = Told()
-    page = told_of(Feed(breaks_at), told)
-    page.say("something else")
+def test_whenever_it_fails_it_is_told_once(breaks_at: int, said: Said) -> None:
+    page = told_of(Feed(breaks_at))
+    page.show("something else")
     page.close("the flight is over")
-    assert told.lines == [BROKEN, "something else"]
+    assert said == [BROKEN]
 
 
 def test_a_page_that_never_reads_is_told_nothing_more() -> None:
@@ -130,7 +127,7 @@ def test_a_page_that_never_reads_is_told_nothing_more() -> None:
         idle = property(lambda self: False)
 
     feed = Full()
-    told_of(feed, Told())
+    told_of(feed)
     assert [words["kind"] for words, _ in feed.told] == [
         "scene",
         "delta",
@@ -139,7 +136,7 @@ def test_a_page_that_never_reads_is_told_nothing_more() -> None:
 
 def test_a_simulated_flight_takes_no_orders() -> None:
     feed = Feed()
-    told_of(feed, Told())
+    told_of(feed)
     (first, *_) = [words["delta"] for words, _ in feed.told if words["kind"] == "delta"]
     assert first["fields"]["hands_off"] == SIMULATED
 
@@ -160,7 +157,7 @@ class Steered:
         raise RuntimeError("a defect")
 
 
-def test_orders_reach_the_service_while_it_flies_and_not_before_or_after() -> None:
+def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: Said) -> None:
     read, write = os.pipe()
     os.set_blocking(read, False)
     lines, service = Lines(), Steered()
@@ -177,29 +174,29 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after() -> No
     def ask(order: str) -> None:
         os.write(write, json.dumps({"do": order, "id": "7"}).encode() + b"\n")
 
-    feed, told = Piped(), Told()
-    page = FlightPage(cast(Any, feed), told, simulated=False)
+    feed = Piped()
+    page = FlightPage(cast(Any, feed), simulated=False)
     page.begin(STOPS.setting(), again=False)
 
     async def flight() -> None:
         ask("pause")  # before anybody could fly: forgotten
-        told.heard = heard = asyncio.Queue()
-        with page.hand(cast(Any, service), told.say):
+        heard = Heard()
+        with shown_on(heard), page.steering(cast(Any, service)):
             await asyncio.sleep(0.01)
             assert service.asked == []
             ask("pause")
-            await heard.get()
+            await heard.lines.get()
             ask("continue")  # and what fails in there ends the page only
-            await heard.get()
+            await heard.lines.get()
         ask("pause")
         await asyncio.sleep(0.01)
 
     asyncio.run(flight())
     assert service.asked == ["pause"]
-    assert told.lines[0] == "page: paused: everybody holds"
+    assert said[0] == "page: paused: everybody holds"
     assert {"kind": "answer", "id": "7", "text": "paused: everybody holds"} in [
         words for words, _ in feed.told
     ]
-    assert "a defect" in told.lines[1]
+    assert "a defect" in said[1]
     os.close(read)
     os.close(write)

@@ -166,7 +166,7 @@ def test_the_command_watches_until_control_c(
     feed = Interrupted()
 
     @contextlib.contextmanager
-    def opened(wishes: Wishes, config: Words, say: Any) -> Iterator[Any]:
+    def opened(wishes: Wishes, config: Words) -> Iterator[Any]:
         asked.append((wishes, config))
         yield feed
 

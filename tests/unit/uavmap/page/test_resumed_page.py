@@ -49,7 +49,7 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
     feed, asked = Ready(), []
 
     @contextlib.contextmanager
-    def opened(wishes: Wishes, config: Any, say: Any) -> Iterator[Any]:
+    def opened(wishes: Wishes, config: Any) -> Iterator[Any]:
         asked.append((wishes.port, config["steers"]))
         yield feed
 

@@ -18,6 +18,8 @@ import pytest
 
 from missions.errors import OutputError, UavmapError
 from tests.page_tab import PATIENCE_S, Tab
+from tests.said import Said
+from uavmap.base.messages import shown_on
 from uavmap.page import address
 from uavmap.page.board import Board
 from uavmap.page.feed import Feed
@@ -59,12 +61,12 @@ class Flight:
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     """A page with buttons and a slider."""
-    said: list[str] = []
+    said = Said()
     frames = tmp_path_factory.mktemp("frames")
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
     (frames.parent / "secret.jpg").write_bytes((frames / "1-000001.000.jpg").read_bytes())
     config = {"title": "a <field>", "steers": True, "timeline": True, "frames": str(frames)}
-    with opened(Wishes(0, "--page"), config, said.append) as feed:
+    with shown_on(said), opened(Wishes(0, "--page"), config) as feed:
         yield Flight(feed, said)
 
 

@@ -15,7 +15,9 @@ from missions.mission_file.schema import Mission, VehicleSection
 from missions.mission_file.sim_section import SimFault
 from missions.state import Setting
 from sitl.vehicle import SimVehicle
+from tests.said import Said
 from tests.unit.uavmap.flights import small_mission
+from uavmap.base.messages import shown_on
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.links import Link, mavlink_link
 from uavmap.link.session import Session
@@ -42,7 +44,7 @@ class Field:
     def __init__(self, made: Mission) -> None:
         self.setting = Setting.of(made)
         self.vehicles = make_vehicles(made, 1)
-        self.told: list[str] = []
+        self.told = Said()
         self.lose: Callable[[], bool] = lambda: False
         self._codec = mav.MAVLink(None, srcSystem=255, srcComponent=190)
         self.links = [self._link(vehicle) for vehicle in self.vehicles]
@@ -127,5 +129,6 @@ def on_field(
             await body(field)
             world.cancel()
 
-    run(main(), VirtualClock())
+    with shown_on(field.told):
+        run(main(), VirtualClock())
     return Ran(field)

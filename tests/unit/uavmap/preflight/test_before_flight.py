@@ -15,6 +15,7 @@ from missions.errors import NotFlownError, PreflightError
 from missions.mission_file.schema import Battery
 from missions.mission_file.sim_section import SimFault
 from tests.unit.uavmap.preflight.field import BOTH, Field, mission_of, on_field
+from uavmap.base.messages import shown_on
 from uavmap.fly.before_flight import BeforeFlight, Preflight
 from uavmap.link.view import EKF_ABSOLUTE, VehicleView
 from uavmap.preflight.finding import Finding, Level, bad, could_fly, warn
@@ -27,7 +28,7 @@ def before(
     field: Field, folder: Path, *, yes: bool = False, dry: bool = False, keep: bool = False
 ) -> BeforeFlight:
     wanted = Preflight(plan_lines, yes, dry, keep)
-    return BeforeFlight(wanted, field.setting, folder, field.links, field.told.append)
+    return BeforeFlight(wanted, field.setting, folder, field.links)
 
 
 def real(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -183,7 +184,7 @@ def test_a_flight_that_is_gone_on_with_asks_nothing(
     real(monkeypatch)
 
     async def body(field: Field) -> None:
-        goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, field.told.append)
+        goes_on = BeforeFlight(None, field.setting, tmp_path, field.links)
         await goes_on.go()
         assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
         await goes_on.restore()
@@ -205,11 +206,14 @@ def test_only_a_yes_is_a_yes(typed: str, answer: bool) -> None:
     with os.fdopen(theirs, "r") as stream:
 
         async def main() -> bool:
-            said: list[str] = []
-            operator = Operator(lambda text: (said.append(text), os.write(ours, typed.encode()))[0],
-                                stream)  # fmt: skip
+            operator = Operator(stream)
             assert not operator.absent
-            return await operator.agrees("fly? [y/N]")
+            with shown_on(Answers()):
+                return await operator.agrees("fly? [y/N]")
+
+        class Answers:
+            def show(self, text: str) -> None:
+                os.write(ours, typed.encode())
 
         assert asyncio.run(main()) is answer
     os.close(ours)
