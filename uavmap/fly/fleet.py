@@ -55,7 +55,7 @@ def vehicles_of(
     Otherwise raises `MissionFileError` for such a model.
     """
     detector = _blind_without(setting) if recall else None
-    say = messages.bound("uavmap.flight").line
+    log = messages.bound("uavmap.flight").line
     at_a_terminal = not (crew.absent or plan.simulated or plan.auto_swap)
     speedup = max(plan.speedup or 1.0, 1.0)
     # on a clock that runs fast, a busy machine must not look like a lost link
@@ -69,7 +69,7 @@ def vehicles_of(
     for number, link in zip(numbers, links, strict=True):
         view = link.session.view
         view.expect_near(setting.mission.home)
-        view.gate.say = partial(_say_of, say, number)
+        view.gate.say = partial(_log_of, log, number)
         altitude_m = setting.mission.altitude_m(number - 1)
         classifier = Classifier.of(setting.mission, setting.grid, altitude_m, detector)
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
@@ -89,13 +89,13 @@ def vehicles_of(
             ground_patience_s=None if at_a_terminal else ON_GROUND_S,
             slack_s=slack_s,
             by_places=not plan.simulated and speedup > STREAMED_SPEEDUP,
-            tell=say,
+            tell=log,
             clock_rate=None
             if plan.simulated
             else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
     if setting.leapfrogs:
-        both = Leapfrog(setting.mission.navigation, say)
+        both = Leapfrog(setting.mission.navigation, log)
         vehicles[MAPPER].leapfrog(both, Role.MAPPER)
         vehicles[TRACKER].leapfrog(both, Role.TRACKER)
     return vehicles
@@ -111,9 +111,9 @@ def _blind_without(setting: Setting) -> Detector | None:
     return None
 
 
-def _say_of(say: Callable[[str], None], number: int, text: str) -> None:
-    """A line about one vehicle."""
-    say(f"vehicle {number}: {text}")
+def _log_of(log: Callable[[str], None], number: int, text: str) -> None:
+    """Log a line about one vehicle."""
+    log(f"vehicle {number}: {text}")
 
 
 def each_its_own(vehicles: Mapping[int, MavlinkVehicle]) -> None:

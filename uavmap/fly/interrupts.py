@@ -7,7 +7,7 @@ import contextlib
 import logging
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import FrameType
 from typing import Final
 
@@ -78,17 +78,27 @@ def like_control_c() -> Iterator[None]:
         task.cancel()
         task.get_loop().call_soon_threadsafe(lambda: None)  # it may be waiting
 
-    heard = [n for n in SIGNALS[1:] if signal.getsignal(n) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, pressed) for number in heard}
+    with handled(SIGNALS[1:], pressed):
+        try:
+            yield
+        except asyncio.CancelledError:
+            if cancelled:
+                raise KeyboardInterrupt from None
+            raise
+
+
+@contextlib.contextmanager
+def handled(
+    numbers: Iterable[int], handler: Callable[[int, FrameType | None], None]
+) -> Iterator[None]:
+    """Handle signals meanwhile, but for those that the process ignores."""
+    heard = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
-    except asyncio.CancelledError:
-        if cancelled:
-            raise KeyboardInterrupt from None
-        raise
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, handler_before in before.items():
+            signal.signal(number, handler_before)
 
 
 @contextlib.contextmanager

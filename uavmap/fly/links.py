@@ -115,7 +115,7 @@ async def opened_links(
     are one a link, `section` what the mission file says of all of them. `record` is given every
     frame. Raises `LinkError` where a link or a camera cannot be opened.
     """
-    say = messages.bound("uavmap.link").line
+    log = messages.bound("uavmap.link").line
     wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * options.speedup)
     lines = [_Line(parse_url(url), record, wait_s) for url in urls]
     forwarding = Forwarding(record)
@@ -124,7 +124,7 @@ async def opened_links(
         signing = stack.enter_context(signing_with(options.key_file))
         for url, line in zip(urls, lines, strict=True):
             if options.driver == MAVSDK:
-                speaks = partial(_say_of_link, say, url)
+                speaks = partial(_log_of_link, log, url)
                 session = await stack.enter_async_context(
                     opened_session(line.send, record, wait_s, speaks, options.speedup)
                 )
@@ -136,22 +136,22 @@ async def opened_links(
             if options.forward:
                 line.session.tap = forwarding.add(line)
         for shared in _by_port(lines).values():
-            await _open(stack, shared, say)
-        await stack.enter_async_context(forwarding.open(options.forward, say))
+            await _open(stack, shared, log)
+        await stack.enter_async_context(forwarding.open(options.forward, log))
         links: list[Link] = []
         for url, line, spec in zip(urls, lines, cameras, strict=True):
             fetch = PictureFetcher(partial(line.hosts, section.hosts))
             camera = await stack.enter_async_context(
-                opened_camera(spec, line.session, fetch, settings_of(section), say)
+                opened_camera(spec, line.session, fetch, settings_of(section), log)
             )
             links.append(Link(url, line.session, camera, line.commands))
         yield links
-        _tell_refused(lines, say)
+        _log_refused(lines, log)
 
 
-def _say_of_link(say: Callable[[str], None], url: str, text: str) -> None:
-    """A line about one link."""
-    say(f"{url}: {text}")
+def _log_of_link(log: Callable[[str], None], url: str, text: str) -> None:
+    """Log a line about one link."""
+    log(f"{url}: {text}")
 
 
 def check_urls(urls: Sequence[str]) -> None:
@@ -192,24 +192,24 @@ def _by_port(lines: Sequence[_Line]) -> Mapping[Endpoint, list[_Line]]:
 
 
 async def _open(
-    stack: contextlib.AsyncExitStack, shared: Sequence[_Line], say: Callable[[str], None]
+    stack: contextlib.AsyncExitStack, shared: Sequence[_Line], log: Callable[[str], None]
 ) -> None:
     """Open what one vehicle has alone, or several have together."""
     first = shared[0]
     if len(shared) == 1:
-        alone = open_transport(first.endpoint, first.session.feed, say)
+        alone = open_transport(first.endpoint, first.session.feed, log)
         first.opened(await stack.enter_async_context(alone))
         return
     takers = {line.endpoint.system or 0: line.session.feed for line in shared}
-    together = open_shared(first.endpoint.port_of_all, takers, say)
+    together = open_shared(first.endpoint.port_of_all, takers, log)
     transports = await stack.enter_async_context(together)
     for line in shared:
         line.opened(transports[line.endpoint.system or 0])
 
 
-def _tell_refused(lines: Sequence[_Line], say: Callable[[str], None]) -> None:
-    """How many frames were not believed for their signatures: said at the end."""
+def _log_refused(lines: Sequence[_Line], log: Callable[[str], None]) -> None:
+    """Log how many frames were refused for their signatures."""
     for number, line in enumerate(lines, start=1):
         for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
             if kind == "frames":
-                say(f"vehicle {number}: {count} frames were refused: {reason}")
+                log(f"vehicle {number}: {count} frames were refused: {reason}")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
 from missions.errors import JournalError, leaves
-from uavmap.fly.interrupts import SIGNALS
+from uavmap.fly.interrupts import SIGNALS, handled
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 
@@ -55,10 +54,5 @@ def patiently() -> Iterator[None]:
         with contextlib.suppress(RuntimeError):  # it came in the middle of another line
             _LOG.info("the map so far is being written; Ctrl-C once more leaves it out")
 
-    heard = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, pressed) for number in heard}
-    try:
+    with handled(SIGNALS, pressed):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
