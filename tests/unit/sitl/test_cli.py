@@ -69,10 +69,10 @@ def test_vehicles_without_a_mission(tmp_path, tcp):
         for number, url in enumerate(urls, start=1):
             address = url.replace("tcpout://", "tcp:").replace("udpin://", "udpin:")
             link = mavutil.mavlink_connection(address)
-            assert link.wait_heartbeat(timeout=10).get_srcSystem() == number
+            assert link.wait_heartbeat(timeout=120).get_srcSystem() == number
             link.close()
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=10)
+        out, err = process.communicate(timeout=120)
     finally:
         process.kill()
         process.communicate()

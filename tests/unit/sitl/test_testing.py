@@ -114,7 +114,7 @@ def test_a_real_client_on_a_real_socket(threads, make):
     assert vehicle.url == vehicle.url
     link = mavutil.mavlink_connection(vehicle.url.replace("://", ":"))
     try:
-        assert link.wait_heartbeat(timeout=10).get_srcSystem() == 1
+        assert link.wait_heartbeat(timeout=120).get_srcSystem() == 1
         link.set_mode("GUIDED")
         vehicle.until(lambda: vehicle.truth.mode == 4)
         link.arducopter_arm()
@@ -122,7 +122,7 @@ def test_a_real_client_on_a_real_socket(threads, make):
         link.mav.command_long_send(1, 1, mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 6)
         vehicle.until(lambda: vehicle.truth.height_m > 5.0)
         link.mav.command_long_send(1, 100, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, 0, 1, 1, 0, 0, 0)
-        shot = link.recv_match(type="CAMERA_IMAGE_CAPTURED", blocking=True, timeout=10)
+        shot = link.recv_match(type="CAMERA_IMAGE_CAPTURED", blocking=True, timeout=120)
         assert shot.file_url.startswith("http://127.0.0.1:")
         assert vehicle.image(shot.file_url)[:2] == b"\xff\xd8"
         before_s = vehicle.t_s

@@ -16,6 +16,7 @@ from tests.said import Said
 from uavmap.fly.ground_crew import Crew
 
 SOON_S = 0.15
+PATIENCE_S = 120.0
 
 
 @pytest.fixture
@@ -37,8 +38,8 @@ def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
     asyncio.run(main())
 
 
-async def answered(task: asyncio.Task[None]) -> bool:
-    done, _ = await asyncio.wait([task], timeout=SOON_S)
+async def answered(task: asyncio.Task[None], within_s: float = SOON_S) -> bool:
+    done, _ = await asyncio.wait([task], timeout=within_s)
     return bool(done)
 
 
@@ -71,7 +72,7 @@ def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
         os.write(operator, b"not yet")
         assert not await answered(task)
         os.write(operator, b"\n")
-        assert await answered(task)
+        assert await answered(task, PATIENCE_S)
         assert crew.waiting == set()
 
     on_loop(body)
@@ -122,11 +123,11 @@ def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) -> Non
         assert not await answered(first)
         assert len(said) == 1
         os.write(operator, b"\n")
-        assert await answered(first)
+        assert await answered(first, PATIENCE_S)
         assert not await answered(second)
         assert len(said) == 2
         os.write(operator, b"\n")
-        assert await answered(second)
+        assert await answered(second, PATIENCE_S)
 
     on_loop(body)
 

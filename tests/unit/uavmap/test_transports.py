@@ -20,7 +20,7 @@ from uavmap.link import serial_port, transports
 from uavmap.link.transports import open_transport
 from uavmap.link.urls import Endpoint, parse_url
 
-SOON_S = 5.0
+SOON_S = 120.0
 
 
 def free_port(kind: socket.SocketKind) -> int:

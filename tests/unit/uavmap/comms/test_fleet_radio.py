@@ -85,5 +85,5 @@ def test_a_router_stands_alone(tmp_path: Path) -> None:
 def test_only_links_need_zenoh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "zenoh", None)
     check_network(network(tmp_path, listen=(GROUP,)))
-    with pytest.raises(LinkError, match=r"install uavmap\[fleet\]"):
+    with pytest.raises(LinkError, match=r"pip install .eclipse-zenoh>="):
         check_network(network(tmp_path, peers=(PEER,)))
