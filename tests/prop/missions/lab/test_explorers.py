@@ -42,13 +42,15 @@ def test_every_strategy_conforms(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", QUICK)
-@pytest.mark.parametrize("seed", range(12))
-def test_everything_is_explored_and_everybody_returns(name: str, seed: int) -> None:
+@pytest.mark.parametrize("seed", range(16))
+def test_a_team_explores_everything_returns_and_keeps_its_bound(name: str, seed: int) -> None:
     roi, rng = roi_of(seed)
     robots = int(rng.integers(1, 21))
     result = run(EXPLORERS[name], roi, START, robots)
     whole(result, roi)
     assert set(result.at.values()) == {START}
+    bound = EXPLORERS[name].bound_moves(len(result.tree), result.tree.depth, robots)
+    assert bound is None or result.makespan <= bound + 1e-9
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -126,16 +128,6 @@ def test_one_robot_walks_every_edge_of_a_tree_twice() -> None:
     roi = thin(40, np.random.default_rng(5))
     result = run(EXPLORERS["rdfs"], roi, START, 1)
     assert result.makespan == rdfs_bound_moves(len(result.tree), result.tree.depth, 1)
-
-
-@pytest.mark.parametrize("name", QUICK)
-def test_the_stated_bounds_hold(name: str) -> None:
-    for seed in range(2000, 2016):
-        roi, rng = roi_of(seed)
-        robots = int(rng.choice([1, 2, 5, 20]))
-        result = run(EXPLORERS[name], roi, START, robots)
-        bound = EXPLORERS[name].bound_moves(len(result.tree), result.tree.depth, robots)
-        assert bound is None or result.makespan <= bound + 1e-9
 
 
 def test_a_drift_lengthens_a_move_and_its_way_back() -> None:

@@ -142,25 +142,6 @@ def test_a_break_saves_a_leg_and_the_way_from_the_start() -> None:
     assert one_way_lower_bound(row, row[0], 1, metric, breaks=9) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("cells", "robots", "moves"),
-    [
-        ({Cell(0, 0)}, 3, 0),
-        ({Cell(i, 0) for i in range(6)}, 1, 10),
-        ({Cell(i, 0) for i in range(-5, 6)}, 1, 20),
-        ({Cell(i, 0) for i in range(-5, 6)}, 2, 10),
-        ({Cell(i, j) for i in range(2) for j in range(2)}, 1, 4),  # once round
-        ({Cell(i, j) for i in range(3) for j in range(3)}, 1, 10),  # five cells of a colour
-    ],
-)
-def test_bounds_by_hand(cells: set[Cell], robots: int, moves: int) -> None:
-    assert LowerBounds.of(cells, Cell(0, 0)).moves(robots) == moves
-
-
-def test_cells_out_of_reach_do_not_count() -> None:
-    assert LowerBounds.of({Cell(0, 0), Cell(0, 1), Cell(9, 9)}, Cell(0, 0)).moves(1) == 2
-
-
 @pytest.mark.skipif(not SETS, reason="the ROI sets are not here")
 @pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
 def test_bounds_of_the_shared_sets(path: Path) -> None:

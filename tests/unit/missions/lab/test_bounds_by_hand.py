@@ -44,7 +44,10 @@ def block(width: int, depth: int) -> set[Cell]:
 @pytest.mark.parametrize(
     ("cells", "robots", "moves"),
     [
-        (row(1), 1, 0),
+        (row(1), 3, 0),
+        (row(2) | {Cell(9, 9)}, 1, 2),  # cells out of reach do not count
+        ({Cell(e, 0) for e in range(-5, 6)}, 1, 20),
+        ({Cell(e, 0) for e in range(-5, 6)}, 2, 10),
         (row(2), 1, 2),
         (row(2), 9, 2),  # nobody can be quicker than there and back
         (row(10), 1, 18),
@@ -71,11 +74,6 @@ def test_a_star_is_shared_by_its_arms() -> None:
 def test_shells_count_what_lies_at_a_distance_or_farther() -> None:
     bounds = LowerBounds.of(row(4), START)
     assert bounds.shells == (Shell(1, 2, 6), Shell(2, 1, 4), Shell(3, 1, 2))
-
-
-def test_a_start_alone_has_no_shell() -> None:
-    assert LowerBounds.of({START}, START).shells == ()
-    assert LowerBounds.of({START}, START).moves(3) == 0
 
 
 @FAST
@@ -110,16 +108,6 @@ def test_on_a_tree_one_robot_walks_every_edge_twice(size: int, seed: int) -> Non
     assert LowerBounds.of(roi.cells, roi.start).moves(1) == 2 * (len(roi.cells) - 1)
 
 
-@FAST
-@given(kinds, sizes, seeds, st.integers(1, 5))
-def test_no_strategy_beats_the_bound(kind: str, size: int, seed: int, robots: int) -> None:
-    roi = grown(kind, size, seed)
-    bounds = LowerBounds.of(roi.cells, roi.start)
-    for name in ("rdfs", "greedy", "hungarian"):
-        done = run(EXPLORERS[name], roi.cells, roi.start, robots)
-        assert done.makespan >= bounds.moves(robots)
-
-
 # --- drift and flight ------------------------------------------------------------------------
 def test_a_drift_stretches_every_step_at_least_as_across() -> None:
     assert drift_lower_bound(30, Metric(1.0)) == 30.0
@@ -142,30 +130,11 @@ def test_looks_are_paid_for_each_cell_but_the_start() -> None:
     assert flight_lower_bound([START], START, 1, looking) == 0.0
 
 
-def test_who_need_not_return_saves_the_way_back() -> None:
-    metric = Metric(straight=True)
-    assert one_way_lower_bound(row(6), START, 1, metric) == 5.0
-    assert flight_lower_bound(row(6), START, 1, metric) == 10.0
-
-
 def test_one_way_may_lead_with_the_drift() -> None:
     """Against a moving ROI: 1 / (Sr + Sp) a cell, which a closed tour could not have."""
     drifting = Metric(1.0, drift_east=0.5, straight=True)
     assert one_way_lower_bound(row(6), START, 1, drifting) == pytest.approx(5.0 / 1.5)
     assert flight_lower_bound(row(6), START, 1, drifting) == pytest.approx(10 / math.sqrt(0.75))
-
-
-@FAST
-@given(kinds, sizes, seeds, st.integers(1, 4), st.integers(0, 4))
-def test_every_break_makes_the_bound_weaker(
-    kind: str, size: int, seed: int, robots: int, breaks: int
-) -> None:
-    roi = grown(kind, size, seed)
-    metric = Metric(straight=True, look=1.0)
-    more, fewer = (
-        one_way_lower_bound(roi.cells, roi.start, robots, metric, b) for b in (breaks + 1, breaks)
-    )
-    assert more <= fewer <= flight_lower_bound(roi.cells, roi.start, robots, metric)
 
 
 # --- certificates ----------------------------------------------------------------------------

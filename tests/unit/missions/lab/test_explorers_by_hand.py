@@ -13,8 +13,6 @@ from missions.explorers.fallback import Retreat
 from missions.explorers.metric import Metric
 from missions.lab.arena.roi import component, grown
 from missions.lab.arena.run import run
-from missions.lab.strategies.lrv import Lrv
-from missions.lab.strategies.random_walk import RandomWalk
 from missions.mapping.tree import Tree
 from missions.units import Cell
 
@@ -84,6 +82,14 @@ def test_when_all_is_explored_home_is_by_the_shortest_way_and_not_up_the_tree() 
         tree = tree.looked(cell, [after] if after else [])
     assert tree.depth == 7
     assert decide("rdfs", tree, {1: Cell(1, 0)}).moves == {1: START}
+
+
+def test_below_its_anchor_a_robot_goes_on_in_depth() -> None:
+    tree = fork(NORTH).looked(NORTH, [Cell(0, 2)])
+    there = decide("bfdn", tree, {1: START})
+    assert there.moves == {1: NORTH}
+    below = decide("bfdn", tree, {1: NORTH}, memory=there.memory)
+    assert below.moves == {1: Cell(0, 2)}
 
 
 @pytest.mark.parametrize(
@@ -161,14 +167,6 @@ def test_anchors_are_spread_over_the_open_vertices_of_least_depth() -> None:
     assert set(moves.values()) == {NORTH, EAST, WEST}
 
 
-def test_below_its_anchor_a_robot_goes_on_in_depth() -> None:
-    tree = fork(NORTH).looked(NORTH, [Cell(0, 2)])
-    there = decide("bfdn", tree, {1: START})
-    assert there.moves == {1: NORTH}
-    below = decide("bfdn", tree, {1: NORTH}, memory=there.memory)
-    assert below.moves == {1: Cell(0, 2)}
-
-
 @pytest.mark.parametrize(
     ("cells", "depth", "robots", "bound"),
     [(100, 5, 1, 200 + 25 * 3), (100, 5, 4, 50 + 25 * (math.log(4) + 3)),
@@ -193,22 +191,6 @@ def test_lrv_takes_directions_in_turn() -> None:
     assert taken == [NORTH, EAST, SOUTH, WEST] * 2
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_lrv_explores_a_tree_in_two_moves_an_edge(seed: int) -> None:
-    roi = grown("thin", 40, seed)
-    done = run(Lrv(), roi.cells, roi.start, 1)
-    assert len(done.legs) <= 2 * (len(roi.cells) - 1)
-
-
-def test_without_counting_arrivals_lrv_is_a_rotor() -> None:
-    star = fork(NORTH, EAST)
-    first = Lrv(arrivals=False).decide(Situation(star, {1: START}, (1,)))
-    back = Lrv(arrivals=False).decide(Situation(star, {1: NORTH}, (1,), first.memory))
-    again = Lrv(arrivals=False).decide(Situation(star, {1: START}, (1,), back.memory))
-    assert [first.moves[1], back.moves[1], again.moves[1]] == [NORTH, START, EAST]
-    assert back.memory[NORTH, START] == 1  # type: ignore[index]
-
-
 def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more() -> None:
     row = Tree.rooted(START).looked(START, [EAST]).looked(EAST, [Cell(2, 0)])
     there = decide("lrta", row, {1: START})
@@ -222,15 +204,6 @@ def test_lrta_avoids_where_others_are_among_equals() -> None:
     assert decide("lrta", fork(NORTH, EAST), {1: START, 2: NORTH}, 1).moves == {1: EAST}
 
 
-def test_a_random_walk_is_the_same_by_its_seed() -> None:
-    roi = grown("eden", 8, 2)
-    one, same, other = (
-        [leg.end for leg in run(RandomWalk(seed=s), roi.cells, roi.start, 2).legs]
-        for s in (1, 1, 2)
-    )
-    assert one == same != other
-
-
 # --- smartdfs --------------------------------------------------------------------------------
 def test_smartdfs_keeps_its_left_hand_at_the_wall() -> None:
     """From the corner of a block it goes round along the rim before it turns in."""
@@ -239,14 +212,6 @@ def test_smartdfs_keeps_its_left_hand_at_the_wall() -> None:
     inner = {Cell(1, 1), Cell(2, 1), Cell(1, 2), Cell(2, 2)}
     first_in = next(i for i, leg in enumerate(done.legs) if leg.end in inner)
     assert {START, *(leg.end for leg in done.legs[:first_in])} == block - inner
-
-
-@pytest.mark.parametrize("width", [2, 3, 5])
-def test_smartdfs_needs_hardly_more_than_a_move_a_cell_in_a_corridor(width: int) -> None:
-    block = {Cell(e, n) for e in range(width) for n in range(12)}
-    done = run(EXPLORERS["smartdfs"], block, START, 1)
-    edges = sum(near not in block for cell in block for near in cell.neighbours())
-    assert len(block) <= done.makespan <= len(block) + edges / 2 - 3
 
 
 # --- retreat: home, and over again -----------------------------------------------------------

@@ -20,7 +20,7 @@ from missions.lab.arena.run import run
         ("horizon", "thin", 80, 4, 258, "5d1264660a387811"),
         ("horizon", "rectangle", 150, 2, 152, "9e63855d4dacef6e"),
         ("horizon", "eden", 300, 3, 358, "3e99fba0d5033aac"),
-        ("horizon", "eden", 600, 2, 698, "45daf06a56c4dc52"),  # with kept steps
+        ("horizon", "eden", 600, 2, 698, "45daf06a56c4dc52"),
         ("greedy", "eden", 120, 1, 164, "48f6732924433311"),
         ("greedy", "eden", 120, 8, 372, "41a83a2aca850f1d"),
         ("greedy", "ragged", 120, 3, 404, "1b617239c681925d"),
