@@ -47,29 +47,20 @@ class Position:
     """CRC-32 of all lines before, without their own checksums."""
     events: int = 0
 
-    def sealed(self, kind: str, text: str) -> tuple[bytes, Position]:
+    def sealed(self, kind: str, text: bytes) -> tuple[bytes, Position]:
         """Return a line with this text of JSON, and the position after it."""
-        head = b'{"seq":%d,"%s":%s' % (self.lines + 1, kind.encode(), text.encode())
+        head = b'{"seq":%d,"%s":%s' % (self.lines + 1, kind.encode(), text)
         checksum = zlib.crc32(head, self.checksum)
         line = head + _CHECKSUM % checksum + b"\n"
         events = self.events + (kind == "event")
         return line, Position(self.offset + len(line), self.lines + 1, checksum, events)
 
     def unsealed(self, line: bytes, kind: str) -> tuple[str, Position] | None:
-        """Return the text of a line without its end, and the position after it, if it belongs
-        here."""
+        """Return the text of a line that belongs here, and the position after it, else None."""
         prefix = b'{"seq":%d,"%s":' % (self.lines + 1, kind.encode())
-        head, seal = line[:-_CHECKSUM_BYTES], line[-_CHECKSUM_BYTES:]
-        checksum = zlib.crc32(head, self.checksum)
-        if not head.startswith(prefix) or seal != _CHECKSUM % checksum:
-            return None
-        after = Position(
-            self.offset + len(line) + 1,
-            self.lines + 1,
-            checksum,
-            self.events + (kind == "event"),
-        )
-        return head[len(prefix) :].decode(), after
+        text = line[len(prefix) : -_CHECKSUM_BYTES]
+        expected, after = self.sealed(kind, text)
+        return (text.decode(), after) if expected[:-1] == line else None
 
 
 class JournalReader:
@@ -96,8 +87,6 @@ class JournalReader:
                 f"{path} has journal format {values['format']}, this program knows {FORMAT}: use "
                 "the version of uavmap that wrote it"
             )
-        self.version: str = values["version"]
-        """The version of uavmap that began the journal."""
         self.planner: str = values["planner"]
         """How that installation planned: `COMPILED` or `PLAIN`."""
         self.meta: dict[str, Any] = values["meta"]
@@ -211,7 +200,7 @@ class Journal:
                     f"{path} exists already; go on with `uavmap resume {path.parent}`, "
                     "or choose another --out"
                 )
-            install(path, Position().sealed("journal", _json(opening))[0])
+            install(path, Position().sealed("journal", _json(opening).encode())[0])
             to_disk(path.parent.absolute().parent)
             return cls._opened(path, held)
         except OSError as error:
@@ -304,7 +293,7 @@ class Journal:
     def _write(self, kind: str, texts: Iterable[str]) -> None:
         lines, end = [], self._end
         for text in texts:
-            line, end = end.sealed(kind, text)
+            line, end = end.sealed(kind, text.encode())
             lines.append(line)
         try:
             if self.torn:

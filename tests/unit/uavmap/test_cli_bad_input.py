@@ -230,10 +230,10 @@ def test_resume_of_what_is_no_journal(tmp_path: Path, capsys: pytest.CaptureFixt
     data = journal.read_bytes()
     shutil.copy(journal, tmp_path / "kept")
     journal.write_bytes(data[: len(data) // 2])
-    assert "truncated" in one_line(capsys, "resume", tmp_path)
+    assert "damaged in its first line" in one_line(capsys, "resume", tmp_path)
     assert journal.read_bytes() == data[: len(data) // 2]
     journal.write_bytes(b"notes")
-    assert "no SQLite header" in one_line(capsys, "resume", tmp_path)
+    assert "is not a journal of uavmap" in one_line(capsys, "resume", tmp_path)
     assert journal.read_bytes() == b"notes"
 
 

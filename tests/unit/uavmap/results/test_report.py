@@ -24,7 +24,9 @@ from tests.unit.uavmap.results.flown_folders import (
     with_troubles,
 )
 from uavmap.cli import main
+from uavmap.journal.event_log import Journal
 from uavmap.offline.flown_folder import flown_of
+from uavmap.record.flight_plan import JOURNAL
 from uavmap.results import documents
 from uavmap.results.documents import REPORT, with_documents, write_documents
 from uavmap.results.report.page import encode
@@ -180,6 +182,20 @@ def test_a_journal_without_an_event_has_a_report(tmp_path: Path) -> None:
     folder = folder_of(tmp_path, [])
     assert main(["report", str(folder)]) == 0
     assert "Not complete: no region found in 0 judged frames" in page_of(folder).text
+
+
+def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path: Path) -> None:
+    """Of a flight under way, or on a disk that is read-only."""
+    folder = folder_of(tmp_path)
+    out = tmp_path / "map.gpkg"
+    with Journal.open(folder / JOURNAL):
+        (folder / JOURNAL).chmod(0o400)
+        folder.chmod(0o500)
+        try:
+            assert main(["export", str(folder), "--to", "gpkg", "--out", str(out)]) == 0
+        finally:
+            folder.chmod(0o700)
+    assert out.exists()
 
 
 @pytest.mark.parametrize("command", [["report"], ["export", "--to", "gpkg"]])
