@@ -22,8 +22,17 @@ from missions.cooperation.tracking import Ellipse, Outcome
 from uavmap.animation.film import FPS, HOLD_S
 from uavmap.animation.writers import mp4, save
 from uavmap.offline.cooperation import Report
-from uavmap.results.palette import OUTLINE, STATES, TRUTH, Colour, track_colour
-from uavmap.results.picture import INK, LAND, PAPER, font
+from uavmap.output.drawing.palette import (
+    INK,
+    LAND,
+    OUTLINE,
+    PAPER,
+    STATES,
+    TRUTH,
+    Colour,
+    track_colour,
+)
+from uavmap.output.drawing.raster import font
 
 _LONG_PX: Final = 760
 _SMALL_PX: Final = 240

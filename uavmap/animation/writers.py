@@ -17,8 +17,8 @@ from PIL import Image
 from missions.errors import OutputError
 from uavmap.animation.film import FPS, HOLD_S, Film
 from uavmap.animation.stage import KEY_COLOURS, Stage
+from uavmap.output.drawing.palette import TRACKS
 from uavmap.results.atomic import write_bytes
-from uavmap.results.palette import TRACKS
 
 FILMS: Final = (".gif", ".mp4")
 DRAWINGS: Final = (".png", ".svg")

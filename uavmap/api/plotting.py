@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry import shape
 
 from missions.errors import UavmapError
-from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, Colour, track_colour
+from uavmap.output.drawing.palette import BOUNDARY, OUTLINE, STATES, Colour, track_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

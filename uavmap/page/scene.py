@@ -8,10 +8,10 @@ from typing import Any, Final
 from missions.mission_file.schema import positions
 from missions.state import Setting
 from missions.units import LatLon
+from uavmap.output.drawing.palette import STATES as COLOURS
+from uavmap.output.drawing.palette import TRACKS
 from uavmap.page.background import Background
 from uavmap.results.model import State
-from uavmap.results.palette import STATES as COLOURS
-from uavmap.results.palette import TRACKS
 
 STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 """The states of a cell; on a board each is told by its place in here."""

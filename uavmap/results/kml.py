@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
 from missions.units import GridPoint, LatLon
+from uavmap.output.drawing.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
 from uavmap.results.atomic import write_parts
 from uavmap.results.model import NOT_ROI, MapData, State
-from uavmap.results.palette import OUTLINE, STATES, UNSEARCHED, Colour, track_colour
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 

@@ -12,11 +12,20 @@ from xml.sax.saxutils import escape, quoteattr
 
 import shapely
 
+from uavmap.output.drawing.palette import (
+    BOUNDARY,
+    BOX,
+    FENCE,
+    INK,
+    OUTLINE,
+    STATES,
+    UNSEARCHED,
+    Colour,
+    track_colour,
+)
 from uavmap.results.flown import Flown
 from uavmap.results.layers import Layer, in_degrees
 from uavmap.results.map_layers import track_parts
-from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, UNSEARCHED, Colour, track_colour
-from uavmap.results.picture import BOX, FENCE, INK
 from uavmap.results.told import described
 
 _SHOWN = ("region", "boundary", "cells", "tracks", "unsearched", "fence", "places")
