@@ -6,6 +6,7 @@ is drawn anew.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Final
 
@@ -65,7 +66,9 @@ class Stage:
             raise OutputError(
                 f"{across} x {up} cells are too many to show; {_LARGEST_PX} a side at most"
             )
-        width = max(across * self.cell_px + 2 * MARGIN_PX, NARROWEST_PX)
+        entries = list(self._legend())
+        wide = max(across * self.cell_px, math.ceil(legend.row_width(entries)))
+        width = max(wide + 2 * MARGIN_PX, NARROWEST_PX)
         height = CAPTION_PX + up * self.cell_px + LEGEND_PX
         # video codecs want even sides
         self.size = (width + width % 2, height + height % 2)
@@ -83,7 +86,7 @@ class Stage:
         for cell in film.roi:
             self._ground.draw(self._tile(cell, HIDDEN), self._view)
         words = Label((MARGIN_PX, 21.0), film.title, 18.0, INK)
-        names = legend.row(self._legend(), MARGIN_PX, self.size[1] - LEGEND_PX / 2)
+        names = legend.row(entries, MARGIN_PX, self.size[1] - LEGEND_PX / 2)
         for shape in (words, *names):
             self._ground.draw(shape, self._page)
 

@@ -70,6 +70,7 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
         right + depth_size[0] + MARGIN_PX,
         2 * MARGIN_PX + text_width(caption, 14),
         2 * MARGIN_PX + text_width(title, 20),
+        2 * MARGIN_PX + legend.row_width(_legend(tree)),
     )
     height = HEAD_PX + max(ground_size[1], depth_size[1] + _LABEL_PX) + FOOT_PX
     if max(width, height) > _LARGEST_PX:

@@ -51,4 +51,9 @@ def row(entries: Iterable[Entry], left: float, middle: float) -> Iterator[Shape]
     for entry in entries:
         yield from sample(entry, left, middle, 14.0)
         yield Label((left + 20.0, middle), entry.text, _SMALL_PX, FAINT)
-        left += 20.0 + text_width(entry.text, _SMALL_PX) + 16.0
+        left += row_width([entry])
+
+
+def row_width(entries: Iterable[Entry]) -> float:
+    """Return the width of a legend in one line, px."""
+    return sum(36.0 + text_width(entry.text, _SMALL_PX) for entry in entries)
