@@ -14,8 +14,8 @@ from tests.e2e.conftest import Flight
 from tests.e2e.rig import uavmap
 from uavmap.animation.film import FPS, LONGEST_S
 from uavmap.cli import main
+from uavmap.output.drawing.palette import STATES, track_colour
 from uavmap.record.flight_plan import JOURNAL
-from uavmap.results.palette import STATES, track_colour
 
 
 @pytest.fixture
@@ -62,12 +62,6 @@ def test_what_is_asked_for_and_no_more(folder, tmp_path, tiny, capsys):
     err = capsys.readouterr().err
     assert str(film) in err
     assert str(tree) in err
-
-
-def test_live_without_a_terminal_is_silent(folder, capsys):
-    assert main(["animate", str(folder), "--live"]) == 0
-    assert capsys.readouterr() == ("", "")
-    assert [path.name for path in folder.iterdir()] == [JOURNAL]
 
 
 def test_a_drifting_region_is_shown_at_rest(drift, tmp_path):

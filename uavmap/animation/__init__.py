@@ -1,10 +1,9 @@
-"""An exploration as an animation, as a picture of its tree, and on the terminal."""
+"""An exploration as an animation, and as a picture of its tree."""
 
 from uavmap.animation.film import Film
 from uavmap.animation.of_flight import film_of_flight, title_of
 from uavmap.animation.of_nonstop import film_of_nonstop
 from uavmap.animation.of_run import film_of_run
-from uavmap.animation.terminal import live
 from uavmap.animation.tree_picture import draw_tree
 from uavmap.animation.writers import DRAWINGS, FILMS, check_path, write_film
 
@@ -17,7 +16,6 @@ __all__ = [
     "film_of_flight",
     "film_of_nonstop",
     "film_of_run",
-    "live",
     "title_of",
     "write_film",
 ]

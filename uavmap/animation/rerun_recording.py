@@ -45,8 +45,8 @@ from missions.ground.grid import Grid
 from missions.units import Cell, Pose
 from uavmap.animation.film import Change, Film
 from uavmap.base.extras import install_command
+from uavmap.output.drawing.palette import STATES, track_colour
 from uavmap.record.frames import FRAMES, KeptFrame, read_kept
-from uavmap.results.palette import STATES, track_colour
 
 SUFFIX: Final = ".rrd"
 SNAPSHOTS: Final = 300

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -10,10 +10,21 @@ from missions.errors import OutputError
 from missions.mapping.tree import Tree
 from missions.units import Cell
 from uavmap.animation.backbone import backbone, ribs, spread
-from uavmap.animation.drawing import Box, Disc, Line, Point, Shape, Words, png, svg, words_width
 from uavmap.animation.writers import DRAWINGS, check_path, save
-from uavmap.results.palette import STATES, Colour
-from uavmap.results.picture import FAINT, INK, PAPER
+from uavmap.output.drawing import legend
+from uavmap.output.drawing.palette import (
+    FAINT,
+    INK,
+    PAPER,
+    STATE_NAMES,
+    STATES,
+    Colour,
+    Style,
+)
+from uavmap.output.drawing.raster import encode_png, picture, text_width
+from uavmap.output.drawing.scale import step_up
+from uavmap.output.drawing.scene import Box, Dot, Entry, Label, Line, Place, Shape, View
+from uavmap.output.drawing.svg import document
 
 BACKBONE: Colour = (0, 90, 200)
 RIB: Colour = (148, 158, 168)
@@ -39,8 +50,11 @@ def draw_tree(tree: Tree, path: Path, *, title: str) -> None:
     """
     check_path(path, DRAWINGS)
     size, shapes = tree_shapes(tree, title)
-    write = svg if path.suffix.lower() == ".svg" else png
-    save(path, write(size, shapes))
+    view = View.page(*size)
+    if path.suffix.lower() == ".svg":
+        save(path, document(view, shapes).encode())
+    else:
+        save(path, encode_png(picture(view, shapes)))
 
 
 def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
@@ -54,8 +68,9 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
     caption = _caption(tree, spine)
     width = max(
         right + depth_size[0] + MARGIN_PX,
-        2 * MARGIN_PX + words_width(caption, 14),
-        2 * MARGIN_PX + words_width(title, 20),
+        2 * MARGIN_PX + text_width(caption, 14),
+        2 * MARGIN_PX + text_width(title, 20),
+        2 * MARGIN_PX + legend.row_width(_legend(tree)),
     )
     height = HEAD_PX + max(ground_size[1], depth_size[1] + _LABEL_PX) + FOOT_PX
     if max(width, height) > _LARGEST_PX:
@@ -63,15 +78,15 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
             f"a tree of {len(tree)} vertices and depth {tree.depth} is too large to draw"
         )
     shapes: list[Shape] = [
-        Words((MARGIN_PX, 36), title, 20, INK),
-        Words((MARGIN_PX, 62), caption, 14, FAINT),
+        Label((MARGIN_PX, 29), title, 20, INK),
+        Label((MARGIN_PX, 57), caption, 14, FAINT),
         *_tiles(ground, ground_step),
         *_edges(tree, spine, ground, ground_step),
         *_vertices(tree, ground, ground_step),
         *_ruler(depths, spine, HEAD_PX + _LABEL_PX - 14),
         *_edges(tree, spine, depths, depth_step),
         *_vertices(tree, depths, depth_step),
-        *_legend(tree, height - 16),
+        *legend.row(_legend(tree), MARGIN_PX, height - 20),
     ]
     return (round(width), round(height)), shapes
 
@@ -85,7 +100,7 @@ def _caption(tree: Tree, spine: tuple[Cell, ...]) -> str:
 
 
 # --- where the vertices are ------------------------------------------------------------------
-def _on_ground(tree: Tree) -> tuple[dict[Cell, Point], float]:
+def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
     """Every vertex at its cell, and the pixels from cell to cell."""
     across = max(c.east for c in tree.vertices) - min(c.east for c in tree.vertices) + 1
     up = max(c.north for c in tree.vertices) - min(c.north for c in tree.vertices) + 1
@@ -93,7 +108,7 @@ def _on_ground(tree: Tree) -> tuple[dict[Cell, Point], float]:
     return {cell: (cell.east * step, -cell.north * step) for cell in tree.vertices}, step
 
 
-def _by_depth(tree: Tree) -> tuple[dict[Cell, Point], float]:
+def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
     """Every vertex by depth and row, and the pixels from vertex to vertex."""
     spots = spread(tree)
     rows = [spot.row for spot in spots.values()]
@@ -104,7 +119,7 @@ def _by_depth(tree: Tree) -> tuple[dict[Cell, Point], float]:
     return places, min(step_x, step_y)
 
 
-def _move(places: dict[Cell, Point], corner: Point, step: float) -> tuple[float, float]:
+def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float, float]:
     """Move the vertices so that they have half a step of room from a corner; returns the size."""
     xs, ys = zip(*places.values(), strict=True)
     left, top = corner[0] + step / 2 - min(xs), corner[1] + step / 2 - min(ys)
@@ -114,75 +129,59 @@ def _move(places: dict[Cell, Point], corner: Point, step: float) -> tuple[float,
 
 
 # --- what is drawn ---------------------------------------------------------------------------
-def _tiles(places: Mapping[Cell, Point], step: float) -> Iterator[Shape]:
+def _tiles(places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
     side = step - (1.0 if step >= 6.0 else 0.0)
     for x, y in places.values():
-        yield Box((x - step / 2, y - step / 2), side, side, GROUND)
+        left, top = x - step / 2, y - step / 2
+        yield Box((left, top), (left + side, top + side), GROUND)
 
 
 def _edges(
-    tree: Tree, spine: tuple[Cell, ...], places: Mapping[Cell, Point], step: float
+    tree: Tree, spine: tuple[Cell, ...], places: Mapping[Cell, Place], step: float
 ) -> Iterator[Shape]:
     """The edges of the ribs, and over them the backbone as one line."""
     on_spine = set(spine)
     for cell, vertex in tree.vertices.items():
         if vertex.parent is not None and cell not in on_spine:
-            yield Line((places[vertex.parent], places[cell]), RIB, max(0.07 * step, 1.0))
+            edge = places[vertex.parent], places[cell]
+            yield Line.through(edge, Style(RIB, max(0.07 * step, 1.0)))
     if len(spine) > 1:
-        yield Line(tuple(places[cell] for cell in spine), BACKBONE, max(0.2 * step, 2.0))
+        style = Style(BACKBONE, max(0.2 * step, 2.0))
+        yield Line.through((places[cell] for cell in spine), style)
 
 
-def _vertices(tree: Tree, places: Mapping[Cell, Point], step: float) -> Iterator[Shape]:
+def _vertices(tree: Tree, places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
     radius = 0.24 * step
     for cell, place in places.items():
-        if step >= 8.0:
-            yield Disc(place, radius + 1.0, PAPER)
-        yield Disc(place, radius, STATES[tree.state(cell).value])
-    yield from _root(places[tree.root], radius)
+        disc = (radius, STATES[tree.state(cell).value])
+        yield Dot(place, ((radius + 1.0, PAPER), disc) if step >= 8.0 else (disc,))
+    yield Dot(places[tree.root], _root(radius))
 
 
-def _root(place: Point, radius: float) -> Iterator[Shape]:
-    for r, colour in ((1.7, INK), (1.3, PAPER), (0.9, INK)):
-        yield Disc(place, max(r * radius, 4.0 * r / 1.7), colour)
+def _root(radius: float) -> tuple[tuple[float, Colour], ...]:
+    discs = ((1.7, INK), (1.3, PAPER), (0.9, INK))
+    return tuple((max(r * radius, 4.0 * r / 1.7), colour) for r, colour in discs)
 
 
-def _ruler(places: Mapping[Cell, Point], spine: tuple[Cell, ...], y: float) -> Iterator[Shape]:
+def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> Iterator[Shape]:
     """The depth, written above the picture by depth, as often as there is room."""
     last = len(spine) - 1
     room = (places[spine[-1]][0] - places[spine[0]][0]) / max(last, 1)
-    every = next(n for n in _ROUND if n * room >= 30.0 or n > last)
+    every = max(round(step_up(30.0 / room)), 1) if last else 1
     for depth in range(0, last + 1, every):
         text = "depth 0" if depth == 0 else str(depth)
         x = places[spine[depth]][0]
         if depth == 0 or x - places[spine[0]][0] > 52.0:
-            yield Words((x, y), text, 12, FAINT, "middle" if depth else "start")
+            yield Label((x, y - 4.0), text, 12, FAINT, "middle" if depth else "start")
 
 
-_ROUND: Final = tuple(n * 10**power for power in range(8) for n in (1, 2, 5))
-
-
-def _legend(tree: Tree, y: float) -> Iterator[Shape]:
+def _legend(tree: Tree) -> Iterator[Entry]:
     """What the colours mean, and how many vertices are in each state."""
     states = [tree.state(cell).value for cell in tree.vertices]
-    entries: list[tuple[str, Callable[[Point], Iterator[Shape]]]] = [
-        (f"{state} ({states.count(state)})", _sample_disc(colour))
-        for state, colour in STATES.items()
-        if state in states
-    ]
-    entries.append(("backbone", _sample_line(BACKBONE, 4.0)))
+    for state, colour in STATES.items():
+        if state in states:
+            yield Entry(((5.5, colour),), f"{STATE_NAMES[state]} ({states.count(state)})")
+    yield Entry(Style(BACKBONE, 4.0), "backbone")
     if len(tree) > tree.depth + 1:
-        entries.append(("rib", _sample_line(RIB, 2.0)))
-    entries.append(("root", lambda at: _root(at, 4.0)))
-    x = float(MARGIN_PX)
-    for text, sample in entries:
-        yield from sample((x + 8, y - 4))
-        yield Words((x + 21, y), text, 13, FAINT)
-        x += 21 + words_width(text, 13) + 20
-
-
-def _sample_disc(colour: Colour) -> Callable[[Point], Iterator[Shape]]:
-    return lambda at: iter([Disc(at, 5.5, colour)])
-
-
-def _sample_line(colour: Colour, width: float) -> Callable[[Point], Iterator[Shape]]:
-    return lambda at: iter([Line(((at[0] - 7, at[1]), (at[0] + 7, at[1])), colour, width)])
+        yield Entry(Style(RIB, 2.0), "rib")
+    yield Entry(_root(4.0), "root")

@@ -6,7 +6,7 @@ import io
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -17,8 +17,8 @@ from PIL import Image
 from missions.errors import OutputError
 from uavmap.animation.film import FPS, HOLD_S, Film
 from uavmap.animation.stage import KEY_COLOURS, Stage
+from uavmap.output.drawing.palette import TRACKS
 from uavmap.results.atomic import write_bytes
-from uavmap.results.palette import TRACKS
 
 FILMS: Final = (".gif", ".mp4")
 DRAWINGS: Final = (".png", ".svg")
@@ -76,9 +76,14 @@ def _patiently(items: Iterable[T], text: str, say: Say) -> Iterator[T]:
 
 
 def _gif(film: Film, frames: Iterable[Image.Image]) -> bytes:
-    """A GIF that loops; all frames share one palette."""
+    """Encode a film as GIF; all frames share one palette."""
     few = _FewColours(film)
-    first, *rest = [few.of(frame) for frame in frames]
+    return gif([few.of(frame) for frame in frames])
+
+
+def gif(frames: Sequence[Image.Image]) -> bytes:
+    """Encode frames that share a palette as a GIF that loops and holds the last."""
+    first, *rest = frames
     buffer = io.BytesIO()
     first.save(
         buffer,

@@ -9,12 +9,22 @@ from shapely.geometry import shape
 
 from missions.errors import UavmapError
 from uavmap.base.extras import install_command
-from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, Colour, track_colour
+from uavmap.output.drawing.palette import (
+    LINES,
+    STATE_NAMES,
+    STATES,
+    TRACK_PX,
+    Colour,
+    Style,
+    track_colour,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from uavmap.api.results import Results
+
+_POINTS_A_PIXEL = 0.65
 
 
 def draw(results: Results, ax: Axes | None) -> Axes:
@@ -37,19 +47,19 @@ def draw(results: Results, ax: Axes | None) -> Axes:
             if cell["properties"]["state"] == state
         ]
         if squares:
-            label = f"{state} ({len(squares)})"
+            label = f"{STATE_NAMES[state]} ({len(squares)})"
             ax.add_collection(
                 PolyCollection(
                     squares, facecolor=_rgb(colour), edgecolor="white", linewidth=0.3, label=label
                 )
             )
-    _lines(ax, shapely.boundary(results.region_utm), OUTLINE, 1.6, "outline")
+    _lines(ax, shapely.boundary(results.region_utm), *LINES["outline"])
     if results.boundary is not None:
         told = shapely.boundary(results.to_utm(results.boundary))
-        _lines(ax, told, BOUNDARY, 1.0, "boundary by pixels")
+        _lines(ax, told, *LINES["boundary"])
     for number, track in results.tracks.items():
         label = "track" if len(results.tracks) == 1 else f"track of vehicle {number}"
-        _lines(ax, results.to_utm(track), track_colour(number), 0.9, label)
+        _lines(ax, results.to_utm(track), label, Style(track_colour(number), TRACK_PX))
     ax.autoscale_view()
     ax.set_aspect("equal")
     ax.ticklabel_format(useOffset=False, style="plain")
@@ -61,12 +71,11 @@ def draw(results: Results, ax: Axes | None) -> Axes:
     return ax
 
 
-def _lines(
-    ax: Axes, lines: shapely.geometry.base.BaseGeometry, colour: Colour, width: float, label: str
-) -> None:
+def _lines(ax: Axes, lines: shapely.geometry.base.BaseGeometry, label: str, style: Style) -> None:
+    width = _POINTS_A_PIXEL * style.width_px
     for part in shapely.get_parts(lines):
         places = shapely.get_coordinates(part)
-        ax.plot(places[:, 0], places[:, 1], color=_rgb(colour), linewidth=width, label=label)
+        ax.plot(places[:, 0], places[:, 1], color=_rgb(style.colour), linewidth=width, label=label)
         label = "_"  # the first alone is in the legend
 
 

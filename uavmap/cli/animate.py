@@ -23,7 +23,7 @@ examples:
   uavmap animate results/runway-1                       flight.gif and tree.png in that folder
   uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 where you are
   uavmap animate results/spill-1 --animate spill.mp4 -o results/spill-1
-  uavmap animate results/spill-1 --tree tree.svg --live
+  uavmap animate results/spill-1 --tree tree.svg
   uavmap animate results/spill-1 --rerun spill.rrd      for the Rerun viewer: rerun spill.rrd
 
 The animation takes at most 20 seconds, however long the flight. Where the region drifts, the

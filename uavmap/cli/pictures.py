@@ -6,16 +6,13 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from rich.console import Console
-
 from missions.mapping.tree import Tree
-from uavmap.animation import DRAWINGS, FILMS, Film, check_path, draw_tree, live, write_film
+from uavmap.animation import DRAWINGS, FILMS, Film, check_path, draw_tree, write_film
 from uavmap.cli.common import index_number
-from uavmap.clock import ScaledClock
 
 
 def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    """Add --animate, --tree and --live; where there are `several` ROIs also --index."""
+    """Add --animate and --tree; where there are `several` ROIs also --index."""
     parser.add_argument(
         "--animate",
         metavar="FILE",
@@ -28,16 +25,13 @@ def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = Fals
         type=Path,
         help="write the exploration tree with its backbone, ribs and states, .png or .svg",
     )
-    parser.add_argument(
-        "--live", action="store_true", help="show the exploration on the terminal, if this is one"
-    )
     if several:
         parser.add_argument(
             "--index",
             metavar="N",
             type=index_number,
             default=0,
-            help="the ROI that --animate, --tree and --live show, counted from 0 (default 0)",
+            help="the ROI that --animate and --tree show, counted from 0 (default 0)",
         )
 
 
@@ -54,18 +48,16 @@ def check_pictures(options: argparse.Namespace) -> None:
 
 def wants_pictures(options: argparse.Namespace) -> bool:
     """Whether any picture was asked for."""
-    return bool(options.animate or options.tree or options.live)
+    return bool(options.animate or options.tree)
 
 
 def write_pictures(
     options: argparse.Namespace, film: Film, tree: Tree | None, say: Callable[[str], None]
 ) -> None:
-    """Show and write what was asked for; `say` tells progress and which files were written.
+    """Write what was asked for; `say` tells progress and which files were written.
 
     Raises `OutputError`.
     """
-    if options.live:
-        live(film, Console(stderr=True, highlight=False), ScaledClock())
     if options.animate is not None:
         write_film(film, options.animate, say)
         say(f"animation in {options.animate}")

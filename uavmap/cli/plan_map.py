@@ -13,9 +13,10 @@ from missions.ground.grid import Grid
 from missions.mission_file import flyable
 from missions.mission_file.places import drawn
 from missions.state import Setting
+from uavmap.output.drawing.preflight_scene import preflight_scene
+from uavmap.output.drawing.raster import encode_png
+from uavmap.output.drawing.sheet import draw_sheet
 from uavmap.preflight.plan_page import plan_page
-from uavmap.preflight.plan_picture import plan_png
-from uavmap.preflight.plan_scene import scene_of
 from uavmap.results.atomic import write_bytes
 
 KINDS: Final = (".html", ".png")
@@ -32,12 +33,14 @@ def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
 
     `figures` are those of `uavmap.cli.check.estimate`.
     """
-    scene, facts = scene_of(setting), plan_facts(setting, figures)
+    facts = plan_facts(setting, figures)
     warnings = flyable.warnings(setting.mission, setting.grid)
+    notes = [f"{name}: {value}" for name, value in (*facts, *(("note", w) for w in warnings))]
+    scene = preflight_scene(setting, notes)
     if path.suffix.lower() == ".html":
         data = plan_page(scene, facts, warnings).encode()
     else:
-        data = plan_png(scene, [*facts, *(("note", line) for line in warnings)])
+        data = encode_png(draw_sheet(scene))
     try:
         write_bytes(path, data)
     except OSError as error:

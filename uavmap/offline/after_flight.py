@@ -26,9 +26,11 @@ from uavmap.offline.replay import Looked, Options, look_at_all
 from uavmap.offline.sources.flight_frames import FlightFrames
 from uavmap.offline.spool import Spool
 from uavmap.offline.surface import Footing
+from uavmap.output.drawing.map_scene import map_scene, map_view
+from uavmap.output.drawing.sheet import write_sheet
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.frames import FRAMES, POSES
-from uavmap.results import boundary_file, picture
+from uavmap.results import boundary_file
 from uavmap.results.boundary_told import FILE
 from uavmap.results.documents import write_documents
 from uavmap.results.figures import figures
@@ -94,7 +96,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     cells = map_data(setting, state, found, truth)
     data = replace(cells, boundary=fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
-    picture.write(data, folder / "map.png", ground)
+    write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))
     seed = plan.seed if plan.simulated else None
     values = flight_values(setting, state, found, seed, simulated, truth)
     flown = flown_from(folder, plan, setting, cells, values, FlightLog.of(events))

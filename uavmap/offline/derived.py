@@ -16,6 +16,7 @@ from missions.ground.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.gathering import Gathered
+from uavmap.output.drawing.scale import step_near
 from vision.lens import Lens
 
 WIDTH_PX: Final = 1000
@@ -24,7 +25,6 @@ PIXELS_A_CELL: Final = 25
 _HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures that do not say
 _LEAST_CELLS: Final = 8  # across the shorter side of a picture
 _OVERLAPPING: Final = 1.5  # pictures of a place, on the mean
-_STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 DETECTOR: Final = """\
 [detector]
 # Of the detectors this one depends least on the light: bare ground among plants. Another region
@@ -61,7 +61,7 @@ def derived(
     optics = _optics(placed, lens)
     height_m = median(p.pose.height_m for p in placed)
     short_m = optics.footprint(height_m).short_m
-    cell_m = nice_m(min(PIXELS_A_CELL * optics.gsd_m(height_m), short_m / _LEAST_CELLS))
+    cell_m = step_near(min(PIXELS_A_CELL * optics.gsd_m(height_m), short_m / _LEAST_CELLS))
     pixels = min(PIXELS_A_CELL, math.floor(optics.pixels_per_cell(height_m, cell_m)))
     start, box, fence = _places(placed, optics, height_m)
     frames, positive = _votes(placed, optics, start)
@@ -92,17 +92,6 @@ pixels_per_cell = {max(1, pixels - 1)}
 frames = {frames}
 positive = {positive}
 """
-
-
-def nice_m(about_m: float) -> float:
-    """The nearest of 1, 2, 5, 10, ... in any power of ten, by ratio.
-
-    >>> nice_m(1.9), nice_m(0.27), nice_m(26.0)
-    (2.0, 0.2, 20.0)
-    """
-    power = 10.0 ** math.floor(math.log10(about_m))
-    nearest = min(_STEPS, key=lambda step: abs(math.log(step * power / about_m)))
-    return round(nearest * power, 6)
 
 
 def _optics(placed: Sequence[Placed], lens: Lens | None) -> Optics:

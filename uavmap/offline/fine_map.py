@@ -19,9 +19,9 @@ from uavmap.offline.mosaic import Tile, mosaic
 from uavmap.offline.spool import Spool
 from uavmap.offline.surface import Footing, Scene, Shown, Surface, fused, pitch_m
 from uavmap.offline.workers import GoOn
+from uavmap.output.drawing.scene import View
 from uavmap.results.boundary import Boundary
 from uavmap.results.boundary_file import BoundaryMap
-from uavmap.results.view import View
 from vision.overlay import framed
 from vision.raster import Raster
 

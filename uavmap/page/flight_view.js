@@ -6,7 +6,6 @@ const MOST_LINES = 300;
 const MOST_POINTS = 3000;
 const SILENT_S = 6;
 const EASE_S = 0.35; // a marker glides to where its vehicle was heard last
-const INK = "#23272b";
 
 const clock = (seconds) => {
   if (seconds === null || seconds === undefined) return "";
@@ -308,7 +307,7 @@ class FlightMap {
   drawBase() {
     const pen = this.base.getContext("2d");
     const { view, scene } = this;
-    pen.fillStyle = "#f7f7f3";
+    pen.fillStyle = scene.land;
     pen.fillRect(0, 0, this.base.width, this.base.height);
     const [de, dn] = this.drifted();
     const ground = (e, n) => this.at(e - de, n - dn);
@@ -319,14 +318,13 @@ class FlightMap {
       pen.drawImage(image, x, y, width_m * view.scale, height_m * view.scale);
     }
     this.drawCells(pen, image ? 0.6 : 1);
-    this.drawRing(pen, scene.fence.map((p) => ground(...p)), "#5a6066", []);
-    for (const hole of scene.holes)
-      this.drawRing(pen, hole.map((p) => ground(...p)), "#b02a37", []);
-    this.drawRing(pen, scene.box.map((p) => ground(...p)), "#787e84", [6, 5]);
+    this.drawRing(pen, scene.box.map((p) => ground(...p)), scene.lines.box);
+    for (const ring of [scene.fence, ...scene.holes])
+      this.drawRing(pen, ring.map((p) => ground(...p)), scene.lines.fence);
     this.drawTracks(pen);
     const [x, y] = ground(...scene.home);
     pen.fillStyle = "#fff";
-    pen.strokeStyle = INK;
+    pen.strokeStyle = scene.ink;
     pen.lineWidth = 1.5 * this.ratio;
     pen.beginPath();
     pen.arc(x, y, 5 * this.ratio, 0, 7);
@@ -375,11 +373,11 @@ class FlightMap {
     pen.stroke();
   }
 
-  drawRing(pen, ring, colour, dash) {
+  drawRing(pen, ring, { colour, dash }) {
     if (!ring.length) return;
     pen.strokeStyle = colour;
     pen.lineWidth = 1.5 * this.ratio;
-    pen.setLineDash(dash.map((d) => d * this.ratio));
+    pen.setLineDash([dash * this.ratio, dash * this.ratio]);
     pen.beginPath();
     ring.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
     pen.closePath();
@@ -419,7 +417,7 @@ class FlightMap {
     const px = length * this.view.scale;
     const y = this.base.height - 14 * this.ratio;
     const x = 12 * this.ratio;
-    pen.fillStyle = INK;
+    pen.fillStyle = this.scene.ink;
     pen.fillRect(x, y, px, 3 * this.ratio);
     pen.font = 12 * this.ratio + "px system-ui, sans-serif";
     pen.textAlign = "left";
@@ -466,7 +464,7 @@ class FlightMap {
       pen.lineWidth = 2 * ratio;
       pen.strokeStyle = v.landed ? this.colour(number) : "#fff";
       pen.stroke();
-      pen.fillStyle = v.landed ? INK : "#fff";
+      pen.fillStyle = v.landed ? this.scene.ink : "#fff";
       pen.fillText(number, x, y);
       pen.globalAlpha = 1;
     }
@@ -484,6 +482,9 @@ export default {
       <ul class="flight-legend" v-if="scene">
         <li v-for="[name, colour] in scene.states" :key="name">
           <span :style="{ background: colour }"></span>{{ name }}
+        </li>
+        <li v-for="line in scene.lines" :key="line.name">
+          <i :style="{ borderColor: line.colour }"></i>{{ line.name }}
         </li>
       </ul>
     </div>

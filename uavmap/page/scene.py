@@ -8,23 +8,13 @@ from typing import Any, Final
 from missions.mission_file.schema import positions
 from missions.state import Setting
 from missions.units import LatLon
+from uavmap.output.drawing.palette import INK, LAND, LINES, RECORDED_NAMES, STATE_NAMES, TRACKS, css
+from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.page.background import Background
 from uavmap.results.model import State
-from uavmap.results.palette import STATES as COLOURS
-from uavmap.results.palette import TRACKS
 
 STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 """The states of a cell; on a board each is told by its place in here."""
-
-_NAMES: Final[dict[State, str]] = {
-    "explored": "explored",
-    "under exploration": "looked from, more behind it",
-    "unexplored": "region, nobody looked from it yet",
-    "skipped": "skipped by the operator",
-    "non-roi": "no region",
-    "provisional": "looks like region, not decided",
-    "provisional non-roi": "looks like none, not decided",
-}
 
 
 def scene_of(
@@ -42,6 +32,7 @@ def scene_of(
         return [[round(point.east_m, 2), round(point.north_m, 2)] for point in points]
 
     (home,) = ring([mission.home])
+    names = RECORDED_NAMES if recorded else STATE_NAMES
     return {
         "mission": mission.name,
         "strategy": "recorded pictures" if recorded else mission.strategy,
@@ -52,9 +43,14 @@ def scene_of(
         "box": ring(positions(mission.search.box)),
         "fence": ring(positions(mission.fence.polygon)),
         "holes": [ring(positions(hole)) for hole in mission.fence.holes],
-        "states": [
-            [_NAMES[state], "#{:02x}{:02x}{:02x}".format(*COLOURS[state])] for state in STATES
-        ],
+        "states": [[names[state], css(COLOURS[state])] for state in STATES],
+        "lines": {
+            key: {"name": name, "colour": css(style.colour), "dash": style.dash_px}
+            for key, (name, style) in LINES.items()
+            if key in ("box", "fence")
+        },
+        "ink": css(INK),
+        "land": css(LAND),
         "background": None if background is None else background.place,
-        "tracks": ["#{:02x}{:02x}{:02x}".format(*colour) for colour in TRACKS],
+        "tracks": [css(colour) for colour in TRACKS],
     }

@@ -18,6 +18,17 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from uavmap.output.drawing.palette import (
+    BOUNDARY,
+    BOX,
+    FENCE,
+    INK,
+    OUTLINE,
+    STATES,
+    UNSEARCHED,
+    Colour,
+    track_colour,
+)
 from uavmap.results.atomic import write_parts
 from uavmap.results.flown import Flown
 from uavmap.results.layers import (
@@ -31,8 +42,6 @@ from uavmap.results.layers import (
 )
 from uavmap.results.map_layers import track_parts
 from uavmap.results.model import NOT_ROI, MapData
-from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, UNSEARCHED, Colour, track_colour
-from uavmap.results.picture import BOX, FENCE, INK
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _EXTENSIONS = "http://www.google.com/kml/ext/2.2"

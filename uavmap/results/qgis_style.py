@@ -6,9 +6,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
+from uavmap.output.drawing.palette import (
+    BOUNDARY,
+    BOX,
+    FENCE,
+    INK,
+    OUTLINE,
+    STATE_NAMES,
+    STATES,
+    UNSEARCHED,
+    Colour,
+    track_colour,
+)
 from uavmap.results.layers import Layer
-from uavmap.results.palette import BOUNDARY, OUTLINE, STATES, UNSEARCHED, Colour, track_colour
-from uavmap.results.picture import BOX, FENCE, INK, NAMES
 
 _KINDS = {
     "Point": ("marker", "SimpleMarker"),
@@ -69,7 +79,7 @@ def _categories(layer: Layer) -> tuple[str | None, Sequence[_Category]]:
         case "cells":
             there = set(layer.column("state"))
             return "state", [
-                _Category(state, NAMES.get(state, state), Symbol(_seam(colour), 0.1, colour, 200))
+                _Category(state, STATE_NAMES[state], Symbol(_seam(colour), 0.1, colour, 200))
                 for state, colour in STATES.items()
                 if state in there
             ]

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from missions.mission_file.schema import positions
 from missions.state import Setting
 from missions.units import LatLon
-from uavmap.results import boundary_file, geojson, kml, picture
+from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
+from uavmap.output.drawing.sheet import write_sheet
+from uavmap.results import boundary_file, geojson, kml
 from uavmap.results import summary as summary_file
 from uavmap.results.boundary_file import BoundaryMap
 from uavmap.results.boundary_told import FILE, BoundaryTold, boundary_of
@@ -83,7 +85,7 @@ def write_replay(
     setting: Setting,
     replayed: Replayed,
     boundary: Callable[[], BoundaryMap | None] = lambda: None,
-    beneath: picture.Beneath | None = None,
+    beneath: Photograph | None = None,
     calendar: Calendar | None = None,
     also: Callable[[Written], None] | None = None,
 ) -> dict[str, Any]:
@@ -99,13 +101,13 @@ def write_replay(
     values = dated(replay_summary(setting, replayed), data, size, when)
     with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
         cells = pool.submit(_write_cells, folder, data, when.utc(data.t_s))
-        base = picture.base(data, beneath)
+        photograph = None if beneath is None else beneath(map_view(data))
         found = boundary()
         if found is not None:
             values |= found.figures()
             data = data.with_boundary(found.boundary.region)
         others = pool.submit(_write_others, folder, data, values, size, found, also)
-        picture.write(data, folder / "map.png", base)
+        write_sheet(map_scene(data), folder / "map.png", photograph)
         for files in (cells, others):
             files.result()
     return values

@@ -14,7 +14,9 @@ from missions.mapping.tree import Tree
 from missions.mission_file.schema import positions
 from missions.state import Setting, State
 from missions.units import Cell
-from uavmap.results import geojson, kml, picture
+from uavmap.output.drawing.map_scene import map_scene
+from uavmap.output.drawing.sheet import write_sheet
+from uavmap.results import geojson, kml
 from uavmap.results import summary as summary_file
 from uavmap.results.calendar import Calendar
 from uavmap.results.extent import extent
@@ -137,7 +139,7 @@ def write_results(
     when = calendar or Calendar(None)
     geojson.write(data, folder / "map.geojson", when.utc(data.t_s))
     kml.write(data, folder / "map.kml")
-    picture.write(data, folder / "map.png")
+    write_sheet(map_scene(data), folder / "map.png")
     values = flight_values(setting, state, found, seed, simulated, roi)
     size = extent(data, setting.mission.detector.share)
     values = dated(values, data, size, when)

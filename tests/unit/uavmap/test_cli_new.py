@@ -22,7 +22,7 @@ from tests.unit.uavmap.test_cli_bad_input import one_line, said
 from uavmap.areas.mission_text import COMMENTS, SECTIONS, section_of
 from uavmap.cli import main
 from uavmap.mission_source import load_source
-from uavmap.results.picture import FENCE
+from uavmap.output.drawing.palette import FENCE
 
 
 @pytest.fixture(autouse=True)
@@ -269,7 +269,14 @@ def test_the_plan_as_a_page_of_its_own(capsys: pytest.CaptureFixture[str]) -> No
     assert page.loads == []
     assert not {"script", "img", "link", "iframe"} & set(page.tags)
     words = " ".join(page.words)
-    for expected in ("UTM zone", "(EPSG:326", "search box", "lanes of vehicle 3", "min", "grid N"):
+    for expected in (
+        "UTM zone",
+        "(EPSG:326",
+        "search box",
+        "lanes of vehicle 3",
+        "min",
+        "grid north",
+    ):
         assert expected in words
     assert page.tags.count("circle") >= 3 + 1  # three homes, and one in the legend
 
@@ -278,7 +285,7 @@ def test_names_in_a_page_are_no_tags(tmp_path: Path) -> None:
     text = load_source("runway").text.replace('name = "runway"', 'name = "a & b\'s"')
     saved(tmp_path, "a.toml", text)
     assert main(["check", "a.toml", "--map", "a.html"]) == 0
-    assert "Plan of a &amp; b&#x27;s" in Path("a.html").read_text("utf-8")
+    assert "Plan of a &amp; b&#39;s" in Path("a.html").read_text("utf-8")
 
 
 def test_the_plan_as_a_picture() -> None:
@@ -287,7 +294,7 @@ def test_the_plan_as_a_picture() -> None:
         pixels = np.asarray(picture.convert("RGB")).astype(int)
     near = np.abs(pixels - np.array(FENCE)).max(axis=2) < 40
     rows, columns = np.nonzero(near)
-    # the fence goes around the drawing: 862 pixels less a rim of 7 % on either side
+    # the fence goes around the drawing: 900 pixels less a rim on either side
     assert np.ptp(columns) > 650
     assert np.ptp(rows) > 600
 

@@ -123,7 +123,7 @@ def test_a_plot_shows_cells_outline_boundary_and_track(folder: Path) -> None:
     legend = axes.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == [
-        "explored (1)", "non-roi (1)", "outline", "boundary by pixels", "track",
+        "explored (1)", "not region (1)", "outline of the cells", "boundary by pixels", "track",
     ]  # fmt: skip
     west, east = axes.get_xlim()
     assert west < EAST_M < EAST_M + 12.0 < east < EAST_M + 20.0

@@ -17,13 +17,13 @@ from tests.unit.uavmap.journals import META
 from tests.unit.uavmap.test_replay_robust import shot
 from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
 from uavmap.journal.event_log import Journal
-from uavmap.offline.derived import nice_m
 from uavmap.offline.gathering import gather
 from uavmap.offline.laid import Laid
 from uavmap.offline.pixels import eight_bits
 from uavmap.offline.sources.opening import open_source
 from uavmap.offline.tally import Votes
 from uavmap.offline.workers import in_order
+from uavmap.output.drawing.scale import step_near
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -112,7 +112,7 @@ def test_a_thermal_picture_is_spread_over_its_levels() -> None:
 
 
 def test_cells_are_round_numbers() -> None:
-    assert [nice_m(m) for m in (0.011, 0.3, 1.4, 1.5, 7.5)] == [0.01, 0.2, 1.0, 2.0, 10.0]
+    assert [step_near(m) for m in (0.011, 0.3, 1.4, 1.5, 7.5)] == [0.01, 0.2, 1.0, 2.0, 10.0]
 
 
 def test_events_are_written_all_at_once_or_not_at_all(tmp_path: Path) -> None:

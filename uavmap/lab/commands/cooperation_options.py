@@ -65,10 +65,8 @@ def checked_robots(options: argparse.Namespace) -> int:
         raise StrategyError(
             f"--{name.replace('_', '-')} is for --roi and --generate, not --polygon"
         )
-    if options.live or options.index:
-        raise StrategyError(
-            f"--{'live' if options.live else 'index'} is for ROIs, not for --polygon"
-        )
+    if options.index:
+        raise StrategyError("--index is for ROIs, not for --polygon")
     mode = Mode(options.cooperate)
     if options.theta is not None and mode is Mode.TRIANGULATION:
         raise StrategyError("--theta is for stripes: --cooperate trapezoid or column")

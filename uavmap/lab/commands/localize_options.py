@@ -111,9 +111,8 @@ def _refuse_others(options: argparse.Namespace) -> None:
         raise LocalizationError(
             f"--robots {options.robots} with --localize: a robot localizes alone; leave it out"
         )
-    if options.live or options.index:
-        name = "live" if options.live else "index"
-        raise LocalizationError(f"--{name} with --localize: there is no picture of a localization")
+    if options.index:
+        raise LocalizationError("--index with --localize: there is no picture of a localization")
     if options.generate is not None and options.cell_m is not None:
         raise LocalizationError("--cell-m with --localize is for GeoJSON: moves have no length")
 

@@ -8,10 +8,9 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from uavmap.output.drawing.palette import UNSEARCHED, css, track_colour
 from uavmap.results.flown import Flown
 from uavmap.results.log import Sortie
-from uavmap.results.palette import UNSEARCHED, track_colour
-from uavmap.results.report.map_drawing import css
 
 WIDTH_PX: Final = 900
 LEFT_PX: Final = 90

@@ -14,9 +14,8 @@ from missions.units import Cell
 from tests.unit.uavmap.animation.runs import small_film
 from uavmap.animation import write_film, writers
 from uavmap.animation.film import FPS, HOLD_S, Change, Film, Fix, Place, Reel, Unit
-from uavmap.animation.stage import HIDDEN, Stage
-from uavmap.results.palette import STATES, track_colour
-from uavmap.results.picture import PAPER
+from uavmap.animation.stage import Stage
+from uavmap.output.drawing.palette import HIDDEN, PAPER, STATES, track_colour
 
 
 def silent(text: str) -> None:

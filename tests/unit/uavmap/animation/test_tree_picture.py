@@ -19,7 +19,7 @@ from tests.unit.uavmap.animation.runs import START, explored, small_roi, tree_un
 from uavmap.animation import draw_tree
 from uavmap.animation.backbone import backbone, ribs, spread
 from uavmap.animation.tree_picture import BACKBONE, HEAD_PX, MARGIN_PX, tree_shapes
-from uavmap.results.palette import STATES
+from uavmap.output.drawing.palette import STATES
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -89,7 +89,8 @@ def test_people_get_a_table(capsys):
          "explores nothing"),
         ("--localize plan --frame-s 1", "--frame-s with --localize: a robot that localizes moves "
          "from cell to cell"),
-        ("--localize plan --live", "--live with --localize: there is no picture of a localization"),
+        ("--localize plan --index 2", "--index with --localize: there is no picture of a "
+         "localization"),
         ("--localize plan --cells 9", "--cells is for --generate"),
         ("--trials 9", "--trials is for --localize METHOD"),
         ("--no-map", "--map is for --localize METHOD"),

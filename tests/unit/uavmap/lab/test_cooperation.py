@@ -108,7 +108,7 @@ def test_files_and_pictures(hall, tmp_path, capsys):
         (["--cooperate", "column", "--range", "9", "--cover", "diamonds"], "--cover is for"),
         (["--cooperate", "trapezoid", "--range", "9", "--strategy", "rdfs"], "--strategy is for"),
         (["--cooperate", "trapezoid", "--range", "9", "--drift", "1,2"], "--drift is for"),
-        (["--cooperate", "trapezoid", "--range", "9", "--live"], "--live is for ROIs"),
+        (["--cooperate", "trapezoid", "--range", "9", "--index", "2"], "--index is for ROIs"),
         (["--cooperate", "trapezoid", "--range", "9", "--start", "6,6"], "is not in the area"),
         (["--cooperate", "trapezoid", "--range", "9", "--start", "x"], "EAST,NORTH in metres"),
     ],

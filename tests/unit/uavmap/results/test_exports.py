@@ -29,6 +29,7 @@ from uavmap import __version__
 from uavmap.areas.reading import read_area_file
 from uavmap.cli import main
 from uavmap.offline.flown_folder import flown_of
+from uavmap.output.drawing.palette import STATES
 from uavmap.results import geojson, kml, qgis_style
 from uavmap.results.calendar import Calendar
 from uavmap.results.exports import FORMATS, files_of
@@ -37,7 +38,6 @@ from uavmap.results.geopackage import APPLICATION_ID
 from uavmap.results.log import FlightLog
 from uavmap.results.map_layers import layers
 from uavmap.results.model import MapData
-from uavmap.results.palette import STATES
 from uavmap.results.report.page import encode
 
 MapMaker = Callable[..., MapData]

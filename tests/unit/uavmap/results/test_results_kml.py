@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+from uavmap.output.drawing.palette import STATES
 from uavmap.results import kml
 from uavmap.results.model import MapData
-from uavmap.results.palette import STATES
 
 MapMaker = Callable[..., MapData]
 

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from missions.units import GridPoint
-from uavmap.results import geojson, kml, picture
+from uavmap.output.drawing.map_scene import map_scene
+from uavmap.output.drawing.sheet import draw_sheet
+from uavmap.results import geojson, kml
 from uavmap.results.model import MapData
 
 
@@ -40,4 +42,6 @@ def test_kml_has_a_folder_of_them(make_map: Callable[..., MapData]) -> None:
 
 def test_the_picture_shows_them(make_map: Callable[..., MapData]) -> None:
     full = make_map()
-    assert picture.draw(full).tobytes() != picture.draw(with_a_gap(full)).tobytes()
+    texts = [entry.text for entry in map_scene(with_a_gap(full)).legend]
+    assert "search lane without a judged frame" in texts
+    assert draw_sheet(map_scene(full)) != draw_sheet(map_scene(with_a_gap(full)))

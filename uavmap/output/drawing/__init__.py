@@ -1,0 +1,1 @@
+"""One scene, drawn as SVG, as a raster and as a film."""

@@ -1,0 +1,116 @@
+"""Colours, line styles and words of a map, the same in every picture, page and file.
+
+Cells follow the idea of the paper's figures: green is explored, black is still to be explored,
+pale is known not to be region. Tracks take the colours of Okabe and Ito, which stay apart for
+colour-blind eyes; their blue and green are left to the truth and the cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from uavmap.results.cell_table import State
+
+Colour = tuple[int, int, int]
+
+PAPER: Final[Colour] = (255, 255, 255)
+LAND: Final[Colour] = (247, 247, 243)
+INK: Final[Colour] = (35, 39, 43)
+FAINT: Final[Colour] = (120, 126, 132)
+
+STATES: Final[Mapping[State, Colour]] = MappingProxyType(
+    {
+        "explored": (116, 178, 122),
+        "under exploration": (242, 201, 76),
+        "unexplored": (43, 47, 51),
+        "skipped": (200, 30, 160),
+        "non-roi": (216, 220, 224),
+        "provisional": (226, 178, 158),
+        "provisional non-roi": (236, 232, 222),
+    }
+)
+STATE_NAMES: Final[Mapping[State, str]] = MappingProxyType(
+    {
+        "explored": "explored",
+        "under exploration": "under exploration",
+        "unexplored": "unexplored",
+        "skipped": "skipped by the operator",
+        "non-roi": "not region",
+        "provisional": "region so far",
+        "provisional non-roi": "not region so far",
+    }
+)
+"""Names of the cell states for readers; files hold the states themselves."""
+RECORDED_NAMES: Final = MappingProxyType({**STATE_NAMES, "explored": "region"})
+"""Names of the cell states in a map of recorded pictures, for which no vehicle explored."""
+NONSTOP_NAMES: Final = MappingProxyType(
+    {**STATE_NAMES, "explored": "decided", "under exploration": "region so far"}
+)
+"""Names of the cell states in a film of a run without stopping."""
+
+OUTLINE: Final[Colour] = (20, 90, 50)
+BOUNDARY: Final[Colour] = (255, 210, 0)
+TRUTH: Final[Colour] = (0, 90, 200)
+UNSEARCHED: Final[Colour] = (200, 30, 160)
+BOX: Final[Colour] = (120, 90, 40)
+FENCE: Final[Colour] = (190, 40, 60)
+HOLE: Final[Colour] = (246, 214, 218)
+SEARCHED: Final[Colour] = (238, 231, 214)
+HIDDEN: Final[Colour] = (207, 222, 242)
+"""A true cell of the region before any vehicle sees it."""
+TRACKS: Final[tuple[Colour, ...]] = (
+    (213, 94, 0),
+    (150, 60, 130),
+    (60, 150, 210),
+    (230, 159, 0),
+    (110, 60, 20),
+    (90, 90, 90),
+)
+
+
+class Style(NamedTuple):
+    """How a line is drawn: `dash_px` is the length of a dash and of the gap after it; 0: solid."""
+
+    colour: Colour
+    width_px: float
+    dash_px: float = 0.0
+
+
+class Named(NamedTuple):
+    """A line that has a name in the legend."""
+
+    name: str
+    style: Style
+
+
+LINES: Final[Mapping[str, Named]] = MappingProxyType(
+    {
+        "outline": Named("outline of the cells", Style(OUTLINE, 2.5)),
+        "boundary": Named("boundary by pixels", Style(BOUNDARY, 1.4)),
+        "truth": Named("true region", Style(TRUTH, 2.0)),
+        "unsearched": Named("search lane without a judged frame", Style(UNSEARCHED, 3.0)),
+        "box": Named("search box", Style(BOX, 1.6, 9.0)),
+        "fence": Named("geofence", Style(FENCE, 1.6, 4.0)),
+    }
+)
+"""The lines of a map and of a plan, by the key of their layer."""
+TRACK_PX: Final = 1.3
+LANE_PX: Final = 2.0
+HOME_DOT: Final = ((7.0, PAPER), (5.5, INK), (2.0, PAPER))
+"""Discs of the mark at a home: radius in pixels and colour, the largest first."""
+
+
+def track_colour(vehicle: int) -> Colour:
+    """Return the colour of a vehicle's track, vehicles counted from 0; it repeats after six."""
+    return TRACKS[vehicle % len(TRACKS)]
+
+
+def css(colour: Colour) -> str:
+    """Write a colour as style sheets do.
+
+    >>> css((255, 0, 16))
+    '#ff0010'
+    """
+    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -1,0 +1,157 @@
+"""Shapes as SVG. Texts are escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup, escape
+from numpy.typing import ArrayLike
+
+from missions.units import GridPoint
+from uavmap.output.drawing import legend
+from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Colour, Style, css
+from uavmap.output.drawing.scale import ARROW_HEIGHT_PX, BAR_HEIGHT_PX, north_arrow, scale_bar
+from uavmap.output.drawing.scene import (
+    Area,
+    Box,
+    Cells,
+    Dot,
+    Entry,
+    Label,
+    Line,
+    Scene,
+    Shape,
+    View,
+)
+from uavmap.results.outline import runs
+
+LEFT_PX: Final = 84
+"""Margin of a map on its left, px: labels of a graticule stand there."""
+RIGHT_PX: Final = 24
+_ABOVE_PX: Final = 8 + int(ARROW_HEIGHT_PX)
+_BELOW_PX: Final = 36 + int(BAR_HEIGHT_PX)
+_LEAST_PX: Final = 0.4
+"""Minimum distance of two neighbours in a line that are both kept, px."""
+
+
+def document(view: View, shapes: Iterable[Shape], paper: Colour = PAPER) -> Markup:
+    """Write a drawing of its own."""
+    page = View.page(view.width_px, view.height_px)
+    ground = Box((0.0, 0.0), (view.width_px, view.height_px), paper)
+    inside = [*elements([ground], page), *elements(shapes, view)]
+    return _svg(view.width_px, view.height_px, "\n".join(inside), "drawing")
+
+
+def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape] = ()) -> Markup:
+    """Write the map of a scene with its scale and north arrow.
+
+    Args:
+        scene: The map.
+        over: More lines in metres, over the map and cut at its frame.
+        around: More shapes in pixels from the map's upper left corner.
+    """
+    view = scene.view
+    wide, high = view.width_px, view.height_px
+    frame = [(0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)]
+    cells = "" if scene.cells is None else "\n".join(_cells(scene.cells, view))
+    beside = [
+        Line.through(frame, Style(FAINT, 1.0), closed=True),
+        *around,
+        *scale_bar((0.0, high + 30.0), view.px_per_m),
+        *north_arrow((wide - 100.0, -ARROW_HEIGHT_PX - 4.0)),
+    ]
+    rect = f'<rect width="{wide}" height="{high}"'
+    inside = (
+        f'<defs><clipPath id="map">{rect}/></clipPath></defs>'
+        f'<g transform="translate({LEFT_PX} {_ABOVE_PX})">{rect} fill="{css(LAND)}"/>'
+        f'<g clip-path="url(#map)">\n{cells}\n'
+        f"{_joined([*scene.shapes, *over], view)}\n</g>\n"
+        f"{_joined(beside, View.page(wide, high))}</g>"
+    )
+    return _svg(wide + LEFT_PX + RIGHT_PX, high + _ABOVE_PX + _BELOW_PX, inside, "map")
+
+
+def sample(entry: Entry) -> Markup:
+    """Write the sample of an entry of the legend."""
+    wide, high = int(legend.SAMPLE_PX), 18
+    inside = _joined(legend.sample(entry, 0.0, high / 2), View.page(wide, high))
+    return Markup(f'<svg class="sample" viewBox="0 0 {wide} {high}">{inside}</svg>')
+
+
+def elements(shapes: Iterable[Shape], view: View) -> Iterator[str]:
+    """Write shapes as elements of a drawing."""
+    for shape in shapes:
+        yield from _elements(shape, view)
+
+
+def _joined(shapes: Iterable[Shape], view: View) -> str:
+    return "\n".join(elements(shapes, view))
+
+
+def _svg(width: int, height: int, inside: str, label: str) -> Markup:
+    return Markup(
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'viewBox="0 0 {width} {height}" role="img" aria-label="{label}" '
+        'font-family="Helvetica, Arial, sans-serif" stroke-linejoin="round">\n'
+        f"{inside}\n</svg>\n"
+    )
+
+
+def _elements(shape: Shape, view: View) -> Iterator[str]:
+    match shape:
+        case Box(corner, opposite, colour):
+            (left, top), (right, low) = np.sort(view.pixels([corner, opposite]), axis=0).tolist()
+            yield (
+                f'<rect x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" '
+                f'height="{low - top:.2f}" fill="{css(colour)}"/>'
+            )
+        case Area(ring, colour):
+            yield f'<path d="{_path(ring, view)}z" fill="{css(colour)}"/>'
+        case Line(places, style):
+            if len(places) < 2:
+                return
+            closed = "z" if len(places) > 2 and (places[0] == places[-1]).all() else ""
+            dashes = f' stroke-dasharray="{style.dash_px:g}"' if style.dash_px else ""
+            yield (
+                f'<path d="{_path(places, view)}{closed}" fill="none" stroke="{css(style.colour)}" '
+                f'stroke-width="{style.width_px:.4g}"{dashes}/>'
+            )
+        case Dot(place, discs):
+            x, y = view.pixel(place)
+            for radius_px, colour in discs:
+                yield (
+                    f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:.2f}" fill="{css(colour)}"/>'
+                )
+        case Label(place, text, size_px, colour, anchor, (right_px, down_px)):
+            x, y = view.pixel(place)
+            yield (
+                f'<text x="{x + right_px:.1f}" y="{y + down_px + 0.35 * size_px:.1f}" '
+                f'text-anchor="{anchor}" font-size="{size_px:g}" fill="{css(colour)}">'
+                f"{escape(text)}</text>"
+            )
+
+
+def _cells(shape: Cells, view: View) -> Iterator[str]:
+    """Write a path a colour, in which neighbours in a row are one rectangle."""
+    size = shape.cell_m * view.px_per_m
+    for code, colour in enumerate(shape.colours):
+        parts = []
+        for row, first, last in runs(shape.cells[shape.codes == code]):
+            east_m = shape.origin.east_m + (first - 0.5) * shape.cell_m
+            north_m = shape.origin.north_m + (row + 0.5) * shape.cell_m
+            x, y = view.pixel(GridPoint(east_m, north_m))
+            wide = (last - first + 1) * size
+            parts.append(f"M{x:.1f} {y:.1f}h{wide:.2f}v{size:.2f}h{-wide:.2f}z")
+        if parts:
+            path = "".join(parts)
+            yield f'<path d="{path}" fill="{css(colour)}" shape-rendering="crispEdges"/>'
+
+
+def _path(places: ArrayLike, view: View) -> str:
+    """Write places as a path, without those that are too near to the one before to be seen."""
+    pixels = view.pixels(places)
+    far = np.hypot(*np.diff(pixels, axis=0).T) >= _LEAST_PX
+    pixels = pixels[np.concatenate([[True], far])]
+    return "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels.tolist())
