@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Iterator
-from functools import lru_cache
 from typing import Final
 
 from missions.errors import MissionFileError
@@ -23,9 +22,9 @@ from missions.mission_file.whereabouts import prior_faults
 from missions.swath.strategies import ON_PATHS
 
 STRATEGIES = (*ON_PATHS, *EXPLORERS)
+FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
+"""Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
 DETECTORS = ("threshold", "paved")
-_REMEMBERED: Final = 4
-"""Texts of missions: a flight has one, of which the journal, a resume and the results ask."""
 
 
 def parse_mission(
@@ -37,9 +36,6 @@ def parse_mission(
 ) -> Mission:
     """A mission that can be flown, from the text of a mission file.
 
-    The last few are remembered: a mission never changes, and to look for all its faults takes some
-    ten milliseconds.
-
     Args:
         text: TOML.
         source: what to call the file in messages.
@@ -49,13 +45,6 @@ def parse_mission(
     Raises:
         MissionFileError: with a line for each fault.
     """
-    return _parsed(text, source, tuple(strategies), tuple(detectors))
-
-
-@lru_cache(maxsize=_REMEMBERED)
-def _parsed(
-    text: str, source: str, strategies: tuple[str, ...], detectors: tuple[str, ...]
-) -> Mission:
     mission = parse_fields(text, source)
     check(mission, source, strategies=strategies, detectors=detectors)
     return mission

@@ -490,7 +490,7 @@ class Mission(Section):
         return self
 
 
-def parse_toml(text: str, source: str) -> Mapping[str, Any]:
+def parse_toml(text: str, source: str) -> dict[str, Any]:
     """The tables of a mission file. Raises `MissionFileError` where it is not TOML."""
     try:
         return tomllib.loads(text)
@@ -508,7 +508,11 @@ def parse_fields(text: str, source: str) -> Mission:
     Traceback (most recent call last):
     missions.errors.MissionFileError: x.toml: start: missing; add it...
     """
-    tables = parse_toml(text, source)
+    return mission_of_tables(parse_toml(text, source), source)
+
+
+def mission_of_tables(tables: Mapping[str, Any], source: str) -> Mission:
+    """Make a mission of the tables of its file. Raises `MissionFileError` as `parse_fields`."""
     try:
         return Mission.model_validate(tables)
     except ValidationError as error:

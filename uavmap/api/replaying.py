@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 
 from missions.errors import UavmapError
-from uavmap.api.arguments import Paths, number, path_text, whole
 from uavmap.api.results import Results, open_results
+from uavmap.arguments import Paths, number, path_text, whole
 from uavmap.fly.progress import Progress, Silent, Terminal
 from uavmap.offline.cluster import Cluster
 from uavmap.offline.rasters import Wishes

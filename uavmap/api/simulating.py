@@ -14,7 +14,7 @@ from missions.explorers import EXPLORERS
 from missions.explorers.metric import Metric
 from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
-from uavmap.api.arguments import Paths, number, path_text, whole
+from uavmap.arguments import Paths, number, path_text, whole
 from uavmap.offline.roi_files import load_rois
 from uavmap.offline.simulated_links import simulated_links
 from uavmap.offline.trials import Terms, means, trials

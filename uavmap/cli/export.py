@@ -16,7 +16,7 @@ from missions.units import LatLon
 from uavmap.cli.common import number_type, vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map
 from uavmap.fly.progress import Terminal
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.plan_file import Firmware, Survey, plan, waypoints
 from uavmap.offline.plan_items import Above, Item, Profile, search_flight
 from uavmap.offline.plan_survey import Overlap, SurveyFlight, survey_flight
@@ -193,7 +193,7 @@ def _of_mission(
             raise UavmapError(
                 f"--{name.replace('_', '-')} is for a results folder, and {options.source} is none"
             )
-    mission = load_source(options.source).parse()
+    mission = load(options.source)
     above = _above(options, mission)
     setting = Setting.of(mission)
     chosen = _chosen(options, mission)
@@ -236,7 +236,7 @@ def _of_results(
         raise UavmapError("--above-sea is for a mission; a survey is flown above its home")
     with Journal.open(folder / JOURNAL) as journal:
         recorded = "replay" in journal.meta
-        setting = Setting.of(FlightPlan.read(journal).mission())
+        setting = Setting.of(FlightPlan.read(journal).mission)
         events = list(journal.events())
     state, found = figures(setting, events)
     mission = setting.mission

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from uavmap.cli.common import DETECTOR_HELP, number_type, report, utc_seconds, worker_count
+from uavmap.cli.common import number_type, report, utc_seconds, worker_count
 from uavmap.cli.endings import INTERRUPTED, complain
+from uavmap.cli.option_table import add_options
 from uavmap.fly.progress import Terminal
 from uavmap.offline.cluster import Cluster
 from uavmap.offline.rasters import Wishes
@@ -54,14 +55,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("path", metavar="PATH", help="a folder of pictures, or one picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera, detector and votes")
-    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
-    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
-    parser.add_argument(
-        "--calibration",
-        metavar="FILE",
-        help="the camera's calibration by OpenCV: YAML, XML or JSON; instead of the tags' focal "
-        "length",
-    )
+    add_options(parser, "replay")
     parser.add_argument(
         "--any-day", action="store_true", help="use pictures of other days than most, too"
     )
@@ -102,7 +96,6 @@ def add_parser(commands: Any) -> None:
         help="metres of ground a pixel of ortho.tif (default: as fine as the pictures, at the "
         "finest 0.05)",
     )
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(run=run)
 
 

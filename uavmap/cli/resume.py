@@ -9,16 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
-from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
-from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, add_rerun_option, beside, check_beside
+from uavmap.cli.flight_options import gives_network, key_file, network_of
+from uavmap.cli.option_table import add_options
+from uavmap.cli.page_options import beside
 from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.progress import Terminal
 from uavmap.offline.after_flight import draw_boundary, kept_frames
-from uavmap.record.flight_plan import DRIVERS, JOURNAL, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.record.journal import Journal
 from uavmap.record.recovery import recover
 
@@ -47,49 +46,12 @@ def add_parser(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
-    parser.add_argument(
-        "--connect",
-        metavar="URL",
-        action="append",
-        default=[],
-        help="where a vehicle is reached now, if that has changed",
-    )
-    parser.add_argument(
-        "--driver", choices=DRIVERS, help="who speaks MAVLink from now on, if that shall change"
-    )
-    parser.add_argument(
-        "--camera",
-        metavar="SPEC",
-        action="append",
-        default=[],
-        help=f"the camera of a vehicle, if that has changed; once a vehicle: {HELP}",
-    )
-    parser.add_argument(
-        "--from-home",
-        action="store_true",
-        help="simulation: put the aircraft at home with full batteries instead of where they were",
-    )
-    parser.add_argument(
-        "--recall",
-        action="store_true",
-        help="only bring home who is in the air; nothing takes off, so nobody has to stand by",
-    )
-    parser.add_argument(
-        "--recover",
-        action="store_true",
-        help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
-    )
-    add_link_options(parser)
-    add_fleet_options(parser)
-    add_page_options(parser)
-    add_rerun_option(parser)
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_options(parser, "resume")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
-    check_beside(options)
     folder, progress = Path(options.folder), Terminal()
     if options.recover:
         _recover(folder, progress.say)
@@ -98,12 +60,12 @@ def run(options: argparse.Namespace) -> int:
         summary = resume(
             folder,
             heard,
-            urls=tuple(options.connect),
+            urls=tuple(options.connect or ()),
             driver=options.driver,
-            cameras=tuple(options.camera),
+            cameras=tuple(options.camera or ()),
             key_file=key_file(options),
             forward=None if options.forward is None else tuple(options.forward),
-            network=partial(network_of, options) if given_network(options) else None,
+            network=partial(network_of, options) if gives_network(options) else None,
             from_home=options.from_home,
             recall=options.recall,
             ask=_ask if at_terminal else None,

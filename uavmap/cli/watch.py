@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.errors import JournalError
-from uavmap.cli.page_options import add_common_options, port
+from uavmap.cli.option_table import add_options
 from uavmap.fly.progress import Terminal
 from uavmap.page.address import PORT
 from uavmap.page.following import Follower
@@ -39,14 +39,7 @@ def add_parser(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
-    parser.add_argument(
-        "--port",
-        metavar="N",
-        type=port,
-        default=PORT,
-        help=f"serve the page on this port (default {PORT}), 0 for any that is free",
-    )
-    add_common_options(parser)
+    add_options(parser, "watch")
     parser.set_defaults(run=run)
 
 

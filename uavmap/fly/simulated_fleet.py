@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -79,8 +79,8 @@ class SimulatedFleet:
         """Raises `MissionFileError`, `JournalError`."""
         from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
-        self.plan = plan
-        self.setting = replace(plan, member=0).setting(progress.say)
+        self.plan = plan.as_member(0)
+        self.setting = self.plan.setting(progress.say)
         check_fleet(self.setting.mission, plan.mission_source)
         self.world = Simulation(self.setting, plan.seed)
         self.air = Air(model, plan.seed)
@@ -98,7 +98,7 @@ class SimulatedFleet:
         """A member before its first start."""
         own = replace(self.plan, member=number)
         at = self.folder(number)
-        journal = Journal.create(at / JOURNAL, {"plan": asdict(own)})
+        journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
         mine = Setting.of(self.setting.mission, number)
         said = OfMember(number, self._progress)
         return self.talking(Flight(own, mine, at, journal, State.initial(mine), said), number, 1)

@@ -93,7 +93,7 @@ def _recover(path: Path) -> Recovery:
 
 def _of_known_vehicles(good: Salvaged, path: Path) -> Iterator[EventRow]:
     """The events up to the first of a vehicle that the mission does not have."""
-    vehicles = len(FlightPlan.of_meta(good.meta, path).mission().vehicles)
+    vehicles = len(FlightPlan.of_meta(good.meta, path).mission.vehicles)
     for event in good.events:
         if event.vehicle is not None and not 1 <= event.vehicle <= vehicles:
             return

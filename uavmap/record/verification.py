@@ -191,7 +191,7 @@ def _check_content(path: Path, database: sqlite3.Connection) -> Verified:
         lacking = "lacks its tables" if not written else "has other tables than a journal has"
         raise _DamageError(f"is damaged: it {lacking}")
     meta = _meta(database, version)
-    vehicles = len(FlightPlan.of_meta(meta, path).mission().vehicles)
+    vehicles = len(FlightPlan.of_meta(meta, path).mission.vehicles)
     last, count = chain.seed(meta["plan"]), 0
     columns = "seq, t_s, vehicle, kind, body" + (", chain" if version > 1 else "")
     for number, row in enumerate(

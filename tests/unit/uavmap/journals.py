@@ -7,19 +7,18 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Iterable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from missions.events import Event, FrameSeen, Tracked, Vote, to_json
 from missions.units import Cell, GridPoint
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from tests.plans import named_text, plan_of
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.record.journal import Journal
 from uavmap.record.journal_file import APPLICATION_ID, SCHEMAS
 
-SOURCE = load_source("runway")
-PLAN = FlightPlan(
+SOURCE = named_text("runway")
+PLAN = plan_of(
     SOURCE.source,
     SOURCE.text + "# é\n",
     strategy=None,
@@ -29,7 +28,7 @@ PLAN = FlightPlan(
     speedup=None,
     epoch_utc_s=SIM_EPOCH_UTC_S,
 )
-META: dict[str, Any] = {"plan": json.loads(json.dumps(asdict(PLAN)))}
+META: dict[str, Any] = {"plan": json.loads(json.dumps(PLAN.as_json()))}
 """As it is read back: a tuple is a list in JSON."""
 
 

@@ -14,9 +14,10 @@ from missions.events import Navigated, Tracked
 from missions.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests.plans import plan_of
 from uavmap.fly.flight import fly
 from uavmap.fly.progress import Silent
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.record.journal import Journal
 from uavmap.simulation import Truth
 
@@ -85,7 +86,7 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             assert old in text
             text = text.replace(old, new)
         text += f"\n[navigation]\n{navigation}\n{faults}"
-        plan = FlightPlan("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
+        plan = plan_of("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
         told = Told()
         summary = fly(plan, tmp_path / "out", told)
         with Journal.open(tmp_path / "out" / JOURNAL) as journal:

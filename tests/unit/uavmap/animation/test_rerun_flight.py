@@ -14,11 +14,11 @@ from missions.events import from_json
 from missions.state import State
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
+from tests.plans import named_text, plan_of
 from uavmap.animation import rerun_flight
 from uavmap.animation.rerun_flight import FlightRecorder, recorded
 from uavmap.cli import main
 from uavmap.fly.progress import Silent
-from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.frames import KeptFrame
 
@@ -76,8 +76,8 @@ def sdk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def plan(*urls: str) -> FlightPlan:
-    source = load_source(STOPS.mission)
-    return FlightPlan(source.source, source.text, STOPS.strategy, 1, 1, urls, None, SIM_EPOCH_UTC_S)
+    source = named_text(STOPS.mission)
+    return plan_of(source.source, source.text, STOPS.strategy, 1, 1, urls, None, SIM_EPOCH_UTC_S)
 
 
 def tell_all(recorder: FlightRecorder) -> int:

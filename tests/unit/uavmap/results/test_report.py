@@ -17,7 +17,6 @@ from tests.unit.uavmap.results.flown_folders import (
     EVENTS,
     EVIL,
     PLAN,
-    SOURCE,
     folder_of,
     keep_frames,
     named,
@@ -285,7 +284,7 @@ def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
 
 
 def test_dates_that_no_calendar_has_are_not_known(tmp_path: Path) -> None:
-    plan = replace(PLAN, mission_text=SOURCE.text, epoch_utc_s=1e300)
+    plan = replace(PLAN, epoch_utc_s=1e300)
     flown = flown_of(folder_of(tmp_path, plan=plan))
     assert flown.values["begun_utc"] is None
     assert "Begun not known" in Page(encode(flown).decode()).text
