@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import MissionFileError
-from missions.mission_file.schema import MAX_PRIOR_PLACES
+from missions.mission_file.search_sections import MAX_PRIOR_PLACES
 from uavmap.text_files import read_text
 
 LARGEST_BYTES: Final = 4_000_000

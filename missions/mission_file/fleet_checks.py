@@ -8,9 +8,10 @@ import math
 from missions.errors import MissionFileError
 from missions.ground.columns import PAD_M, column_radius_m
 from missions.ground.grid import Grid
+from missions.mission_file.fields import AUTO
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import AUTO, Mission, VehicleSection
+from missions.mission_file.schema import Mission, VehicleSection
 from missions.units import GridPoint
 
 STRATEGIES = ("swath", "survey")

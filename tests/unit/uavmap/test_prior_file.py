@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from missions.errors import MissionFileError
-from missions.mission_file.schema import PriorPlace
+from missions.mission_file.search_sections import PriorPlace
 from uavmap.mission_source import load
 
 RING = [[11.0002, 48.0002], [11.0008, 48.0002], [11.0008, 48.0008], [11.0002, 48.0002]]

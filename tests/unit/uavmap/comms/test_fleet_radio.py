@@ -15,7 +15,7 @@ from uavmap.comms.fleet_key import fleet_key
 from uavmap.comms.fleet_radio import START, check_network, member_seal
 from uavmap.link.key_file import new_key
 from uavmap.mission_source import load
-from uavmap.record.flight_plan import FleetNetwork
+from uavmap.record.flight_options import FleetNetwork
 
 PEER = "tcp/127.0.0.1:7447"
 GROUP = "udp/224.0.0.224:7447#iface=lo"
