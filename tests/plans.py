@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from missions.mission_file.checks import FLOWN
 from missions.mission_file.schema import Mission
 from uavmap.mission_source import mission_of_text
 from uavmap.record.flight_options import FlightOptions
@@ -48,7 +49,7 @@ def plan_of(
         seed=seed,
         urls=urls,
         speedup=speedup,
-        all_strategies=not urls,
+        all_strategies=strategy is not None and strategy not in FLOWN,
         **options,
     )
     return FlightPlan.make(asked, mission, epoch_utc_s)

@@ -155,6 +155,7 @@ def resume(
         plan = replace(
             plan,
             simulated=plan.simulated and not urls,
+            all_strategies=plan.all_strategies and not urls,
             urls=urls or plan.urls,
             driver=driver or plan.driver,
             cameras=cameras or plan.cameras,
@@ -167,6 +168,7 @@ def resume(
                 f"{folder}: --recall is for aircraft at the end of a link; a simulated flight ends "
                 f"with its process, and `uavmap resume {folder}` goes on with it"
             )
+        plan.check_strategy()
         check_urls(plan.urls)
         _refuse_network(plan, folder)
         setting = plan.setting(progress.say)

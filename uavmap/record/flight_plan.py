@@ -66,12 +66,12 @@ class FlightPlan(FlightOptions):
         loaded = mission
         if options.strategy is not None:
             mission = mission.model_copy(update={"strategy": options.strategy})
-        _refuse_strategy(mission.strategy, options)
         urls = options.urls if options.member is None else ()
         wanted = options.vehicles or len(urls) or len(mission.vehicles)
         if wanted != len(mission.vehicles):
             mission = with_vehicles(mission, wanted)
         plan = cls(**given, mission=mission, epoch_utc_s=epoch_utc_s)
+        plan.check_strategy()
         if mission is not loaded:
             plan.check_mission()
         if options.member is not None:
@@ -91,6 +91,22 @@ class FlightPlan(FlightOptions):
         """Raise `MissionFileError` where the mission cannot be flown as the options change it."""
         # its detector was checked when the file was read
         check(self.mission, self.mission_source, detectors=(self.mission.detector.name,))
+
+    def check_strategy(self) -> None:
+        """Raise where a strategy of papers would fly a real aircraft, or without being asked."""
+        name = self.mission.strategy
+        if name in FLOWN or name not in STRATEGIES:
+            return
+        if not self.simulated:
+            raise MissionFileError(
+                f"{self.mission_source}: strategy = {name!r}: only for comparisons in "
+                f"simulation; with real aircraft take one of {', '.join(FLOWN)}"
+            )
+        if self.strategy is not None and not self.all_strategies:
+            raise UavmapError(
+                f"--strategy {name}: only for comparisons in simulation; give --all-strategies "
+                f"with it, or take one of {', '.join(FLOWN)}"
+            )
 
     def as_member(self, number: int) -> Self:
         """Return the plan of one member of a fleet; of 0 that of all. Raises `MissionFileError`."""
@@ -136,7 +152,7 @@ class FlightPlan(FlightOptions):
     def of_meta(cls, meta: Mapping[str, str], path: Path) -> FlightPlan:
         """The plan from the texts that a journal at `path` holds. Raises `JournalError`."""
         try:
-            plan = _ADAPTER.validate_json(meta["plan"], strict=True)
+            plan = _ADAPTER.validate_json(meta["plan"])
         except (KeyError, ValueError, UavmapError):
             raise JournalError(f"{path} holds no flight plan; it cannot go on") from None
         if not math.isfinite(plan.epoch_utc_s):
@@ -146,22 +162,6 @@ class FlightPlan(FlightOptions):
             plan,
             mission=with_kept_detector(plan.mission, path.parent),
             rehomed=plan.rehomed or meta.get(REHOMED) == "true",
-        )
-
-
-def _refuse_strategy(name: str, options: FlightOptions) -> None:
-    """Raise where a strategy of papers would fly unasked, or a real aircraft."""
-    if name in FLOWN or name not in STRATEGIES:
-        return
-    if not options.simulated:
-        raise MissionFileError(
-            f"{options.mission_source}: strategy = {name!r}: only for comparisons in simulation; "
-            f"with real aircraft take one of {', '.join(FLOWN)}"
-        )
-    if options.strategy is not None and not options.all_strategies:
-        raise UavmapError(
-            f"--strategy {name}: only for comparisons in simulation; give --all-strategies with "
-            f"it, or take one of {', '.join(FLOWN)}"
         )
 
 

@@ -12,11 +12,14 @@ import pytest
 
 import uavmap
 from missions.errors import MissionFileError, NotFlownError
+from missions.mission_file.detector_section import DetectorSection
+from missions.mission_file.search_sections import PriorPlace
+from tests.hills import over, slope
 from tests.plans import named_text, plan_of
 from uavmap.cli import main
 from uavmap.fly import flight
 from uavmap.key_lines import with_lines
-from uavmap.mission_source import load, shipped_missions
+from uavmap.mission_source import load, mission_of_text, shipped_missions
 from uavmap.record.flight_plan import FlightPlan
 
 TEXT = """\
@@ -113,5 +116,24 @@ def test_several_faults_each_have_their_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", shipped_missions())
 def test_a_journal_gives_the_plan_back_as_it_was(name: str, tmp_path: Path) -> None:
     plan = plan_of(name, named_text(name).text, vehicles=2, seed=5)
+    assert again(plan, tmp_path) == plan
+
+
+def test_prior_ground_and_detector_come_back_from_a_journal(tmp_path: Path) -> None:
+    mission = over(mission_of_text(named_text("runway").text, "runway"), slope(5.0, 0.0))
+    point = PriorPlace(position=mission.start.position, spread_m=3.0)
+    area = PriorPlace(polygon=mission.search.box, weight=2.0)
+    search = mission.search.model_copy(update={"prior": (point, area)})
+    tables = {"name": "paved", "paved": {"greenness": 0.1}, "share": 0.4}
+    section = DetectorSection.model_validate(tables)
+    mission = mission.model_copy(update={"search": search, "detector": section})
+    plan = plan_of("hills", mission)
+    found = again(plan, tmp_path)
+    assert found == plan
+    assert found.mission.ground == mission.ground is not None
+
+
+def again(plan: FlightPlan, folder: Path) -> FlightPlan:
+    """The plan as a journal gives it back."""
     meta = {"plan": json.dumps(plan.as_json())}
-    assert FlightPlan.of_meta(meta, tmp_path / "journal") == plan
+    return FlightPlan.of_meta(meta, folder / "journal")

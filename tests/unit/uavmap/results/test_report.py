@@ -272,7 +272,9 @@ def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path: Path) -> No
 
 
 def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
-    plan = replace(PLAN, simulated=False, urls=("udpin://0.0.0.0:14550",), epoch_utc_s=1.7e9, speedup=2.0)
+    plan = replace(
+        PLAN, simulated=False, urls=("udpin://0.0.0.0:14550",), epoch_utc_s=1.7e9, speedup=2.0
+    )
     folder = folder_of(tmp_path, plan=plan)
     flown = flown_of(folder)
     assert flown.values["begun_utc"] == "2023-11-14T22:13:20.000Z"
