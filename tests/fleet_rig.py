@@ -24,6 +24,7 @@ from missions.ground.grid import Grid
 from missions.state import Setting, State
 from missions.units import Cell, GridPoint
 from sitl.vehicle import SimVehicle
+from tests.plans import plan_of
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.base.messages import shown_on
 from uavmap.clock import VirtualClock, run
@@ -244,7 +245,7 @@ class Beset(SimulatedFleet):
 
 def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
     """Fly a fleet, and say what was forbidden."""
-    plan = FlightPlan("field.toml", text, None, None, seed, (), None, SIM_EPOCH_UTC_S, comms="free")
+    plan = plan_of("field.toml", text, None, None, seed, (), None, SIM_EPOCH_UTC_S, comms="free")
     said = Said()
     fleet = Beset(plan, folder, mishaps)
     forbidden: list[str] = []

@@ -1,4 +1,4 @@
-"""The ground from a GeoTIFF: what `terrain.dem` names is written in its place as a lattice.
+"""The ground from the GeoTIFF that `terrain.dem` names, as a lattice that a mission holds.
 
 A digital elevation model may have any coordinate system and any level of the sea: what a flight
 needs is how much higher the ground is than at the start. So heights are taken at the points of a
@@ -8,6 +8,7 @@ lattice along the mission's grid, relative to the height at the start, and kept 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,11 +21,10 @@ from missions.errors import MissionFileError
 from missions.ground.grid import Grid
 from missions.ground.terrain import encoded
 from missions.mission_file.places import positions_near
-from missions.mission_file.schema import Mission, parse_fields
-from missions.mission_file.terrain_section import MOST_POINTS
+from missions.mission_file.schema import Mission
+from missions.mission_file.terrain_section import MOST_POINTS, Lattice, TerrainSection
 from missions.units import GridPoint, LatLon
 from uavmap.elevation_model import Floats, heights_at, metres_a_unit, opened, spacing_m
-from uavmap.inlined import inlined, named_file
 
 LEAST_STEP_M: Final = 2.0
 """Between two points of the lattice: what is finer is no ground that a vehicle follows."""
@@ -37,13 +37,12 @@ LEAST_JUMP_M: Final = 8.0
 """Ground that rises by more, and steeper, from one height to the next is a mistake in the file."""
 _HIGHEST_M: Final = 9000.0
 _LOWEST_M: Final = -500.0
-_KEY: Final = "terrain.dem"
 _ELSEWHERE: Final = "no height at start.position; take a model that covers it"
-_NOTHING: Final = {
+LEVEL: Final = {
     "west_m": 0.0, "south_m": 0.0, "step_m": 1.0, "columns": 2, "rows": 2,
     "heights": encoded(np.zeros((2, 2))),
 }  # fmt: skip
-"""Stands for the lattice until it is known."""
+"""The lattice of a mission until its ground is read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,26 +92,25 @@ class _Lattice:
         return f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
 
 
-def with_terrain(text: str, source: str, folder: Path) -> str:
-    """The text of a mission file with the heights of the file that `terrain.dem` names.
+def with_ground(mission: Mission, path: Path, where: str) -> Mission:
+    """Return the mission with the ground of a GeoTIFF, in and around its fence.
 
-    A text without a path there is returned as it is. Paths are relative to `folder`. Raises
-    `MissionFileError`, naming the mission file (`source`), the key, the value and the remedy.
+    A mission whose places are refused by a check comes back as it is. Raises `MissionFileError`,
+    which begins with `where`: the mission file, the key and the value.
     """
-    found = named_file(text, source, "terrain", "dem")
-    if found is None:
-        return text
-    name, where = found
-    # the other values first: where the fence is says what of the ground is needed
-    rest = inlined(text, where, "terrain", "dem", _NOTHING)
-    mission = parse_fields(rest, source)
     if any(positions_near(mission)):
-        return rest  # which a check refuses for that
-    return inlined(text, where, "terrain", "dem", _table(folder / name, mission, where))
+        return mission
+    return with_lattice(mission, _table(path, mission, where))
+
+
+def with_lattice(mission: Mission, table: Mapping[str, Any]) -> Mission:
+    """Return the mission with these heights for its ground."""
+    section = TerrainSection(dem=Lattice.model_validate(table))
+    return mission.model_copy(update={"terrain": section})
 
 
 def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
-    """The ground in and around the fence of a mission, as the table that a mission file holds."""
+    """The ground in and around the fence of a mission, as the table of a lattice."""
     with opened(path, where) as model:
         metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
         if not math.isfinite(fine_m):

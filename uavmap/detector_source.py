@@ -14,15 +14,14 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Final
 
+import tomlkit
 from pydantic import ValidationError
 
 from missions.errors import MissionFileError
 from missions.mission_file.detector_section import DetectorSection
 from missions.mission_file.messages import explain
-from missions.mission_file.schema import parse_toml
 from uavmap.onnx_file import onnx_detector
 from uavmap.text_files import read_bytes, read_text
-from uavmap.toml_text import toml_text
 from vision.detectors import (
     FROM_FILES,
     Detector,
@@ -100,47 +99,34 @@ def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> 
         raise MissionFileError(f"detector.model = {str(path)!r}: {text}") from None
 
 
-def with_model(text: str, source: str, folder: Path) -> str:
-    """The text of a mission with the place and the checksum of the model that it names.
+def resolved_section(
+    section: Mapping[str, Any] | None, folder: Path, detector: Path | None
+) -> dict[str, Any] | None:
+    """Return the table `[detector]` with its model by whole path and checksum.
 
-    A text that names none is returned as it is. Raises `MissionFileError`.
+    A `detector` (a folder of `uavmap tune`) takes the place of the table; only `view` stays as it
+    is there, if the folder does not say it. Raises `MissionFileError`.
     """
-    tables = parse_toml(text, source)
-    section = tables.get("detector")
-    model = section.get("model") if isinstance(section, Mapping) else None
-    if not isinstance(section, Mapping) or not isinstance(model, str) or not model:
-        return text
-    try:
-        path = _whole(folder, model)
-        found = {**section, "model": str(path), "model_sha256": _sha256(_model(path))}
-    except MissionFileError as error:
-        raise MissionFileError(f"{source}: {error}") from None
-    return toml_text({**tables, "detector": found})
-
-
-def with_detector(text: str, source: str, detector: Path) -> str:
-    """The text of a mission that is judged by the detector of a folder (`--detector`).
-
-    Its `detector.toml` takes the place of the mission's section; only `view` stays as it is there,
-    if the folder says nothing of it. Raises `MissionFileError`.
-    """
-    section = _given(detector)
-    tables = parse_toml(text, source)
-    old = tables.get("detector")
-    view = {"view": old["view"]} if isinstance(old, Mapping) and "view" in old else {}
-    return toml_text({**tables, "detector": {**view, **section}})
+    found = None if section is None else dict(section)
+    if detector is not None:
+        view = {"view": found["view"]} if found and "view" in found else {}
+        found = {**view, **_given(detector)}
+    if found is None or not isinstance(model := found.get("model"), str) or not model:
+        return found
+    path = _whole(folder, model)
+    return {**found, "model": str(path), "model_sha256": _sha256(_model(path))}
 
 
 def detector_text(detector: Path) -> str:
     """The table `[detector]` of a folder (`--detector`), for a mission made of recorded pictures.
 
-    What it is made of is read once, to say what is wrong with it before any picture is. Raises
+    Its model is read once, so that a fault is reported before any picture is read. Raises
     `MissionFileError`.
     """
     what = f"--detector {detector}"
-    text = with_model(toml_text({"detector": {"view": "all", **_given(detector)}}), what, Path())
     try:
-        section = DetectorSection.model_validate(parse_toml(text, what)["detector"])
+        table = {"view": "all", **(resolved_section(None, Path(), detector) or {})}
+        section = DetectorSection.model_validate(table)
         check_detector(section)
         if section.model is not None:
             detector_of_section(section)
@@ -148,8 +134,8 @@ def detector_text(detector: Path) -> str:
         lines = [f"{what}: detector.{fault}" for fault in explain(error, DetectorSection)]
         raise MissionFileError("\n".join(lines)) from None
     except MissionFileError as error:
-        raise MissionFileError(f"{what}: {error}") from None
-    return text
+        raise MissionFileError(f"{what}: {str(error).removeprefix(f'{what}: ')}") from None
+    return tomlkit.dumps({"detector": table})
 
 
 def _given(detector: Path) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """The detector's files, kept beside the journal of a flight or a replay.
 
-A journal holds the text of a mission, and that names a model by its path. Results are moved to
-another computer, and models are tidied away. So a copy lies in the results, as a folder that
-`--detector` takes; what is read later is held against the checksum in the text, as ever.
+A journal holds the mission, which names a model by its path. Results are moved to another
+computer, and models are tidied away. So a copy lies in the results, as a folder that `--detector`
+takes; what is read later is compared with the checksum in the mission.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ import contextlib
 import hashlib
 import os
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from missions.errors import MissionFileError, OutputError
+import tomlkit
+
+from missions.errors import OutputError
 from missions.mission_file.detector_section import DetectorSection
-from missions.mission_file.schema import parse_toml
+from missions.mission_file.schema import Mission
 from uavmap.detector_source import DETECTOR_TOML
-from uavmap.toml_text import toml_text
 
 KEPT: Final = "detector"
 """The folder, in that of the results."""
 _BESIDE: Final = ".toml"  # settings of a segmentation model, under its name
 
 
-def keep_detector(section: DetectorSection, text: str, folder: Path) -> None:
+def keep_detector(section: DetectorSection, folder: Path) -> None:
     """Copy the model of a mission into the folder of its results, if its detector has one.
 
-    `text` is the mission's. Raises `OutputError` where the disk refuses, or the model is not what
-    the text says any more; nothing is left behind then.
+    Raises `OutputError` where the disk refuses, or the model is no longer that of the mission;
+    nothing is left behind then.
     """
     if section.model is None:
         return
@@ -41,9 +41,8 @@ def keep_detector(section: DetectorSection, text: str, folder: Path) -> None:
         settings = model.with_suffix(_BESIDE)
         if section.name == "onnx":
             _copied(settings, kept / settings.name)
-        table = dict(_section(text))
-        table["model"] = model.name
-        (kept / DETECTOR_TOML).write_text(toml_text({"detector": table}), "utf-8")
+        table = section.model_dump(mode="json", exclude_unset=True) | {"model": model.name}
+        (kept / DETECTOR_TOML).write_text(tomlkit.dumps({"detector": table}), "utf-8")
     except OSError as error:
         drop_detector(folder)
         raise OutputError(
@@ -60,39 +59,29 @@ def drop_detector(folder: Path) -> None:
     shutil.rmtree(folder / KEPT, ignore_errors=True)
 
 
-def with_kept_detector(text: str, folder: Path) -> str:
-    """The text of a mission with its model read from the copy in a folder of results.
+def with_kept_detector(mission: Mission, folder: Path) -> Mission:
+    """Return the mission with its model read from the copy in a folder of results.
 
-    A text without a model, or with one of which no copy lies there, or a changed one, is returned
-    as it is.
+    A mission without a model, or without an unchanged copy of it there, comes back as it is.
     """
-    try:
-        tables = parse_toml(text, str(folder))
-    except MissionFileError:
-        return text  # whoever parses it says what is wrong
-    section = tables.get("detector")
-    if not isinstance(section, Mapping) or not isinstance(section.get("model"), str):
-        return text
-    kept = (folder / KEPT / Path(section["model"]).name).resolve()
+    section = mission.detector
+    if section.model is None:
+        return mission
+    kept = (folder / KEPT / Path(section.model).name).resolve()
     with contextlib.suppress(OSError):
-        if kept.is_file() and section.get("model_sha256") == _sha256(kept):
-            return toml_text({**tables, "detector": {**section, "model": str(kept)}})
-    return text
+        if kept.is_file() and section.model_sha256 == _sha256(kept):
+            moved = section.model_copy(update={"model": str(kept)})
+            return mission.model_copy(update={"detector": moved})
+    return mission
 
 
-def with_relative_model(text: str, source: str) -> str:
-    """The text of a mission file that lies in the results, beside the copy of its model."""
-    tables = parse_toml(text, source)
-    section = tables.get("detector")
-    if not isinstance(section, Mapping) or not isinstance(section.get("model"), str):
-        return text
-    name = f"{KEPT}/{Path(section['model']).name}"
-    return toml_text({**tables, "detector": {**section, "model": name}})
-
-
-def _section(text: str) -> Mapping[str, Any]:
-    section: Mapping[str, Any] = parse_toml(text, "the mission")["detector"]
-    return section
+def with_relative_model(text: str) -> str:
+    """Return the text of a mission file for the results, beside the copy of its model."""
+    document = tomlkit.parse(text)
+    section = document["detector"]
+    if "model" in section:
+        section["model"] = f"{KEPT}/{Path(str(section['model'])).name}"
+    return tomlkit.dumps(document)
 
 
 def _copied(source: Path, target: Path) -> None:

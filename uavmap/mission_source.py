@@ -1,50 +1,33 @@
-"""Mission files on the disk, and those that are shipped."""
+"""A mission, loaded once: its file is parsed, what it names is read, and all is checked."""
 
 from __future__ import annotations
 
 import contextlib
 import difflib
 import itertools
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, ParamSpec, TypeVar
 
 from missions.errors import MissionFileError
-from missions.mission_file.checks import STRATEGIES, parse_mission
-from missions.mission_file.schema import Mission
-from uavmap.dem import with_terrain
+from missions.mission_file.checks import check
+from missions.mission_file.schema import Mission, mission_of_tables, parse_fields, parse_toml
+from uavmap.dem import LEVEL, with_ground
 from uavmap.detector_source import (
     check_detector,
     detector_of_section,
     known_detectors,
-    with_detector,
-    with_model,
+    resolved_section,
 )
-from uavmap.prior_file import with_prior
+from uavmap.key_lines import with_lines
+from uavmap.prior_file import prior_places
 from uavmap.text_files import read_text
 
+P = ParamSpec("P")
+R = TypeVar("R")
 LARGEST_BYTES: Final = 4_000_000
 _MOST_LOOKED_AT: Final = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class MissionSource:
-    """The text of a mission and where it came from."""
-
-    source: str
-    text: str
-
-    def parse(self) -> Mission:
-        """The checked mission. Raises `MissionFileError`."""
-        mission = parse_mission(
-            self.text, self.source, strategies=STRATEGIES, detectors=known_detectors()
-        )
-        try:
-            check_detector(mission.detector)
-        except MissionFileError as error:
-            raise MissionFileError(f"{self.source}: {error}") from None
-        return mission
 
 
 def shipped_missions() -> list[str]:
@@ -53,32 +36,80 @@ def shipped_missions() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir())
 
 
-def load_source(name: str, detector: str | None = None) -> MissionSource:
-    """A mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
+def load(name: str, detector: str | None = None) -> Mission:
+    """Load a mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
 
-    A GeoJSON file that `search.prior` names, beside the mission file, and the ground of the GeoTIFF
-    that `terrain.dem` names are written into the text, and so is the checksum of the model that
-    `detector.model` names. A `detector` (a folder of `uavmap tune`) takes the place of the
-    mission's own; what it is made of is read once, to say what is wrong with it before anything
-    begins.
+    What the file names is read with it and becomes a part of the mission: the places of the
+    GeoJSON file at `search.prior`, the ground of the GeoTIFF at `terrain.dem`, and the checksum of
+    the model at `detector.model`. A `detector` (a folder of `uavmap tune`) takes the place of the
+    mission's own. A message names the file, the line, the key, the value and the remedy.
     """
-    found = _found(name, detector)
-    section = found.parse().detector
+    text, folder = _read(name)
     try:
-        if section.model is not None:
-            detector_of_section(section)
+        mission = _resolved(parse_toml(text, name), name, folder, detector)
+        _check(mission, name)
+        if mission.detector.model is not None:  # a fault of it is reported before anything begins
+            _named(name, detector_of_section, mission.detector)
     except MissionFileError as error:
-        raise MissionFileError(f"{name}: {error}") from None
-    return found
+        raise MissionFileError(with_lines(str(error), name, text)) from None
+    return mission
 
 
-def _found(name: str, detector: str | None) -> MissionSource:
+def mission_of_text(text: str, source: str) -> Mission:
+    """Check a mission whose text is no file of a user, and names none. Raises as `load`."""
+    mission = parse_fields(text, source)
+    _check(mission, source)
+    return mission
+
+
+def _check(mission: Mission, source: str) -> None:
+    check(mission, source, detectors=known_detectors())
+    _named(source, check_detector, mission.detector)
+
+
+def _named(source: str, work: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
+    """Do what raises messages that do not name the file; they name it then."""
+    try:
+        return work(*arguments, **named)
+    except MissionFileError as error:
+        text = str(error)
+        named_already = text.startswith("--detector ")
+        raise MissionFileError(text if named_already else f"{source}: {text}") from None
+
+
+def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str | None) -> Mission:
+    """The mission of these tables, with what they name by a path in the place of that path."""
+    prior, dem = _path_at(tables, "search", "prior"), _path_at(tables, "terrain", "dem")
+    if prior is not None:
+        where = f"{source}: search.prior = {prior!r}"
+        tables["search"]["prior"] = prior_places(folder / prior, where)
+    if dem is not None:
+        tables["terrain"]["dem"] = LEVEL
+    section = tables.get("detector")
+    if section is None or isinstance(section, dict):
+        other = None if detector is None else Path(detector)
+        found = _named(source, resolved_section, section, folder, other)
+        tables |= {} if found is None else {"detector": found}
+    mission = mission_of_tables(tables, source)
+    if dem is not None:
+        mission = with_ground(mission, folder / dem, f"{source}: terrain.dem = {dem!r}")
+    return mission
+
+
+def _path_at(tables: Mapping[str, Any], section: str, key: str) -> str | None:
+    table = tables.get(section)
+    value = table.get(key) if isinstance(table, Mapping) else None
+    return value if isinstance(value, str) else None
+
+
+def _read(name: str) -> tuple[str, Path]:
+    """The text of a mission, and the folder from which it names files."""
     path = Path(name)
     if not path.suffix and name in shipped_missions() and not path.exists():
         text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
-        return MissionSource(name, _judged_by(text, name, Path(), detector))
+        return text, Path()
     try:
-        text = read_text(path, LARGEST_BYTES)
+        return read_text(path, LARGEST_BYTES), path.parent
     except OSError as error:
         raise MissionFileError(
             f"{name}: cannot be read ({error.strerror}); {_guess(path)}give the path of a mission "
@@ -86,9 +117,6 @@ def _found(name: str, detector: str | None) -> MissionSource:
         ) from None
     except UnicodeDecodeError:
         raise MissionFileError(f"{name}: not a text file in UTF-8") from None
-    text = with_prior(text, name, path.parent)
-    text = with_terrain(text, name, path.parent)
-    return MissionSource(name, _judged_by(text, name, path.parent, detector))
 
 
 def _guess(path: Path) -> str:
@@ -99,10 +127,3 @@ def _guess(path: Path) -> str:
         known |= {file.name: str(file) for file in files}
     near = difflib.get_close_matches(path.name, known, n=1)
     return f"did you mean {known[near[0]]!r}? " if near else ""
-
-
-def _judged_by(text: str, name: str, folder: Path, detector: str | None) -> str:
-    """The text with its detector's files, or those of another."""
-    if detector is not None:
-        text = with_detector(text, name, Path(detector))
-    return with_model(text, name, folder)

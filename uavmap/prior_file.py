@@ -1,9 +1,4 @@
-"""Where the region probably is, from GeoJSON: what `search.prior` names is written in its place.
-
-A mission has to hold all that it is flown by, for a journal keeps the text of the mission and
-nothing else. So `prior = "survey.geojson"` becomes `prior = [{position = [...], ...}, ...]` when
-the mission file is read.
-"""
+"""Where the region probably is, from the GeoJSON file that `search.prior` names."""
 
 from __future__ import annotations
 
@@ -15,28 +10,21 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import MissionFileError
-from missions.mission_file.schema import MAX_PRIOR_PLACES
-from uavmap.inlined import inlined, named_file
+from missions.mission_file.search_sections import MAX_PRIOR_PLACES
 from uavmap.text_files import read_text
 
 LARGEST_BYTES: Final = 4_000_000
-_KEY: Final = "search.prior"
 _SHOWN: Final = 40
 _NUMBERS = ("weight", "spread_m")
 
 
-def with_prior(text: str, source: str, folder: Path) -> str:
-    """The text of a mission file with the places of the file that `search.prior` names.
+def prior_places(path: Path, where: str) -> list[dict[str, Any]]:
+    """Read the places of a file, as `search.prior` holds them.
 
-    A text without a path there is returned as it is. Paths are relative to `folder`. Raises
-    `MissionFileError`, naming the mission file (`source`), the key, the value and the remedy.
+    Raises `MissionFileError`, which begins with `where`: the mission file, the key and the value.
     """
-    found = named_file(text, source, "search", "prior")
-    if found is None:
-        return text
-    name, where = found
     try:
-        content = read_text(folder / name, LARGEST_BYTES)
+        content = read_text(path, LARGEST_BYTES)
     except OSError as error:
         raise MissionFileError(
             f"{where}: cannot be read ({error.strerror}); give the path of a GeoJSON file from "
@@ -44,8 +32,7 @@ def with_prior(text: str, source: str, folder: Path) -> str:
         ) from None
     except ValueError:  # not UTF-8, or a path with a null character
         raise MissionFileError(f"{where}: not a text file in UTF-8") from None
-    places = list(_places(content, where))
-    return inlined(text, where, "search", "prior", places)
+    return list(_places(content, where))
 
 
 def _places(content: str, where: str) -> Iterator[dict[str, Any]]:

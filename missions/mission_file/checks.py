@@ -12,7 +12,6 @@ from __future__ import annotations
 import difflib
 from collections import ChainMap
 from collections.abc import Collection, Iterator
-from functools import lru_cache
 from typing import Any, Final
 
 from missions.errors import MissionFileError
@@ -25,9 +24,9 @@ from missions.swath.strategies import ON_PATHS
 
 STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
 """All strategies by name, those that fly paths first; with those that register later."""
+FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
+"""Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
 DETECTORS = ("threshold", "paved")
-_REMEMBERED: Final = 4
-"""Texts of missions: a flight has one, of which the journal, a resume and the results ask."""
 
 
 def parse_mission(
@@ -39,9 +38,6 @@ def parse_mission(
 ) -> Mission:
     """A mission that can be flown, from the text of a mission file.
 
-    The last few are remembered: a mission never changes, and to look for all its faults takes some
-    ten milliseconds.
-
     Args:
         text: TOML.
         source: what to call the file in messages.
@@ -51,13 +47,6 @@ def parse_mission(
     Raises:
         MissionFileError: with a line for each fault.
     """
-    return _parsed(text, source, tuple(strategies), tuple(detectors))
-
-
-@lru_cache(maxsize=_REMEMBERED)
-def _parsed(
-    text: str, source: str, strategies: tuple[str, ...], detectors: tuple[str, ...]
-) -> Mission:
     mission = parse_fields(text, source)
     check(mission, source, strategies=strategies, detectors=detectors)
     return mission

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from missions.mission_file.fields import Count, Number, Section
 
@@ -28,7 +28,7 @@ class DetectorSection(Section):
     model: Annotated[str | None, Field(min_length=1, max_length=4096)] = None
     """The file of a model, of the detectors that have one: from the folder of the mission file."""
     model_sha256: Annotated[str | None, Field(pattern=r"^[0-9a-f]{64}$")] = None
-    """Of that file; another one is refused. Written into the text of a mission as it is read."""
+    """Of that file; another one is refused. Added when the mission file is read."""
     intensity: Annotated[Count, Field(ge=0, le=255)] = 150
     dilations: Annotated[Count, Field(ge=0, le=100)] = 7
     polarity: Literal["dark", "bright"] = "dark"
@@ -51,6 +51,13 @@ class DetectorSection(Section):
         tables = {key: inner for key, inner in value.items() if isinstance(inner, Mapping)}
         rest = {key: inner for key, inner in value.items() if key not in tables}
         return {**rest, "tables": tables} if tables else rest
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """The section as it stands in a file: the detectors' tables in it."""
+        values: dict[str, Any] = fields(self)
+        tables: dict[str, Any] = values.pop("tables", {})
+        return values | tables
 
     @model_validator(mode="after")
     def _one_place(self) -> DetectorSection:

@@ -8,9 +8,10 @@ import math
 from missions.errors import MissionFileError
 from missions.ground.columns import PAD_M, column_radius_m
 from missions.ground.grid import Grid
+from missions.mission_file.fields import AUTO
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import AUTO, Mission
+from missions.mission_file.schema import Mission, VehicleSection
 from missions.units import GridPoint
 
 STRATEGIES = ("swath", "survey")
@@ -39,6 +40,12 @@ def check_fleet(mission: Mission, source: str) -> None:
                 f"apart; with a service on each aircraft they need {least_m:.0f} m, for each "
                 "keeps the air over its pad to itself: set vehicles[].home"
             )
+
+
+def with_vehicles(mission: Mission, count: int) -> Mission:
+    """Return the mission with so many vehicles: its first ones, and more without an entry."""
+    spare = tuple(VehicleSection() for _ in range(count - len(mission.vehicles)))
+    return mission.model_copy(update={"vehicles": (mission.vehicles + spare)[:count]})
 
 
 def with_own_air(mission: Mission) -> Mission:

@@ -21,6 +21,7 @@ from missions.ground.grid import Grid
 from missions.ground.lanes import LANE_CELLS, Lane, lanes
 from missions.mission_file import terrain_checks
 from missions.mission_file.energy_model import energy_model
+from missions.mission_file.fields import AUTO
 from missions.mission_file.height_and_speed import (
     altitude_reason,
     footprint_over,
@@ -30,7 +31,7 @@ from missions.mission_file.height_and_speed import (
 )
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.places import drawn, far_homes
-from missions.mission_file.schema import AUTO, Mission, positions
+from missions.mission_file.schema import Mission, positions
 from missions.units import GridPoint
 
 SEEN_SHARE = 0.9

@@ -17,7 +17,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from missions.ground.footprint import Footprint
-from missions.mission_file.schema import AUTO, Mission
+from missions.mission_file.fields import AUTO
+from missions.mission_file.schema import Mission
 from missions.swath.strategies import LEAPFROG
 
 LEAST_HEIGHT_M = 3.0

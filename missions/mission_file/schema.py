@@ -15,27 +15,24 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BeforeValidator,
     Field,
-    GetCoreSchemaHandler,
-    GetPydanticSchema,
     ValidationError,
-    ValidatorFunctionWrapHandler,
     model_validator,
 )
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from missions.errors import MissionFileError
 from missions.ground.footprint import Optics
 from missions.ground.terrain import Relief, Terrain
 from missions.mission_file.detector_section import DetectorSection
 from missions.mission_file.fields import (
+    AUTO,
+    Altitude,
     Count,
-    Degrees,
     NotNegative,
     Number,
     Positive,
@@ -45,6 +42,7 @@ from missions.mission_file.fields import (
     Vertex,
 )
 from missions.mission_file.messages import explain
+from missions.mission_file.search_sections import Drift, Search, Team, Votes, Wind
 from missions.mission_file.sim_section import Sim
 from missions.mission_file.terrain_section import TerrainSection, relief_in, terrain_in
 from missions.units import LatLon
@@ -52,24 +50,9 @@ from missions.units import LatLon
 HostName = Annotated[
     str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
 ]
-AUTO: Final = "auto"
 
 
-def _number_or_auto(value: object, number: ValidatorFunctionWrapHandler) -> object:
-    if isinstance(value, str) and value != AUTO:
-        raise PydanticCustomError("altitude", 'must be a number or "auto"')
-    return value if value == AUTO else number(value)
-
-
-def _altitude_schema(_: object, schema_of: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-    number = schema_of.generate_schema(Annotated[Number, Field(gt=0, le=1000)])
-    return core_schema.no_info_wrap_validator_function(_number_or_auto, number)
-
-
-# not a union: its messages would speak of both kinds at once
-Altitude = Annotated[float | Literal["auto"], GetPydanticSchema(_altitude_schema)]
 MAX_VEHICLES = 50
-MAX_PRIOR_PLACES = 1000
 
 
 def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
@@ -108,68 +91,6 @@ class Start(Section):
 
     position: Vertex
     amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
-
-
-class PriorPlace(Section):
-    """One of the places where the ROI may be: a point with a spread, or a polygon."""
-
-    position: Vertex | None = None
-    spread_m: Positive | None = None
-    """Standard deviation around `position`; without it half of the box's shorter side."""
-    polygon: Ring | None = None
-    holes: tuple[Ring, ...] = ()
-    """Of the polygon."""
-    weight: Positive = 1.0
-    """How probable it is, beside the other places."""
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> PriorPlace:
-        if (self.position is None) == (self.polygon is None):
-            raise ValueError("give it either a position or a polygon")
-        if self.polygon is not None and self.spread_m is not None:
-            raise ValueError("spread_m belongs to a position; a polygon is as wide as it is")
-        if self.polygon is None and self.holes:
-            raise ValueError("holes belong to a polygon")
-        return self
-
-
-def _prior_places(value: object) -> object:
-    """A single position is a list of one place."""
-    if isinstance(value, str):
-        raise PydanticCustomError(
-            "prior_path",
-            "a GeoJSON file is read only beside the mission file that names it; write the places "
-            "here: [latitude, longitude], or [{{position = [...]}}, {{polygon = [...]}}]",
-        )
-    if isinstance(value, list | tuple) and len(value) == 2:
-        numbers = [isinstance(part, int | float) for part in value]
-        return [{"position": value}] if all(numbers) else value
-    return value
-
-
-class Search(Section):
-    """The box that holds at least a part of the ROI, and where in it the ROI probably is."""
-
-    box: Ring
-    prior: Annotated[
-        tuple[PriorPlace, ...],
-        Field(min_length=1, max_length=MAX_PRIOR_PLACES),
-        BeforeValidator(_prior_places),
-    ] = ()
-    """Orders the lanes so that the ROI is expected to be seen soonest. Without it they are flown
-    one beside the other."""
-    find: Literal["first", "all"] = "first"
-    """"first": the search ends where the ROI is seen first, and what hangs together with that is
-    mapped. "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
-    (strategy "swath")."""
-    altitude_m: Altitude | None = None
-    """Of the lowest layer of the search, above the start; without it the box is searched from where
-    it is mapped. "auto": as high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
-    pixels_per_cell: Positive = 20.0
-    """What the edge of a cell must have for a suspicion, where the search has layers of its own."""
-    layer_m: NotNegative | None = None
-    """Height between two layers of the search; without it `team.layer_m`. 0: all search in one, as
-    high as any of them; who would come near another one waits."""
 
 
 class Fence(Section):
@@ -253,25 +174,6 @@ class CameraSection(Section):
         return Optics(math.radians(self.hfov_deg), self.width_px, self.height_px)
 
 
-class Votes(Section):
-    """How many frames a cell gets, and how many of them must say yes."""
-
-    frames: Annotated[Count, Field(ge=1, le=100)] = 5
-    positive: Annotated[Count, Field(ge=1, le=100)] = 3
-    recorded: Literal["evidence", "count"] | None = None
-    """How recorded pictures decide on a cell. `evidence`: by the mean of what all of them saw,
-    weighed; `count`: by the first `frames`, as in the paper and in every flight. Left out: by
-    evidence under the view "all", by counting under "cross"."""
-
-    @model_validator(mode="after")
-    def _enough_frames(self) -> Votes:
-        if self.positive > self.frames:
-            raise ValueError(
-                f"positive = {self.positive} can never be reached with frames = {self.frames}"
-            )
-        return self
-
-
 class Battery(Section):
     """The battery: what it holds and what must be left of it at touch-down."""
 
@@ -283,29 +185,6 @@ class Battery(Section):
     def endurance_s(self) -> float:
         """Hovering time from full to empty in still air."""
         return self.capacity_wh * 3600.0 / self.hover_power_w
-
-
-class Wind(Section):
-    """The worst wind known for the flight."""
-
-    speed_m_s: Annotated[Number, Field(ge=0, le=40)] = 0.0
-    from_deg: Degrees = 0.0
-
-
-class Drift(Section):
-    """A rigid translation of the ROI, known beforehand (section 3)."""
-
-    speed_m_s: Annotated[Number, Field(ge=0, le=20)] = 0.0
-    toward_deg: Degrees = 0.0
-
-
-class Team(Section):
-    """How several vehicles keep apart: a layer of height each."""
-
-    separation_m: Positive = 4.0
-    """Two airborne vehicles are never nearer than this."""
-    layer_m: Positive = 6.0
-    """Height between two layers; more than `separation_m`, for what the vehicles waver."""
 
 
 class NavigationSection(Section):
@@ -490,7 +369,7 @@ class Mission(Section):
         return self
 
 
-def parse_toml(text: str, source: str) -> Mapping[str, Any]:
+def parse_toml(text: str, source: str) -> dict[str, Any]:
     """The tables of a mission file. Raises `MissionFileError` where it is not TOML."""
     try:
         return tomllib.loads(text)
@@ -508,7 +387,11 @@ def parse_fields(text: str, source: str) -> Mission:
     Traceback (most recent call last):
     missions.errors.MissionFileError: x.toml: start: missing; add it...
     """
-    tables = parse_toml(text, source)
+    return mission_of_tables(parse_toml(text, source), source)
+
+
+def mission_of_tables(tables: Mapping[str, Any], source: str) -> Mission:
+    """Make a mission of the tables of its file. Raises `MissionFileError` as `parse_fields`."""
     try:
         return Mission.model_validate(tables)
     except ValidationError as error:

@@ -10,7 +10,8 @@ from shapely.geometry import Point, Polygon
 from missions.ground.grid import Grid
 from missions.ground.prior import Area, Spot
 from missions.mission_file.places import drawn
-from missions.mission_file.schema import Mission, PriorPlace, positions
+from missions.mission_file.schema import Mission, positions
+from missions.mission_file.search_sections import PriorPlace
 from missions.units import LatLon
 
 FARTHEST_SPREADS: Final = 3.0

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+import tomlkit
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -30,10 +31,11 @@ from missions.state import Setting
 from missions.units import LatLon
 from tests.benchmarks import brighton
 from tests.benchmarks.detectors import PAINTED
+from tests.plans import named_text, plan_of
 from uavmap.cli import main as uavmap
 from uavmap.fly.flight import fly
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.after_flight import draw_boundary
 from uavmap.offline.gathering import gather
 from uavmap.offline.rasters import Wishes
@@ -43,10 +45,9 @@ from uavmap.offline.sources.opening import open_source
 from uavmap.offline.spool import Spool
 from uavmap.offline.tune.run import DETECTOR, MODEL, learned
 from uavmap.offline.tune.run import Wishes as TuneWishes
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.results.boundary_told import FILE
 from uavmap.results.score import true_roi
-from uavmap.toml_text import toml_text
 from vision.detectors.learned_model import model_bytes
 
 STEP_M = 0.1
@@ -92,15 +93,15 @@ def errors_m(one: BaseGeometry, other: BaseGeometry) -> np.ndarray:
 # --- the simulator -------------------------------------------------------------------------------
 def flown(seeds: int) -> None:
     """`runway`, seed by seed."""
-    source = load_source("runway")
-    setting = Setting.of(source.parse())
+    source = named_text("runway")
+    setting = Setting.of(load("runway"))
     truth = true_roi(setting.mission, setting.grid)
     print("seed  cells' IoU  boundary's IoU  error: median, 95 %, most (m)  told 95 %  area / true")
     found = []
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            plan = FlightPlan(
+            plan = plan_of(
                 source.source, source.text, strategy=None, vehicles=None, seed=seed, urls=(),
                 speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
             )  # fmt: skip
@@ -145,12 +146,12 @@ def brighton_beach() -> None:
 
 def _detector(folder: Path, section: dict[str, object]) -> Path:
     folder.mkdir()
-    (folder / DETECTOR).write_text(toml_text({"detector": section}), "utf-8")
+    (folder / DETECTOR).write_text(tomlkit.dumps({"detector": section}), "utf-8")
     return folder
 
 
 def _one_detector(name: str, detector: Path) -> None:
-    grid = Setting.of(load_source("road").parse()).grid
+    grid = Setting.of(load("road")).grid
     rings = [[grid.fixed(LatLon(lat, lon)) for lon, lat in ring] for ring in brighton.rings()]
     truth = Polygon(rings[0], rings[1:])
     out = detector.with_name(f"{detector.name}-map")
@@ -170,8 +171,7 @@ def _one_detector(name: str, detector: Path) -> None:
 # --- cost ----------------------------------------------------------------------------------------
 def cost(path: Path) -> None:
     """CPU seconds of the parts of a replay, poses as tagged; the least of three."""
-    source = load_source("road")
-    setting = Setting.of(source.parse())
+    setting = Setting.of(load("road"))
     gathered = gather(open_source(path))
     found: dict[str, list[float]] = {"verdicts": [], "results": [], "GeoTIFFs": []}
     for _ in range(3):
@@ -180,7 +180,7 @@ def cost(path: Path) -> None:
             began_s = time.process_time()
             looked = look_at_all(gathered, setting, spool, how)
             seen_s = time.process_time()
-            meta = journal_meta(source, str(path)) | looked.taken()
+            meta = journal_meta(setting.mission, "road", str(path)) | looked.taken()
             with Journal.create(folder / JOURNAL, meta) as journal:
                 looked.written(journal, folder)
             written_s = time.process_time()

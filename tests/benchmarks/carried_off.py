@@ -77,7 +77,7 @@ def _look(
 
 def flown(seed: int, oracle_s: float | None) -> Seen:
     """One flight, with an oracle that lands it at a time, or without."""
-    text = simulated.text_of(simulated.plan_of(seed))
+    text = simulated.named_text(simulated.plan_of(seed))
     faults = [f for f in tomllib.loads(text)["sim"]["faults"] if f["kind"] in CANNOT_BE_FLOWN]
     watched = Seen(faults[0]["vehicle"], faults[0]["at_s"])
 

@@ -21,19 +21,19 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
 from missions.ground.grid import Grid
 from missions.units import Cell
 from tests.benchmarks import brighton
 from uavmap.cli import main as uavmap
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.tune.examples import Example
 from uavmap.offline.tune.metrics import Counts, cell_counts, total
 from uavmap.offline.tune.run import DETECTOR, MODEL, Wishes, learned
 from uavmap.offline.tune.selection import KINDS, SETS
 from uavmap.results.model import NOT_ROI
-from uavmap.toml_text import toml_text
 from vision.detectors import Detector, make_detector
 from vision.detectors.learned import LearnedDetector
 from vision.detectors.learned_model import model_bytes
@@ -137,8 +137,8 @@ def by_set(examples: list[Example]) -> None:
 def by_map(examples: list[Example]) -> None:
     """The maps of `uavmap replay`, with the poses that the tags tell."""
     print("maps by the poses of the tags      precision recall IoU (cells of 2 m)")
-    source = load_source("road")
-    grid = Grid.at(source.parse().home, source.parse().grid.cell_m)
+    road = load("road")
+    grid = Grid.at(road.home, road.grid.cell_m)
     with tempfile.TemporaryDirectory() as folder:
         print_map("paved", Path(folder) / "paved", [], grid)
         for number, painted in enumerate(PAINTED):
@@ -150,7 +150,7 @@ def by_map(examples: list[Example]) -> None:
             where.mkdir()
             (where / MODEL).write_bytes(model_bytes(model))
             section = {"name": "learned", "model": MODEL, "share": choice.share}
-            (where / DETECTOR).write_text(toml_text({"detector": section}), "utf-8")
+            (where / DETECTOR).write_text(tomlkit.dumps({"detector": section}), "utf-8")
             out = Path(folder) / f"learned-{number}"
             print_map(f"learned from {painted}", out, ["--detector", str(where)], grid)
 

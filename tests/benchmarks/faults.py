@@ -26,10 +26,10 @@ from missions.orders import FlyTo
 from missions.state import Setting, State
 from missions.step import step
 from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly as fly_plan
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 
 MISSION = "tiny"
 PHASES = ("search", "explore", "return")
@@ -71,8 +71,8 @@ Job = tuple[str, str, float | None, int, int]
 @functools.cache
 def begins(vehicles: int) -> dict[str, float]:
     """When each phase is in full swing for the vehicle with the fault, without any fault."""
-    source = load_source(mission_path())
-    plan = FlightPlan(
+    source = named_text(mission_path())
+    plan = plan_of(
         source.source, source.text, None, vehicles, 1, (), None, SIM_EPOCH_UTC_S
     )  # fmt: skip
     setting = plan.setting(lambda text: None)

@@ -25,10 +25,11 @@ from typing import Any
 from missions.ground.grid import Grid
 from missions.units import GridPoint
 from tests.benchmarks.height_and_speed_picture import BLUE, INK, PALE, RED, line, words
+from tests.plans import MissionText, named_text, plan_of
 from uavmap.fly.flight import fly
 from uavmap.fly.simulated_fleet import fly_fleet
-from uavmap.mission_source import MissionSource, load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.mission_source import load
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 GAP_M = 15.0
 HIGHEST_M, LOWEST_M, LAYERS_M = 40.0, 28.0, 3.0
@@ -46,8 +47,8 @@ def text_for(vehicles: int, *, apart: bool = False) -> str:
     `apart` is for a service on each: each has a layer of its own, and more than five of those map
     from higher than `bay` says, so that the lowest still sees 3 x 3 of its cells at once.
     """
-    source = load_source("bay")
-    mission = source.parse()
+    source = named_text("bay")
+    mission = load("bay")
     grid = Grid.at(mission.home, mission.grid.cell_m)
     numbers = sorted(range(vehicles), key=lambda k: (k % 2, k))
     pads = [GridPoint(round((k - (vehicles - 1) / 2) * GAP_M, 1), 0.0) for k in numbers]
@@ -68,8 +69,8 @@ def text_for(vehicles: int, *, apart: bool = False) -> str:
 
 def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
     """What a flight came to."""
-    source = MissionSource("bay", text_for(vehicles, apart=comms is not None))
-    plan = FlightPlan(
+    source = MissionText("bay", text_for(vehicles, apart=comms is not None))
+    plan = plan_of(
         source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S, comms=comms
     )
     begun_s = time.process_time()

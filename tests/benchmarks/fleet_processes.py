@@ -36,7 +36,7 @@ from missions.state import Setting, State
 from uavmap import simulation
 from uavmap.journal.event_log import Journal
 from uavmap.link.key_file import new_key
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -150,7 +150,7 @@ def network(kind: str, number: int) -> list[str]:
 
 def serve(mission_file: str, number: int, speedup: float, seed: int) -> None:
     """Simulate one vehicle of a mission, until it is killed."""
-    mission = load_source(mission_file, None).parse()
+    mission = load(mission_file, None)
     own = mission.model_copy(update={"vehicles": mission.vehicles[number - 1 : number]})
     asyncio.run(
         simulation.serve_vehicles(
@@ -252,7 +252,7 @@ def main() -> int:
     if options.serve is not None:
         serve(options.mission, options.serve, options.speedup, options.seed)
         return 0
-    count = len(load_source(options.mission, None).parse().vehicles)
+    count = len(load(options.mission, None).vehicles)
     with contextlib.ExitStack() as stack:
         folder = Path(options.out or stack.enter_context(tempfile.TemporaryDirectory()))
         folder.mkdir(parents=True, exist_ok=True)

@@ -32,9 +32,10 @@ from shapely.geometry import MultiPoint, Point, Polygon, box
 from missions.ground.grid import Grid
 from missions.mission_file.schema import positions
 from missions.units import GridPoint
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.mission_source import load
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 MISSIONS = ("runway", "burn", "spill")
 TIGHT, WIDE = "survey, tight", "survey, wide"
@@ -59,7 +60,7 @@ class Job:
 # --- the boxes of surveys ----------------------------------------------------------------------
 def survey_text(text: str, mission: str, strategy: str) -> str:
     """A mission with the box of a survey, along the grid, and a fence that holds it."""
-    made = load_source(mission).parse()
+    made = load(mission)
     grid = Grid.at(made.home, made.grid.cell_m)
     region = MultiPoint([grid.fixed(p) for roi in made.sim.roi for p in positions(roi.polygon)])
     west, south, east, north = region.bounds
@@ -84,13 +85,11 @@ def _ring(grid: Grid, polygon: Polygon) -> str:
 # --- flights -----------------------------------------------------------------------------------
 def flight(job: Job) -> dict[str, Any]:
     """The summary of a flight."""
-    source = load_source(job.mission)
+    source = named_text(job.mission)
     text, strategy = source.text, job.strategy
     if strategy in (TIGHT, WIDE):
         text, strategy = survey_text(text, job.mission, strategy), "survey"
-    plan = FlightPlan(
-        source.source, text, strategy, job.vehicles, job.seed, (), None, SIM_EPOCH_UTC_S
-    )
+    plan = plan_of(source.source, text, strategy, job.vehicles, job.seed, (), None, SIM_EPOCH_UTC_S)
     with tempfile.TemporaryDirectory() as folder:
         return fly(plan, Path(folder))
 

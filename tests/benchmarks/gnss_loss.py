@@ -28,10 +28,10 @@ from missions.events import Navigated, Tracked
 from missions.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.simulation import Truth
 
 FLOW = "optical_flow = true\nodometry_drift = 0.02\n"
@@ -71,7 +71,7 @@ class Course:
 
 def text_of(job: Job) -> str:
     """The mission file of a flight."""
-    text = load_source(job.mission).text
+    text = named_text(job.mission).text
     more, fault = CASES[job.case]
     fault = fault.format(at_s=job.at_s, deg=(job.seed * 77) % 360)
     if job.autopilot == "px4":
@@ -91,7 +91,7 @@ def flown(job: Job) -> dict[str, Any]:
         course.true.append((truth.t_s, setting.grid.fixed(truth.position), truth.landed))
         watch(self, vehicles, setting)
 
-    plan = FlightPlan(
+    plan = plan_of(
         job.mission, text_of(job), None, None, job.seed, (), None, SIM_EPOCH_UTC_S
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:

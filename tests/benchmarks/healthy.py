@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from tests.benchmarks.watched import Flown, flown
-from uavmap.mission_source import load_source
+from tests.plans import named_text
 
 MISSIONS = ("runway", "runway-field", "spill", "tiny", "speck", "pair", "drift", "burn", "astray")
 ON_PX4 = ("tiny", "speck", "pair", "drift")
@@ -25,7 +25,7 @@ def fly(job: tuple[str, str, int]) -> Flown:
     """One flight."""
     mission, autopilot, seed = job
     path = DATA / f"{mission}.toml"
-    text = load_source(str(path) if path.exists() else mission).text
+    text = named_text(str(path) if path.exists() else mission).text
     if autopilot != "ardupilot":
         text = text.replace("[sim]\n", f'[sim]\nautopilot = "{autopilot}"\n')
     return flown(f"{mission} {autopilot} seed {seed}", text, seed)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.height_and_speed import speed_limits
 from missions.mission_file.schema import Mission
-from uavmap.mission_source import load_source
+from tests.plans import named_text
 
 WIDTH, HEIGHT = 900, 340
 INK, BLUE, RED, GREEN, PALE = "#222222", "#1f6fb4", "#c0392b", "#2e8b57", "#dddddd"
@@ -95,7 +95,7 @@ def side_view(mission: Mission, heights_m: Sequence[float]) -> list[str]:
 
 def picture() -> str:
     """The whole picture, of the mission `runway`."""
-    mission = parse_mission(load_source("runway").text, "runway")
+    mission = parse_mission(named_text("runway").text, "runway")
     auto = mission.model_copy(
         update={"flight": mission.flight.model_copy(update={"altitude_m": "auto"})}
     )

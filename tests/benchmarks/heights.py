@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from missions.mission_file.checks import parse_mission
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 PIXELS = (127, 80, 70, 60, 45, 30)
 STRATEGY = "horizon"
@@ -28,13 +28,13 @@ STRATEGY = "horizon"
 
 def text_of(pixels: float) -> str:
     """The mission `runway` as high as so many pixels a cell allow."""
-    text = re.sub(r"altitude_m = [0-9.]+", 'altitude_m = "auto"', load_source("runway").text)
+    text = re.sub(r"altitude_m = [0-9.]+", 'altitude_m = "auto"', named_text("runway").text)
     return re.sub(r"pixels_per_cell = [0-9.]+", f"pixels_per_cell = {pixels:g}", text)
 
 
 def flight(text: str, seed: int) -> dict[str, Any]:
     """The summary of a flight."""
-    plan = FlightPlan("runway", text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
+    plan = plan_of("runway", text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
     with tempfile.TemporaryDirectory() as folder:
         return fly(plan, Path(folder))
 

@@ -32,10 +32,10 @@ from missions.mission_file.schema import parse_fields
 from missions.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly
 from uavmap.fly.navigation import Navigation
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.simulation import Truth
 from vision.look import Frame
 
@@ -65,7 +65,7 @@ class Seen:
 
 def text_of(job: Job) -> str:
     """The mission file of a flight."""
-    text = load_source("runway").text
+    text = named_text("runway").text
     mission = parse_fields(text, "runway")
     grid = Grid.at(mission.home, mission.grid.cell_m)
 
@@ -114,7 +114,7 @@ def flown(job: Job) -> dict[str, Any]:
             seen.reckoned.append((frame.t_s, *grid.fixed(frame.pose.position)))
         return found
 
-    plan = FlightPlan("box", text_of(job), None, None, job.seed, (), None, SIM_EPOCH_UTC_S)
+    plan = plan_of("box", text_of(job), None, None, job.seed, (), None, SIM_EPOCH_UTC_S)
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
         patched.setattr(Truth, "watch", watching)
         patched.setattr(Navigation, "placed", placing)

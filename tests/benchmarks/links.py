@@ -18,6 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Event, FrameSeen
 from missions.orders import TakeOff
+from tests.plans import plan_of
 from tests.unit.uavmap.flights import Flight, fly, small_mission
 from uavmap.clock import VirtualClock, run
 from uavmap.fly import flight as flight_module
@@ -26,7 +27,7 @@ from uavmap.link.forwarding import Forwarding
 from uavmap.link.frames import Splitter
 from uavmap.link.session import Session
 from uavmap.link.signing import Signing, Stream
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 VEHICLES = 20
 SECONDS = 20.0
@@ -60,8 +61,8 @@ def frame_to_target_s(mission: str = "speck") -> list[float]:
             posted_s[0] = float("inf")
 
     text = (Path(__file__).parents[1] / "data" / f"{mission}.toml").read_text()
-    plan = FlightPlan(
-        mission_source=mission, mission_text=text, strategy=None, vehicles=None, seed=1,
+    plan = plan_of(
+        mission_source=mission, mission=text, strategy=None, vehicles=None, seed=1,
         urls=(), speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
     )  # fmt: skip
     Service.post, Session.send = noted, sent  # type: ignore[method-assign]

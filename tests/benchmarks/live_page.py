@@ -23,14 +23,14 @@ from missions.orders import FlyPath
 from missions.state import Phase, Setting, State
 from missions.units import Cell, GridPoint
 from tests.browser import browser
+from tests.plans import named_text, plan_of
 from tests.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.mission_source import load_source
 from uavmap.page.feed import Feed
 from uavmap.page.opening import Wishes, opened
 from uavmap.page.scene import scene_of
 from uavmap.page.watching import Watcher
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 VEHICLES, SIDE = 20, 71  # 71 x 71 cells are 5,041
 SECONDS = 10.0
@@ -38,10 +38,18 @@ SECONDS = 10.0
 
 def busy() -> tuple[Setting, State]:
     """A mission with a large region, half of which is explored."""
-    source = load_source("runway")
-    plan = FlightPlan(source.source, source.text, "rdfs", VEHICLES, 1, (), None, SIM_EPOCH_UTC_S)
-    plan = replace(plan, mission_text=f"{source.text}\n[team]\nlayer_m = 5.0\n")
-    setting = Setting.of(plan.mission())
+    source = named_text("runway")
+    plan = plan_of(
+        source.source,
+        f"{source.text}\n[team]\nlayer_m = 5.0\n",
+        "rdfs",
+        VEHICLES,
+        1,
+        (),
+        None,
+        SIM_EPOCH_UTC_S,
+    )
+    setting = Setting.of(plan.mission)
     state, belief = State.initial(setting), Belief(5, 3)
     vertices = {}
     for east in range(SIDE):

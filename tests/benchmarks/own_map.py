@@ -32,7 +32,7 @@ from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.scenario import Setup
 from sitl.world.world import World
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.simulation import setup_of
 from vision.camera import Camera
 from vision.ground_match import Patch, patch
@@ -98,7 +98,7 @@ def flight(
     attitude_deg: float = 0.3,
 ) -> tuple[Taken, ...]:  # fmt: skip
     """The pictures of a flight; what is told of heading and height is off by so much."""
-    mission = load_source("runway").parse()
+    mission = load("runway")
     setup = setup_of(mission, seed)
     world = _world(setup)
     rng = np.random.default_rng(seed)

@@ -31,7 +31,7 @@ from missions.errors import ImageError
 from missions.state import Setting
 from tests.benchmarks.many_pictures import write_survey
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import MissionSource
+from uavmap.mission_source import mission_of_text
 from uavmap.offline.credible import Placed, credible
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import Gathered, gather
@@ -89,7 +89,7 @@ def survives(data: bytes, path: Path) -> str:
 
 def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     """Wall and CPU seconds of both passes."""
-    setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
+    setting = Setting.of(mission_of_text(derived(gathered), "derived"))
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
         look_at_all(gathered, setting, spool, Options(Threads(workers)))
@@ -146,14 +146,14 @@ def _memory(counts: list[int], refine: str, around: int | None) -> None:
 def _results(path: Path, often: int) -> None:
     """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
     gathered = gather(open_source(path))
-    source = MissionSource("derived", derived(gathered))
-    setting = Setting.of(source.parse())
+    mission = mission_of_text(derived(gathered), "derived")
+    setting = Setting.of(mission)
     documents.load()  # a replay does so while it looks at pictures
     for _ in range(often):
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
             folder = Path(name)
             judged = look_at_all(gathered, setting, spool, Options())
-            meta = journal_meta(source, str(path)) | judged.taken()
+            meta = journal_meta(mission, "derived", str(path)) | judged.taken()
             times = [(time.perf_counter(), time.process_time())]
             with Journal.create(folder / JOURNAL, meta) as journal:
                 judged.written(journal, folder)

@@ -35,10 +35,11 @@ from missions.mission_file.schema import Mission
 from missions.state import Setting
 from missions.units import Cell
 from sitl.scenario import Setup
+from tests.plans import named_text, plan_of
 from uavmap.fly.classifier import Classifier
 from uavmap.fly.flight import fly
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.mission_source import load
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.results.score import CLEAR_SHARE, cells_near, shares_of, true_roi
 from vision.look import Frame
 
@@ -102,7 +103,7 @@ class FalseFrame:
 @contextlib.contextmanager
 def false_frame(_: int) -> Iterator[None]:
     """One frame of the search sees region everywhere, where there is none."""
-    mission = load_source(MISSION).parse()
+    mission = load(MISSION)
     grid = Setting.of(mission).grid
     truth = true_roi(mission, grid)
     shares = shares_of(cells_near(truth, grid), truth, grid)
@@ -194,10 +195,10 @@ def flight(job: tuple[str, int]) -> dict[str, Any]:
     """The summary of a flight, by trouble and seed."""
     name, seed = job
     change, inject = TROUBLES[name]
-    text = change(load_source(MISSION).text)
-    if (text == load_source(MISSION).text) != (change is _same):
+    text = change(named_text(MISSION).text)
+    if (text == named_text(MISSION).text) != (change is _same):
         raise RuntimeError(f"{name}: the mission {MISSION} has no place for it")
-    plan = FlightPlan(MISSION, text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
+    plan = plan_of(MISSION, text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
     with inject(seed), tempfile.TemporaryDirectory() as folder:
         return fly(plan, Path(folder))
 

@@ -27,7 +27,7 @@ from missions.units import Cell
 from tests.benchmarks import brighton
 from tests.benchmarks.detectors import region_share
 from uavmap.cli import main as uavmap
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.tune.metrics import Counts
 from uavmap.results.model import NOT_ROI
 
@@ -96,7 +96,7 @@ def write(name: str, path: Path, part: float, stops: float) -> None:
 
 def counted(out: Path) -> Counts:
     """The cells of a map against the truth."""
-    mission = load_source(str(out / "mission.toml")).parse()
+    mission = load(str(out / "mission.toml"))
     grid = Grid.at(mission.home, mission.grid.cell_m)
     roi, there = set(), set()
     for feature in json.loads((out / "map.geojson").read_text("utf-8"))["features"]:

@@ -20,12 +20,13 @@ from missions.state import Phase, Setting
 from missions.step import fold
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests import plans
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap import simulation
 from uavmap.fly.flight import fly as fly_plan
 from uavmap.fly.impact import GRAVITY_M_S2
 from uavmap.journal.event_log import Journal
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, FlightPlan
 from uavmap.simulation import STEP_S, Truth
 
 from .outcome import FORBIDDEN, Outcome
@@ -168,10 +169,7 @@ def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Out
         patched.setattr(simulation, "Truth", lambda: witness)
         path = Path(folder) / "flight"
         summary: dict[str, Any] = {}
-        asked = FlightPlan(
-            "campaign", text, strategy=None, vehicles=None, seed=seed, urls=(), speedup=None,
-            epoch_utc_s=SIM_EPOCH_UTC_S,
-        )  # fmt: skip
+        asked = plans.plan_of("campaign", text, seed=seed)
         try:
             summary = fly_plan(asked, path)
         except* UavmapError as group:

@@ -9,7 +9,7 @@ from missions.events import FrameSeen, from_json
 from missions.state import Setting, State, VehicleState
 from missions.step import step
 from tests.e2e.rig import bodies, mission
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 
 class Journey:
@@ -18,7 +18,7 @@ class Journey:
     def __init__(self, folder: Path, name: str, **changed: Any) -> None:
         """`changed` are the fields of the mission that the command line has changed."""
         self._folder = folder
-        self._setting = Setting.of(load_source(mission(name)).parse().model_copy(update=changed))
+        self._setting = Setting.of(load(mission(name)).model_copy(update=changed))
         self._state = State.initial(self._setting)
         self._read = 0
         self.frames = 0

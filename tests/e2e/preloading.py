@@ -16,7 +16,7 @@ from typing import Any
 from missions.swath.warm_up import warm_up
 from uavmap import cli
 from uavmap.__main__ import main
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.simulation import make_vehicles
 
 cli.parser()  # imports every command
@@ -76,7 +76,7 @@ def _prepare() -> None:
     """Have in memory what nearly every flight would load or compute anew: the planner's kernels,
     and the patterns of the ground, which depend on the seed only."""
     warm_up()
-    world = make_vehicles(load_source(str(_ANY_MISSION)).parse(), _SEED)[0].world
+    world = make_vehicles(load(str(_ANY_MISSION)), _SEED)[0].world
     assert world.ground_texture.size == world.roi_texture.size
 
 

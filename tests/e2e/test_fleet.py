@@ -24,7 +24,7 @@ from tests.e2e.rig import uavmap
 from tests.fleet_rig import flown as beset
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
 
 PADS = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
@@ -136,7 +136,7 @@ def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path)
 
 
 def test_pads_without_a_place_lie_far_enough_apart() -> None:
-    mission = with_pads_apart(load_source("burn").parse().model_copy(
+    mission = with_pads_apart(load("burn").model_copy(
         update={"vehicles": (VehicleSection(),) * 4}
     ))  # fmt: skip
     check_fleet(mission, "burn")

@@ -12,7 +12,7 @@ from shapely.geometry import Polygon
 from tests.area_files import kml, kml_polygon, placemark, saved
 from uavmap.areas.reading import read_area_file
 from uavmap.cli import main
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 FIELD = ((13.303, 52.456), (13.3035, 52.456), (13.3035, 52.4563), (13.303, 52.4563))
 """34 m x 33 m."""
@@ -47,11 +47,11 @@ def test_a_kml_is_flown_in_the_simulator(
 
 def test_an_exported_search_comes_back_with_its_fence_and_home() -> None:
     assert main(["export", "runway", "--plan", "r.plan", "--waypoints", "r.waypoints"]) == 0
-    runway = load_source("runway").parse()
+    runway = load("runway")
     for name in ("r.plan", "r.waypoints"):
         out = f"{name[2:]}.toml"
         assert main(["new", name, "--drone", "sim", "--out", out]) == 0
-        again = load_source(out).parse()
+        again = load(out)
         assert again.start.position == pytest.approx(runway.start.position, abs=1e-7)
         if name == "r.plan":
             found = sorted(again.fence.polygon)

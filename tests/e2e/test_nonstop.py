@@ -34,7 +34,7 @@ from tests.e2e.rig import (
     uavmap,
     wait_until,
 )
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 SPEEDUP = 5.0
 """A plan has to be made within a second of the mission. So fast, places ahead are told."""
@@ -60,7 +60,7 @@ def speck_passed(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
     """What everybody carries out after each event."""
-    made = load_source(mission(name)).parse().model_copy(update={"strategy": "swath"})
+    made = load(mission(name)).model_copy(update={"strategy": "swath"})
     setting = Setting.of(made)
     state, told = State.initial(setting), []
     for line in lines:

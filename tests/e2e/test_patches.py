@@ -14,7 +14,7 @@ from missions.state import Setting, State
 from missions.step import step
 from tests.e2e.rig import mission, uavmap
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.page.scene import STATES
 from uavmap.page.watching import Watcher
 from uavmap.record.flight_plan import JOURNAL
@@ -95,7 +95,7 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
     overviews = [e.overview for e in events if isinstance(e, FrameSeen)]
     assert overviews.count(True) > 10
     assert overviews.count(None) > 10
-    setting = Setting.of(load_source(str(file)).parse())
+    setting = Setting.of(load(str(file)))
     state = State.initial(setting)
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for event in events:  # what the live page shows is what the map says

@@ -8,7 +8,7 @@ from pathlib import Path
 from missions.state import Setting
 from missions.units import GridPoint
 from tests.e2e.rig import mission, uavmap
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 MORE = 1.1
 """Ways to single cells that a gust has kept from the pictures, and what a vehicle strays."""
@@ -23,7 +23,7 @@ def plain_m(setting: Setting) -> float:
 
 def test_a_survey_in_the_wind_flies_its_lanes_once(tmp_path: Path) -> None:
     """The camera tilts with the airframe and looks to leeward: lanes are flown to windward."""
-    setting = Setting.of(load_source(mission("windy")).parse())
+    setting = Setting.of(load(mission("windy")))
     assert len(setting.lanes) == 3
     done = uavmap("fly", mission("windy"), "--sim", "--json", "--out", tmp_path / "out")
     assert done.code == 0, done.err

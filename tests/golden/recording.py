@@ -13,7 +13,7 @@ from typing import Any, Final
 from missions.events import Event
 from missions.mission_file.checks import parse_mission
 from missions.state import Setting
-from uavmap.mission_source import load_source
+from tests.plans import named_text
 from uavmap.results.figures import figures, summary
 
 HERE: Final = Path(__file__).parent
@@ -56,7 +56,7 @@ class Recording:
         self.outcome.write_text(text + "\n", "utf-8")
 
     def setting(self) -> Setting:
-        source = load_source(self.mission)
+        source = named_text(self.mission)
         mission = parse_mission(source.text, source.source)
         return Setting.of(mission.model_copy(update={"strategy": self.strategy}))
 

@@ -13,16 +13,16 @@ from pathlib import Path
 
 from missions.events import from_json
 from tests.golden.recording import RECORDINGS, Recording, outcome
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 
 
 def flown(recording: Recording, folder: Path) -> list[str]:
     """The texts of the events of a golden mission, flown now."""
-    source = load_source(recording.mission)
-    plan = FlightPlan(
+    source = named_text(recording.mission)
+    plan = plan_of(
         source.source,
         source.text,
         strategy=recording.strategy,

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any, Final, ParamSpec, cast
 
 from missions.errors import UavmapError
-from missions.mission_file.schema import MAX_VEHICLES
-from uavmap.api.arguments import Paths, choice, number, path_text, texts, whole
 from uavmap.api.aside import Job, awaited, waited_for
 from uavmap.api.results import Results, open_results
+from uavmap.arguments import Paths, choice, path_text, texts
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.fly import flight
@@ -24,18 +23,21 @@ from uavmap.fly.caller import Caller
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.one_flight import Company
 from uavmap.fly.onlooker import Onlooker
-from uavmap.fly.planned import Wanted, planned
+from uavmap.fly.planned import planned
 from uavmap.fly.progress import ProgressTable
 from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.preflight.plan_figures import plan_lines
-from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, Driver
+from uavmap.record.flight_options import DRIVERS, PYMAVLINK, Driver, FlightOptions
 from uavmap.record.results_folder import results_folder
 
 P = ParamSpec("P")
 _LOG: Final = logging.getLogger("uavmap.flight")
 KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
-_SPEEDUPS: Final = (0.001, 1000.0)
-_SEEDS: Final = 2**63 - 1
+_AS_GIVEN: Final = (
+    *("vehicles", "strategy", "all_strategies", "seed", "speedup", "auto_swap", "driver"),
+    "onboard",
+)
+"""The fields of `FlightOptions` that are parameters of their names."""
 
 
 def fly(
@@ -46,6 +48,7 @@ def fly(
     camera: str | Sequence[str] = (),
     vehicles: int | None = None,
     strategy: str | None = None,
+    all_strategies: bool = False,
     detector: Paths | None = None,
     seed: int = 1,
     speedup: float | None = None,
@@ -79,6 +82,7 @@ def fly(
         camera: The camera of each vehicle, as for `--camera`. By default those of the mission file.
         vehicles: How many, 1 to 50. By default as many as the mission file or the URLs say.
         strategy: Which strategy flies, instead of the mission file's.
+        all_strategies: With `sim`: strategies that serve comparisons in papers may fly, too.
         detector: A folder that `uavmap tune` has written, instead of the mission file's detector.
         seed: Of the simulation: the same seed gives the same flight. 0 or more.
         speedup: Times real time, 0.001 to 1000. By default as fast as it can be computed with
@@ -115,9 +119,9 @@ def fly(
     return waited_for(
         _flight(
             mission, sim=sim, connect=connect, camera=camera, vehicles=vehicles, strategy=strategy,
-            detector=detector, seed=seed, speedup=speedup, auto_swap=auto_swap, driver=driver,
-            onboard=onboard, key=key, forward=forward, yes=yes, dry_run=dry_run,
-            keep_fence=keep_fence, keep_frames=keep_frames, out=out, quiet=quiet,
+            all_strategies=all_strategies, detector=detector, seed=seed, speedup=speedup,
+            auto_swap=auto_swap, driver=driver, onboard=onboard, key=key, forward=forward, yes=yes,
+            dry_run=dry_run, keep_fence=keep_fence, keep_frames=keep_frames, out=out, quiet=quiet,
         )
     )  # fmt: skip
 
@@ -218,22 +222,16 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
         raise UavmapError("sim=True and connect=... exclude each other: give one of them")
     if quiet and not (sim or yes or dry_run):
         raise UavmapError("quiet=True hides the question before take-off: give yes=True with it")
-    vehicles, speedup, detector = given["vehicles"], given["speedup"], given["detector"]
-    wanted = Wanted(
-        mission=path_text("mission", mission),
-        sim=sim,
-        connect=texts("connect", given["connect"]),
-        camera=texts("camera", given["camera"]),
-        vehicles=None if vehicles is None else whole("vehicles", vehicles, 1, MAX_VEHICLES),
-        strategy=given["strategy"],
+    detector = given["detector"]
+    options = FlightOptions(
+        mission_source=path_text("mission", mission),
+        simulated=sim,
+        urls=texts("connect", given["connect"]),
+        cameras=texts("camera", given["camera"]),
         detector=None if detector is None else path_text("detector", detector),
-        seed=whole("seed", given["seed"], 0, _SEEDS),
-        speedup=None if speedup is None else number("speedup", speedup, *_SPEEDUPS),
-        auto_swap=given["auto_swap"],
-        driver=_driver(given["driver"]),
-        onboard=given["onboard"],
-        key=None if sim else _key(given["key"]),
+        key_file=None if sim else _key(given["key"]),
         forward=texts("forward", given["forward"]),
+        **{name: given[name] for name in _AS_GIVEN},
     )
     out = None if given["out"] is None else path_text("out", given["out"])
     before = None if sim else Preflight(plan_lines, yes, dry_run, given["keep_fence"])
@@ -241,11 +239,12 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
         raise UavmapError("dry_run=True is for real aircraft; `uavmap check` looks at a mission")
 
     def job(caller: Caller) -> Results:
-        plan, flown = planned(wanted)
+        plan = planned(options)
         with _shown(quiet=quiet) as onlookers:
             plan = with_ground(plan)
-            folder = results_folder(out, flown.name)
-            _LOG.info(f"{flown.name} into {folder}; to go on if it is interrupted: uavmap.resume")
+            name = plan.mission.name
+            folder = results_folder(out, name)
+            _LOG.info(f"{name} into {folder}; to go on if it is interrupted: uavmap.resume")
             company = Company(onlookers=onlookers, preflight=before, caller=caller)
             flight.fly(plan, folder, company, keep_frames=given["keep_frames"])
             return _finished(folder)

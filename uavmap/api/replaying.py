@@ -7,8 +7,8 @@ from datetime import datetime
 from typing import Final
 
 from missions.errors import UavmapError
-from uavmap.api.arguments import Paths, number, path_text, whole
 from uavmap.api.results import Results, open_results
+from uavmap.arguments import Paths, number, path_text, whole
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.lab.cluster import Cluster

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.errors import ResultsError, UavmapError
 from missions.ground.geodesy import UtmZone
 from missions.units import LatLon
-from uavmap.api.arguments import Paths, path_text
+from uavmap.arguments import Paths, path_text
 from uavmap.base.extras import install_command
 from uavmap.record.flight_plan import JOURNAL
 from uavmap.text_files import read_text

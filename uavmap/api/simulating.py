@@ -14,7 +14,7 @@ from missions.lab.arena.roi import Roi
 from missions.lab.strategies import EXPLORERS
 from missions.swath.strategies import NONSTOP
 from missions.units import LatLon
-from uavmap.api.arguments import Paths, number, path_text, whole
+from uavmap.arguments import Paths, number, path_text, whole
 from uavmap.base.extras import install_command
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.simulated_links import simulated_links

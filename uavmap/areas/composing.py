@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from missions.mission_file import flyable
+from missions.mission_file.fields import AUTO
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
-from missions.mission_file.schema import AUTO, Mission, parse_fields
+from missions.mission_file.schema import Mission, parse_fields
 from missions.units import LatLon
 from uavmap.areas.layout import Layout
 from uavmap.areas.mission_text import mission_text

@@ -25,8 +25,8 @@ _HEAD: Final = """\
 
 A mission file says where a region may be, who flies, and how. It is a text in TOML: lines `key =
 value`, in tables `[name]`. [`uavmap new`](new.md) writes one from a drawing, with a comment on
-every key; `uavmap check FILE` says what is wrong with one, by key, value and remedy. The missions
-that are shipped (`missions/shipped`) are examples.
+every key; `uavmap check FILE` reports what is wrong with one, by line, key, value and remedy. The
+missions that are shipped (`missions/shipped`) are examples.
 
 A key that is left out takes its default; a key that is not known is an error. Positions are
 `[latitude, longitude]` in degrees (WGS84), angles are degrees clockwise from true north. The

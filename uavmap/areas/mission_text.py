@@ -11,11 +11,11 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import annotated_types
+import tomlkit
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from missions.mission_file.schema import Mission, VehicleSection
-from uavmap.toml_text import toml_value
 
 Values = Mapping[str, Any]
 """What a mission says besides the defaults, by dotted key."""
@@ -216,7 +216,7 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
     # a table of its own, or no default: shown, but not said
     missing = value is None or isinstance(value, BaseModel | Mapping) or value == ()
     missing |= full in _UNSAID and full not in values
-    text = f"# {key} =" if missing else f"{key} = {toml_value(value)}"
+    text = f"# {key} =" if missing else f"{key} = {tomlkit.item(value).as_string()}"
     yield f"{text:{_COLUMN - 1}} # {comment}".rstrip(" #")
 
 

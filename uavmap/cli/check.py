@@ -12,7 +12,7 @@ from typing import Any
 from missions.mission_file import flyable
 from missions.state import Setting
 from uavmap.cli.plan_map import box_line, check_kind, write_map, zone_name
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.preflight.plan_figures import (
     estimate,
     ground_figures,
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     """Check."""
     if options.map is not None:
         check_kind(options.map, "--map")
-    setting = Setting.of(load_source(options.mission).parse())
+    setting = Setting.of(load(options.mission))
     figures = estimate(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)
     if options.map is not None:

@@ -18,10 +18,6 @@ from uavmap.cli.summary import print_summary
 from uavmap.results.atomic import write_text
 from uavmap.results.summary import encode
 
-DETECTOR_HELP: Final = (
-    "a folder that `uavmap tune` has written, or a detector.toml: judge pictures by this detector, "
-    "not by that of the mission file"
-)
 EXIT_CODES: Final = """\
 exit codes:
   0    the mission is complete, everybody is at home

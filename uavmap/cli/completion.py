@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import shtab
 
-from missions.mission_file.checks import STRATEGIES
+from missions.mission_file.checks import FLOWN
 from missions.mission_file.fleet_checks import STRATEGIES as OF_FLEETS
 from uavmap.mission_source import shipped_missions
 
@@ -59,7 +59,7 @@ def _complete(action: argparse.Action, command: str) -> None:
     """Say what a value is, by how the help names it."""
     named = str(action.metavar)
     if "--strategy" in action.option_strings and command != "simulate":
-        action.choices = [*(OF_FLEETS if command == "onboard" else STRATEGIES)]
+        action.choices = [*(OF_FLEETS if command == "onboard" else FLOWN)]
     elif named == "MISSION":
         action.complete = _missions()  # type: ignore[attr-defined]
     elif named in _FOLDERS:

@@ -18,16 +18,16 @@ from missions.mission_file.schema import CameraSection
 from missions.state import Setting
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.cameras.spec import HELP, CameraSpec, parse_camera
-from uavmap.cli.common import speedup
+from uavmap.cameras.spec import CameraSpec, parse_camera
 from uavmap.cli.endings import INCOMPLETE
-from uavmap.cli.link_options import add_key_option, key_file
+from uavmap.cli.flight_options import key_file
+from uavmap.cli.option_table import add_options
 from uavmap.clock import ScaledClock
 from uavmap.clock import run as run_on
 from uavmap.fly.cameras_of import cameras_of
 from uavmap.fly.classifier import detector_of
 from uavmap.fly.links import Link, LinkOptions, check_urls, opened_links
-from uavmap.mission_source import load_source, shipped_missions
+from uavmap.mission_source import load, shipped_missions
 from uavmap.preflight.autopilot_fence import outside_m
 from uavmap.preflight.examination import Examination, connect
 from uavmap.preflight.finding import Finding, could_fly, ok
@@ -72,39 +72,20 @@ def add_parser(commands: Any) -> None:
         nargs="?",
         help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
     )
-    parser.add_argument(
-        "--connect",
-        metavar="URL",
-        action="append",
-        default=[],
-        help="where a vehicle is reached; once a vehicle",
-    )
-    parser.add_argument(
-        "--camera",
-        metavar="SPEC",
-        action="append",
-        default=[],
-        help=f"the camera of a vehicle, once a vehicle, in the order of --connect: {HELP} "
-        "(default: as the mission file says)",
-    )
-    add_key_option(parser)
-    parser.add_argument(
-        "--speedup", metavar="X", type=speedup, help="times real time, of a simulator (default 1)"
-    )
+    add_options(parser, "doctor")
     parser.add_argument(
         "--out", metavar="DIR", default=PICTURES, help="folder for test pictures (default: doctor)"
     )
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Look."""
-    urls, folder = tuple(options.connect), Path(options.out)
+    urls, folder = tuple(options.connect or ()), Path(options.out)
     check_urls(urls)
     links = LinkOptions(speedup=options.speedup or 1.0, key_file=key_file(options))
     setting = _setting(options.mission, len(urls))
-    cameras = _cameras(tuple(options.camera), setting, len(urls))
+    cameras = _cameras(tuple(options.camera or ()), setting, len(urls))
     found = list(installation(folder))
     if not options.json:
         _print(found)
@@ -131,7 +112,7 @@ def _setting(name: str | None, links: int) -> Setting | None:
     """The mission, with a vehicle for each link where links are given."""
     if name is None:
         return None
-    mission = load_source(name).parse()
+    mission = load(name)
     if links > len(mission.vehicles):
         raise MissionFileError(
             f"{name}: {len(mission.vehicles)} vehicles, but {links} connection URLs; give "

@@ -15,7 +15,6 @@ from missions.state import Setting
 from uavmap.base.terminal import Terminal
 from uavmap.cli.common import vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map
-from uavmap.mission_source import load_source
 from uavmap.offline.plan_items import SearchFlight, search_flight
 from uavmap.results.atomic import write_text
 from uavmap.results.ground_station_plan import Firmware, plan_text, waypoints_text
@@ -102,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
             "mapped region again, draw a mission around it: uavmap new "
             f"{Path(options.source) / 'map.gpkg'} --area region"
         )
-    mission = load_source(options.source).parse()
+    mission = load(options.source)
     if mission.flight.height_above == "ground":
         raise UavmapError(
             f'{options.source}: flight.height_above = "ground": the heights of a plan are above '

@@ -1,130 +1,72 @@
-"""What `uavmap fly` and `uavmap onboard` have in common: options, and the flight itself."""
+"""From the options of a command to a flight, and the flight itself."""
 
 from __future__ import annotations
 
 import argparse
+import os
+from pathlib import Path
+from typing import Any
 
-from missions.errors import NotFlownError, leaves
-from missions.mission_file import fleet_checks
-from missions.mission_file.checks import STRATEGIES
-from missions.mission_file.schema import Mission
+from missions.errors import LinkError, NotFlownError, leaves
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.cameras.spec import HELP
-from uavmap.cli.common import DETECTOR_HELP, report, speedup
+from uavmap.cli.common import report
 from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, beside
-from uavmap.cli.summary import add_summary_options
+from uavmap.cli.option_table import FLEET_KEY_VARIABLE, KEY_VARIABLE, TABLE
+from uavmap.cli.page_options import beside
 from uavmap.fly.before_flight import Preflight
 from uavmap.fly.flight import fly
 from uavmap.fly.ground_survey import with_ground
 from uavmap.fly.one_flight import Company
-from uavmap.fly.planned import Wanted
-from uavmap.mission_source import shipped_missions
 from uavmap.offline.after_flight import draw_boundary, kept_frames
 from uavmap.preflight.plan_figures import plan_lines
-from uavmap.record.flight_plan import DRIVERS, PYMAVLINK, FlightPlan
+from uavmap.record.flight_options import FleetNetwork, FlightOptions
+from uavmap.record.flight_plan import FlightPlan
 from uavmap.record.results_folder import results_folder
 
 
-def add_mission(parser: argparse.ArgumentParser) -> None:
-    """Add MISSION."""
-    parser.add_argument(
-        "mission",
-        metavar="MISSION",
-        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
-    )
+def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:
+    """Make the options of a flight from those of its command; `more` are other fields.
 
-
-def add_camera_option(parser: argparse.ArgumentParser, whose: str) -> None:
-    """Add `--camera`."""
-    parser.add_argument(
-        "--camera",
-        metavar="SPEC",
-        action="append",
-        default=[],
-        help=f"the camera of {whose}: {HELP} (default: as the mission file says, else mavlink)",
-    )
-
-
-def add_flight_options(parser: argparse.ArgumentParser, *, fleet: bool = False) -> None:
-    """Add what every flight may be given; of a `fleet` the help says what its vehicles can fly."""
-    strategies = fleet_checks.STRATEGIES if fleet else STRATEGIES
-    parser.add_argument("--strategy", metavar="NAME", help=f"one of: {', '.join(strategies)}")
-    alone = "; with --sim the default is as fast as it goes, with --connect 1"
-    parser.add_argument(
-        "--speedup",
-        metavar="X",
-        type=speedup,
-        help="times real time" + (", for simulators (default 1)" if fleet else alone),
-    )
-    parser.add_argument(
-        "--auto-swap",
-        action="store_true",
-        help="take off again as soon as a battery is fresh, unasked; only for simulators "
-        "(the bundled one is recognised)",
-    )
-    parser.add_argument(
-        "--driver",
-        choices=DRIVERS,
-        default=PYMAVLINK,
-        help="who speaks MAVLink with real aircraft: this program with pymavlink's codec "
-        "(default), or MAVSDK" + ("" if fleet else "; not with --sim"),
-    )
-    add_link_options(parser)
-    _add_preflight_options(parser)
-    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
-    parser.add_argument(
-        "--keep-frames",
-        action="store_true",
-        help="keep every picture with its pose in the results, for `uavmap replay`",
-    )
-    add_page_options(parser)
-    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
-    add_summary_options(parser)
-
-
-def _add_preflight_options(parser: argparse.ArgumentParser) -> None:
-    """Add what concerns the time before the first take-off."""
-    parser.add_argument(
-        "--yes",
-        action="store_true",
-        help="take off without a question; what must not be passed over (fence, battery, camera) "
-        "keeps everybody on the ground all the same",
-    )
-    parser.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="look at everything, set fences and return heights, put them back, and arm nothing; "
-        "exit code 3 where the mission could not be flown",
-    )
-    parser.add_argument(
-        "--keep-fence",
-        action="store_true",
-        help="leave fence, rally points and return heights of the autopilots as they are; a "
-        "mission that leaves such a fence is not flown",
-    )
-
-
-def wanted_of(options: argparse.Namespace, *, sim: bool = False) -> Wanted:
-    """The flight that options ask for which every flight may be given; without a key if simulated.
-
-    Raises `LinkError` for a key without a name.
+    Raises `UavmapError` as `FlightOptions`, and `LinkError` for a key without a name.
     """
-    return Wanted(
-        mission=options.mission,
-        sim=sim,
-        connect=tuple(options.connect),
-        camera=tuple(options.camera),
-        strategy=options.strategy,
-        detector=options.detector,
-        speedup=options.speedup,
-        auto_swap=options.auto_swap,
-        driver=options.driver,
-        key=None if sim else key_file(options),
-        forward=tuple(options.forward or ()),
-    )
+    given: dict[str, Any] = {}
+    for option in TABLE:
+        if option.field is not None and hasattr(options, option.destination):
+            value = getattr(options, option.destination)
+            given[option.field] = tuple(value or ()) if option.several else value
+    given["key_file"] = None if given.get("simulated") else key_file(options)
+    return FlightOptions(**given | more)
+
+
+def key_file(options: argparse.Namespace) -> str | None:
+    """Return the file of the signing key as an absolute path, None without one."""
+    return _key_path("--key", options.key, KEY_VARIABLE)
+
+
+def network_of(options: argparse.Namespace, before: FleetNetwork | None = None) -> FleetNetwork:
+    """Make the network of the options; what is not given is as `before`. Raises `LinkError`."""
+    before = before or FleetNetwork()
+    given = options.listen, options.peer, options.router
+    if any(part is not None for part in given):
+        listen, peers, routers = (tuple(part or ()) for part in given)
+    else:
+        listen, peers, routers = before.listen, before.peers, before.routers
+    key = _key_path("--fleet-key", options.fleet_key, FLEET_KEY_VARIABLE)
+    return FleetNetwork(listen, peers, routers, key or before.key_file)
+
+
+def gives_network(options: argparse.Namespace) -> bool:
+    """Return whether any option of the fleet's network is given."""
+    given = (options.listen, options.peer, options.router, options.fleet_key)
+    return any(part is not None for part in given)
+
+
+def _key_path(option: str, given: str | None, variable: str) -> str | None:
+    if given == "":
+        raise LinkError(f"{option} is empty; name the file of a key")
+    name = os.environ.get(variable) if given is None else given
+    return str(Path(name).expanduser().absolute()) if name else None
 
 
 def preflight_of(options: argparse.Namespace) -> Preflight:
@@ -132,23 +74,17 @@ def preflight_of(options: argparse.Namespace) -> Preflight:
     return Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
 
 
-def begin(
-    options: argparse.Namespace, plan: FlightPlan, mission: Mission, preflight: Preflight | None
-) -> int:
+def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None) -> int:
     """Fly a plan into the folder of --out, with what is asked for beside it; the exit code."""
     terminal = Terminal()
     with shown_on(terminal):
-        return _begin(options, plan, mission, preflight, terminal)
+        return _begin(options, plan, preflight, terminal)
 
 
 def _begin(
-    options: argparse.Namespace,
-    plan: FlightPlan,
-    mission: Mission,
-    preflight: Preflight | None,
-    terminal: Terminal,
+    options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None, terminal: Terminal
 ) -> int:
-    plan = with_ground(plan)
+    plan, mission = with_ground(plan), plan.mission
     folder = results_folder(options.out, mission.name)
     terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
     if mission.camera.calibration is not None:

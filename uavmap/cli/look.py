@@ -13,9 +13,9 @@ from rich.table import Table
 from missions.errors import ImageError, OutputError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from uavmap.base.terminal import PipeConsole
-from uavmap.cli.common import DETECTOR_HELP
+from uavmap.cli.option_table import add_options
 from uavmap.detector_source import detector_text
-from uavmap.mission_source import MissionSource, load_source
+from uavmap.mission_source import load, mission_of_text
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.derived import DETECTOR, derived
 from uavmap.offline.gathering import gather
@@ -52,33 +52,27 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("image", metavar="IMAGE", help="a picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera and detector")
-    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
-    parser.add_argument(
-        "--calibration", metavar="FILE", help="the camera's calibration by OpenCV: YAML, XML, JSON"
-    )
+    add_options(parser, "look")
     parser.add_argument(
         "--out",
         metavar="FILE",
         help="the annotated picture (default: the picture's name with -looked.png, here)",
     )
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Look at one picture."""
-    given = None if options.mission is None else load_source(options.mission, options.detector)
+    mission = None if options.mission is None else load(options.mission, options.detector)
+    lens = calibration_of(options.calibration, mission, options.mission)
+    source = options.mission or "derived from the picture"
     detector = DETECTOR
-    if given is None and options.detector is not None:
+    if mission is None and options.detector is not None:
         detector = detector_text(Path(options.detector))
-    asked = None if given is None else given.parse()
-    lens = calibration_of(options.calibration, asked, options.mission)
     gathered = gather(open_source(Path(options.image)))
-    source = given or MissionSource(
-        "derived from the picture", derived(gathered, lens, detector=detector)
-    )
-    mission = source.parse()
-    refuse_unknown_ground(mission, source.source)
+    if mission is None:
+        mission = mission_of_text(derived(gathered, lens, detector=detector), source)
+    refuse_unknown_ground(mission, source)
     if not gathered.pictures:
         raise ImageError(f"{options.image}: no picture can be read")
     looked = look_at(gathered.pictures[0], mission, lens)

@@ -29,7 +29,7 @@ from uavmap.cli.new_aircraft import (
     two_numbers,
 )
 from uavmap.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
-from uavmap.mission_source import MissionSource
+from uavmap.mission_source import mission_of_text
 from uavmap.preflight.plan_figures import estimate
 from uavmap.record.results_folder import folder_name
 from uavmap.results.atomic import write_text
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     origin = Path(drawing.source).name
     try:
         text = compose(name, origin, layout, figures, flying)
-        setting = Setting.of(MissionSource(str(out), text).parse())
+        setting = Setting.of(mission_of_text(text, str(out)))
     except MissionFileError as error:
         raise AreaError(
             f"such a mission could not be flown, nothing is written:\n{error}"

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from typing import Any
 
-from uavmap.cli.common import EXIT_CODES, vehicle_count
-from uavmap.cli.fleet_options import add_fleet_options, network_of
+from uavmap.cli.common import EXIT_CODES
 from uavmap.cli.flight_options import (
-    add_camera_option,
-    add_flight_options,
-    add_mission,
     begin,
+    flight_options,
+    network_of,
     preflight_of,
-    wanted_of,
 )
+from uavmap.cli.option_table import add_options
 from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.planned import planned
 
@@ -47,31 +44,13 @@ def add_parser(commands: Any) -> None:
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_mission(parser)
-    parser.add_argument(
-        "--vehicle",
-        metavar="K",
-        type=vehicle_count,
-        required=True,
-        help="which vehicle of the mission file this one is, from 1",
-    )
-    parser.add_argument(
-        "--connect",
-        metavar="URL",
-        action="append",
-        default=[],
-        help="where its autopilot is reached (default: its url in the mission file)",
-    )
-    add_fleet_options(parser)
-    add_camera_option(parser, "this vehicle")
-    add_flight_options(parser, fleet=True)
+    add_options(parser, "onboard")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Fly."""
     network = network_of(options)
-    wanted = replace(wanted_of(options), onboard=True, member=options.vehicle, network=network)
+    asked = flight_options(options, onboard=True, network=network)
     check_network(network)
-    plan, mission = planned(wanted)
-    return begin(options, plan, mission, preflight_of(options))
+    return begin(options, planned(asked), preflight_of(options))

@@ -1,4 +1,4 @@
-"""The options of the live page, and the page that they ask for."""
+"""The live page beside a flight, where its options ask for one."""
 
 from __future__ import annotations
 
@@ -11,46 +11,13 @@ from missions.errors import UavmapError
 from missions.state import Setting
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.cli.common import number_type
 from uavmap.fly.onlooker import Onlooker
 from uavmap.fly.progress import ProgressTable
-from uavmap.page.address import LOOPBACK, PORT
+from uavmap.page.address import LOOPBACK
 from uavmap.page.background import of_tiles
 from uavmap.page.live import FlightPage
 from uavmap.page.opening import Wishes, opened
 from uavmap.record.flight_plan import FlightPlan
-
-port = number_type(int, 0, 65535)
-
-
-def add_page_options(parser: argparse.ArgumentParser) -> None:
-    """Add --page and what goes with it."""
-    parser.add_argument(
-        "--page",
-        metavar="PORT",
-        nargs="?",
-        type=port,
-        const=PORT,
-        help=f"show the flight live in a browser, with buttons; on port {PORT}, or another, 0 for "
-        "any that is free",
-    )
-    add_common_options(parser)
-
-
-def add_common_options(parser: argparse.ArgumentParser) -> None:
-    """Add --page-host and --tiles."""
-    parser.add_argument(
-        "--page-host",
-        metavar="ADDRESS",
-        default=LOOPBACK,
-        help="serve the page on this address of the computer, 0.0.0.0 for all (default: only to "
-        "this computer itself); the token in its URL is needed in any case",
-    )
-    parser.add_argument(
-        "--tiles",
-        metavar="FILE.mbtiles",
-        help="show the live page's map over these tiles, from a file on this computer",
-    )
 
 
 @contextlib.contextmanager
@@ -80,12 +47,12 @@ def beside(
             raise UavmapError("--tiles and --page-host go with --page")
         yield (table,)
         return
-    known = plan() if callable(plan) else plan
-    mission, wishes = known.mission(), Wishes(options.page, "--page", options.page_host)
+    plan = plan() if callable(plan) else plan
+    mission, wishes = plan.mission, Wishes(options.page, "--page", options.page_host)
     under = of_tiles(Path(options.tiles), Setting.of(mission)) if options.tiles else None
-    config = {"title": mission.name, "steers": not known.simulated}
+    config = {"title": mission.name, "steers": not plan.simulated}
     with opened(wishes, config) as feed:
-        page = FlightPage(feed, simulated=known.simulated, background=under)
+        page = FlightPage(feed, simulated=plan.simulated, background=under)
         how = "was left before its end"
         try:
             with shown_on(page):

@@ -7,9 +7,9 @@ from typing import Any
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.cli.common import DETECTOR_HELP, number_type, report, utc_seconds, worker_count
+from uavmap.cli.common import number_type, report, utc_seconds, worker_count
 from uavmap.cli.endings import INTERRUPTED, complain
-from uavmap.cli.summary import add_summary_options
+from uavmap.cli.option_table import add_options
 from uavmap.lab.cluster import Cluster
 from uavmap.offline.rasters import Wishes
 from uavmap.offline.replaying import Wanted, replay_pictures
@@ -56,14 +56,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("path", metavar="PATH", help="a folder of pictures, or one picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera, detector and votes")
-    parser.add_argument("--detector", metavar="DIR", help=DETECTOR_HELP)
-    parser.add_argument("--out", metavar="DIR", help="folder for the results (default: a new one)")
-    parser.add_argument(
-        "--calibration",
-        metavar="FILE",
-        help="the camera's calibration by OpenCV: YAML, XML or JSON; instead of the tags' focal "
-        "length",
-    )
+    add_options(parser, "replay")
     parser.add_argument(
         "--any-day", action="store_true", help="use pictures of other days than most, too"
     )
@@ -104,7 +97,6 @@ def add_parser(commands: Any) -> None:
         help="metres of ground a pixel of ortho.tif (default: as fine as the pictures, at the "
         "finest 0.05)",
     )
-    add_summary_options(parser)
     parser.set_defaults(run=run)
 
 

@@ -11,19 +11,17 @@ from typing import Any
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.cameras.spec import HELP
 from uavmap.cli.common import EXIT_CODES, report
 from uavmap.cli.endings import AIRCRAFT_DOWN, complain
-from uavmap.cli.fleet_options import add_fleet_options, given_network, network_of
-from uavmap.cli.link_options import add_link_options, key_file
-from uavmap.cli.page_options import add_page_options, beside
-from uavmap.cli.summary import add_summary_options
+from uavmap.cli.flight_options import gives_network, key_file, network_of
+from uavmap.cli.option_table import add_options
+from uavmap.cli.page_options import beside
 from uavmap.fly.flight import plan_of, resume
 from uavmap.fly.one_flight import Company
 from uavmap.journal.event_log import Journal
 from uavmap.journal.recovery import recover
 from uavmap.offline.after_flight import draw_boundary, kept_frames
-from uavmap.record.flight_plan import DRIVERS, JOURNAL, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, FlightPlan
 
 _EXAMPLES = """\
 examples:
@@ -50,42 +48,7 @@ def add_parser(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
-    parser.add_argument(
-        "--connect",
-        metavar="URL",
-        action="append",
-        default=[],
-        help="where a vehicle is reached now, if that has changed",
-    )
-    parser.add_argument(
-        "--driver", choices=DRIVERS, help="who speaks MAVLink from now on, if that shall change"
-    )
-    parser.add_argument(
-        "--camera",
-        metavar="SPEC",
-        action="append",
-        default=[],
-        help=f"the camera of a vehicle, if that has changed; once a vehicle: {HELP}",
-    )
-    parser.add_argument(
-        "--from-home",
-        action="store_true",
-        help="simulation: put the aircraft at home with full batteries instead of where they were",
-    )
-    parser.add_argument(
-        "--recall",
-        action="store_true",
-        help="only bring home who is in the air; nothing takes off, so nobody has to stand by",
-    )
-    parser.add_argument(
-        "--recover",
-        action="store_true",
-        help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
-    )
-    add_link_options(parser)
-    add_fleet_options(parser)
-    add_page_options(parser)
-    add_summary_options(parser)
+    add_options(parser, "resume")
     parser.set_defaults(run=run)
 
 
@@ -104,12 +67,12 @@ def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
         summary = resume(
             folder,
             Company(onlookers=onlookers, ask=ask, recall=options.recall),
-            urls=tuple(options.connect),
+            urls=tuple(options.connect or ()),
             driver=options.driver,
-            cameras=tuple(options.camera),
+            cameras=tuple(options.camera or ()),
             key_file=key_file(options),
             forward=None if options.forward is None else tuple(options.forward),
-            network=partial(network_of, options) if given_network(options) else None,
+            network=partial(network_of, options) if gives_network(options) else None,
             from_home=options.from_home,
         )
     code = report(summary, folder, as_json=options.json, verbose=options.verbose)

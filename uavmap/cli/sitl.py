@@ -12,9 +12,10 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from missions.errors import LinkError, UavmapError
+from missions.mission_file.checks import check
+from missions.mission_file.fleet_checks import with_vehicles
 from uavmap.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.mission_source import load
 
 _EXAMPLES = """\
 examples:
@@ -116,18 +117,11 @@ def _by_mission(options: argparse.Namespace) -> _Serving:
         simulation.setup_without_mission(
             autopilot=options.autopilot
         )  # says what it thinks of the flavour
-    source = load_source(options.mission or "runway")
-    plan = FlightPlan(
-        source.source,
-        source.text,
-        strategy=None,
-        vehicles=options.vehicles,
-        seed=options.seed,
-        urls=(),
-        speedup=None,
-        epoch_utc_s=SIM_EPOCH_UTC_S,
-    )
-    mission = plan.mission()
+    name = options.mission or "runway"
+    mission = load(name)
+    if options.vehicles not in (None, len(mission.vehicles)):
+        mission = with_vehicles(mission, options.vehicles)
+        check(mission, name, detectors=(mission.detector.name,))
     return lambda on_ready: simulation.serve_vehicles(
         mission,
         options.seed,

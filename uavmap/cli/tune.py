@@ -13,7 +13,8 @@ from rich.table import Table
 
 from missions.errors import OutputError
 from uavmap.base.terminal import PipeConsole, Terminal
-from uavmap.cli.common import number_type, overwrite_nothing, seed_number
+from uavmap.cli.common import number_type, overwrite_nothing
+from uavmap.cli.option_table import add_options
 from uavmap.offline.tune.paint import paint
 from uavmap.offline.tune.run import FILES, Wishes, tune
 from uavmap.offline.tune.selection import KINDS, SETS
@@ -50,7 +51,6 @@ def add_parser(commands: Any) -> None:
         required=True,
         help="a folder of masks NAME.png, or of polygons *.geojson, or one such file",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for the detector")
     parser.add_argument(
         "--paint",
         action="store_true",
@@ -76,10 +76,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--features", choices=tuple(SETS), help="what to judge by (default: what is best)"
     )
-    parser.add_argument(
-        "--seed", metavar="S", type=seed_number, default=0, help="of the samples (default 0)"
-    )
-    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    add_options(parser, "tune")
+    parser.set_defaults(seed=0)
     parser.set_defaults(run=run)
 
 

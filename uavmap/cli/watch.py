@@ -11,7 +11,7 @@ from typing import Any, Final
 from missions.errors import JournalError
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.cli.page_options import add_common_options, port
+from uavmap.cli.option_table import add_options
 from uavmap.journal.event_log import JournalReader
 from uavmap.page.address import PORT
 from uavmap.page.following import Follower
@@ -42,14 +42,7 @@ def add_parser(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
-    parser.add_argument(
-        "--port",
-        metavar="N",
-        type=port,
-        default=PORT,
-        help=f"serve the page on this port (default {PORT}), 0 for any that is free",
-    )
-    add_common_options(parser)
+    add_options(parser, "watch")
     parser.set_defaults(run=run)
 
 

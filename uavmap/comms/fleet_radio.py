@@ -19,7 +19,8 @@ from uavmap.comms.radio import Radio, Radios, SealedRadio
 from uavmap.comms.sealing import Seal
 from uavmap.comms.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
 from uavmap.link.key_file import read_key
-from uavmap.record.flight_plan import FleetNetwork, FlightPlan
+from uavmap.record.flight_options import FleetNetwork
+from uavmap.record.flight_plan import FlightPlan
 
 TOLD_AT_END: Final = {
     "not sealed with our key": " (another --fleet-key, or another mission file, or a stranger)",

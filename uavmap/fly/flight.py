@@ -1,7 +1,7 @@
 """One flight from the command to the results: vehicles, service, journal, telemetry log.
 
-A flight lives in a folder. Its journal holds all that is needed to go on: the mission file's
-text, what the command line changed in it, the seed, the URLs, and every event.
+A flight lives in a folder. Its journal holds all that is needed to go on: the mission as it is
+flown, the options, and every event.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,12 +25,11 @@ from uavmap.fly.onlooker import folded
 from uavmap.journal.event_log import PLAIN, Journal, planner
 from uavmap.kept_detector import drop_detector, keep_detector
 from uavmap.link.urls import parse_url
+from uavmap.record.flight_options import Driver, FleetNetwork
 from uavmap.record.flight_plan import (
     JOURNAL,
     REHOMED,
     TLOG,
-    Driver,
-    FleetNetwork,
     FlightPlan,
 )
 
@@ -63,9 +62,9 @@ def fly(
     check_network(plan.network)
     for url in plan.forward:
         parse_url(url)
-    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
         try:
-            keep_detector(setting.mission.detector, plan.mission_text, folder)
+            keep_detector(setting.mission.detector, folder)
         except OutputError:
             journal.discard()
             raise
@@ -112,25 +111,25 @@ def resume(
     """
     with Journal.open(folder / JOURNAL) as journal:
         plan = plan_of(journal)
-        if urls:
-            plan = replace(plan, urls=urls)
-        if company.recall and plan.simulated:
-            raise JournalError(
-                f"{folder}: --recall is for aircraft at the end of a link; a simulated flight ends "
-                f"with its process, and `uavmap resume {folder}` goes on with it"
-            )
-        if driver is not None:
-            plan = replace(plan, driver=driver)
-        check_urls(plan.urls)
         plan = replace(
             plan,
+            simulated=plan.simulated and not urls,
+            all_strategies=plan.all_strategies and not urls,
+            urls=urls or plan.urls,
+            driver=driver or plan.driver,
             cameras=cameras or plan.cameras,
             key_file=key_file or plan.key_file,
             forward=plan.forward if forward is None else forward,
             network=plan.network if network is None else network(plan.network),
         )
+        if company.recall and plan.simulated:
+            raise JournalError(
+                f"{folder}: --recall is for aircraft at the end of a link; a simulated flight ends "
+                f"with its process, and `uavmap resume {folder}` goes on with it"
+            )
+        plan.check_strategy()
+        check_urls(plan.urls)
         _refuse_network(plan, folder)
-        plan.check_driver()
         setting = plan.setting(_LOG.info)
         again = plan.simulated and not (from_home or plan.rehomed)
         if journal.torn:

@@ -23,8 +23,8 @@ from missions.state import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.cameras.spec import parse_camera
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.dem import with_lattice
 from uavmap.fly.links import LinkOptions, opened_links
-from uavmap.inlined import inlined
 from uavmap.link.answer import answered
 from uavmap.link.session import Session
 from uavmap.preflight.autopilot_terrain import AutopilotTerrain
@@ -45,7 +45,7 @@ def with_ground(plan: FlightPlan) -> FlightPlan:
     Raises `LinkError` where the autopilot does not answer or has no ground there, and
     `MissionFileError` where that ground cannot be flown over.
     """
-    mission = plan.mission()
+    mission = plan.mission
     if mission.terrain is None or mission.terrain.source is None:
         return plan
     table: dict[str, Any] = {}
@@ -59,10 +59,8 @@ def with_ground(plan: FlightPlan) -> FlightPlan:
 
     clock: Clock = VirtualClock(None) if plan.simulated else ScaledClock(plan.speedup or 1.0)
     run(survey(), clock)
-    where = f"{plan.mission_source}: terrain.source"
-    text = inlined(plan.mission_text, where, "terrain", "source", table, named="dem")
-    surveyed = replace(plan, mission_text=text)
-    surveyed.mission()  # what cannot be flown over is told now
+    surveyed = replace(plan, mission=with_lattice(mission, table))
+    surveyed.check_mission()
     return surveyed
 
 

@@ -27,7 +27,8 @@ from uavmap.link.transports import Transport, open_shared, open_transport
 from uavmap.link.urls import Endpoint, parse_url
 from uavmap.mavsdk_driver.commands import MavsdkCommands
 from uavmap.mavsdk_driver.session import opened_session
-from uavmap.record.flight_plan import MAVSDK, PYMAVLINK, FlightPlan
+from uavmap.record.flight_options import MAVSDK, PYMAVLINK
+from uavmap.record.flight_plan import FlightPlan
 
 ACK_WAIT_WALL_S: Final = 0.3
 """On a clock that runs fast, a busy machine takes so long of real time to answer."""

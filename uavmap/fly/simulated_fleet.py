@@ -11,7 +11,7 @@ import hashlib
 import logging
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,8 +59,8 @@ class SimulatedFleet:
         """Raises `MissionFileError`, `JournalError`."""
         from uavmap.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
-        self.plan = plan
-        self.setting = replace(plan, member=0).setting(_LOG.info)
+        self.plan = plan.as_member(0)
+        self.setting = self.plan.setting(_LOG.info)
         check_fleet(self.setting.mission, plan.mission_source)
         self.world = Simulation(self.setting, plan.seed)
         self.air = Air(model, plan.seed)
@@ -77,7 +77,7 @@ class SimulatedFleet:
         """A member before its first start."""
         own = replace(self.plan, member=number)
         at = self.folder(number)
-        journal = Journal.create(at / JOURNAL, {"plan": asdict(own)})
+        journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
         mine = Setting.of(self.setting.mission, number)
         return Flight(own, mine, at, journal, State.initial(mine))
 

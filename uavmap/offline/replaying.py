@@ -7,23 +7,24 @@ import logging
 import os
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import OutputError, UavmapError
+from missions.mission_file.schema import Mission
 from missions.mission_file.terrain_checks import refuse_unknown_ground
 from missions.state import Setting
 from uavmap.detector_source import detector_text
 from uavmap.journal.event_log import Journal
 from uavmap.kept_detector import keep_detector, with_relative_model
-from uavmap.mission_source import MissionSource, load_source
+from uavmap.mission_source import load, mission_of_text
 from uavmap.offline.calibration import calibration_of
 from uavmap.offline.derived import DETECTOR, derived
 from uavmap.offline.freed import give_back
-from uavmap.offline.gathering import Gathered, gather
+from uavmap.offline.gathering import gather
 from uavmap.offline.rasters import ORTHO, Wishes
-from uavmap.offline.refined_pictures import RefinedSet, refined
+from uavmap.offline.refined_pictures import refined
 from uavmap.offline.replay import Looked, Options, look_at_all
 from uavmap.offline.short_of_memory import memory_told
 from uavmap.offline.sources.opening import open_source
@@ -33,7 +34,6 @@ from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.results_folder import make_folder, refuse_unwritable, results_folder
 from uavmap.results import documents
 from uavmap.results.atomic import write_text
-from vision.lens import Lens
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 MEMORY_HELPS: Final = (
@@ -89,39 +89,43 @@ def replay_pictures(wanted: Wanted, crew: Crew, complain: Callable[[str], None])
 
 def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
     wanted.rasters.check()
-    given = None if wanted.mission is None else load_source(wanted.mission, wanted.detector)
-    asked = None if given is None else given.parse()  # say what is wrong before pictures are read
+    # faults of the mission and the detector are reported before pictures are read
+    given = None if wanted.mission is None else load(wanted.mission, wanted.detector)
     detector = DETECTOR
     if given is None and wanted.detector is not None:
         detector = detector_text(Path(wanted.detector))
-    lens = calibration_of(wanted.calibration, asked, wanted.mission)
+    lens = calibration_of(wanted.calibration, given, wanted.mission)
     if wanted.out is not None:  # said before pictures are read, which may take long
         refuse_unwritable(results_folder(wanted.out, ""))
     gathered = gather(open_source(Path(wanted.path), wanted.video_start))
-    better = _refined(gathered, lens, given, wanted, crew)
-    gathered = gathered if better is None else better.gathered
-    source = given or _derived(gathered, lens, detector, any_day=wanted.any_day)
-    mission = source.parse()
-    refuse_unknown_ground(mission, source.source)
+    better = None
+    if wanted.refine:
+        better = refined(gathered, given, lens=lens, crew=crew)
+        gathered = gathered if better is None else better.gathered
+    text, source = "", wanted.mission or "derived from the pictures"
+    mission = given
+    if mission is None:
+        text = derived(gathered, lens, any_day=wanted.any_day, detector=detector)
+        mission = mission_of_text(text, source)
+    refuse_unknown_ground(mission, source)
     folder = results_folder(wanted.out, mission.name)
-    if given is None:
-        for line in _shown(source):
-            _LOG.info(line)
+    for line in _shown(text):
+        _LOG.info(line)
     with Spool() as spool:
         how = Options(crew, lens, wanted.any_day, refine=better is not None)
         with beside(lambda _: documents.load()):
             looked = look_at_all(gathered, Setting.of(mission), spool, how)
         looked.refuse_empty()
         make_folder(folder)
-        keep_detector(mission.detector, source.text, folder)
+        keep_detector(mission.detector, folder)
         try:
             if better is not None:
                 better.write(folder)
             if given is None:
-                write_text(folder / MISSION_FILE, with_relative_model(source.text, source.source))
+                write_text(folder / MISSION_FILE, with_relative_model(text))
                 _LOG.info(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             began_s = time.perf_counter()
-            meta = journal_meta(source, wanted.path) | looked.taken()
+            meta = journal_meta(mission, source, wanted.path) | looked.taken()
             with Journal.create(folder / JOURNAL, meta) as journal:
                 summary = looked.written(journal, folder)
             _LOG.info(f"results written in {time.perf_counter() - began_s:.2f} s")
@@ -163,43 +167,19 @@ def _rasters(
     return False
 
 
-def _refined(
-    gathered: Gathered,
-    lens: Lens | None,
-    given: MissionSource | None,
-    wanted: Wanted,
-    crew: Crew,
-) -> RefinedSet | None:
-    """The set with the poses that its overlaps give; None where those of the tags are wanted."""
-    if not wanted.refine:
-        return None
-    mission = None if given is None else given.parse()
-    return refined(gathered, mission, lens=lens, crew=crew)
+def _shown(text: str) -> list[str]:
+    """The lines of a derived mission that a user may want to change; none without one."""
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return lines and ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
 
 
-def _derived(
-    gathered: Gathered, lens: Lens | None, detector: str, *, any_day: bool
-) -> MissionSource:
-    text = derived(gathered, lens, any_day=any_day, detector=detector)
-    return MissionSource("derived from the pictures", text)
-
-
-def _shown(source: MissionSource) -> list[str]:
-    """The lines of a derived mission that a user may want to change."""
-    lines = [line for line in source.text.splitlines() if line and not line.startswith("#")]
-    return ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
-
-
-def journal_meta(source: MissionSource, path: str) -> dict[str, Any]:
+def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:
     """What the journal of a replay begins with: its mission, and where the pictures lie."""
     plan = FlightPlan(
-        source.source,
-        source.text,
-        strategy=None,
-        vehicles=None,
+        mission_source=source,
+        simulated=True,
         seed=0,
-        urls=(),
-        speedup=None,
+        mission=mission,
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
-    return {"plan": asdict(plan), "replay": path}
+    return {"plan": plan.as_json(), "replay": path}

@@ -110,8 +110,8 @@ def ground_lines(setting: Setting) -> list[str]:
 def taken_lines(mission: Mission) -> list[str]:
     """What is taken where the file leaves out a table that a flight depends on.
 
-    >>> from uavmap.mission_source import load_source
-    >>> taken_lines(load_source("runway").parse())
+    >>> from uavmap.mission_source import load
+    >>> taken_lines(load("runway"))
     []
     """
     battery, camera, wind = mission.battery, mission.camera, mission.wind

@@ -5,32 +5,27 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Protocol, Self
 
 from pydantic import TypeAdapter
 
-from missions.errors import JournalError, LinkError, MissionFileError
-from missions.mission_file.checks import check
-from missions.mission_file.fleet_checks import check_fleet, with_own_air
-from missions.mission_file.schema import Mission, VehicleSection
+from missions.errors import JournalError, LinkError, MissionFileError, UavmapError
+from missions.mission_file.checks import FLOWN, STRATEGIES, check
+from missions.mission_file.fleet_checks import check_fleet, with_own_air, with_vehicles
+from missions.mission_file.schema import Mission
 from missions.state import Setting
 from uavmap import __version__
 from uavmap.journal.event_log import PLAN
 from uavmap.kept_detector import with_kept_detector
-from uavmap.mission_source import MissionSource
 from uavmap.notices import ready_planner, tell_if_uncompiled
+from uavmap.record.flight_options import FlightOptions
 
 JOURNAL: Final = "journal.jsonl"
 TLOG: Final = "flight.tlog"
 REHOMED: Final = "rehomed"
 """In the journal's meta: whether the simulated aircraft were put at home after the start."""
-Driver = Literal["pymavlink", "mavsdk"]
-PYMAVLINK: Final = "pymavlink"
-MAVSDK: Final = "mavsdk"
-DRIVERS: Final[tuple[Driver, ...]] = (PYMAVLINK, MAVSDK)
-"""Who speaks MAVLink: this program with pymavlink's codec, or MAVSDK."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
 
@@ -49,153 +44,123 @@ class HasMeta(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class FleetNetwork:
-    """How a member of a fleet reaches the others: endpoints as Zenoh writes them."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan(FlightOptions):
+    """The options of a flight, and the mission that they make of its file.
 
-    listen: tuple[str, ...] = ()
-    peers: tuple[str, ...] = ()
-    routers: tuple[str, ...] = ()
-    key_file: str | None = None
-    """Where the key of the fleet lies; the key itself is nowhere."""
+    The journal keeps it, so a flight goes on without the files that its mission named.
 
-    @property
-    def alone(self) -> bool:
-        """Whether there is nobody to be reached."""
-        return not (self.listen or self.peers or self.routers)
+    Attributes:
+        mission: As it is flown: checked, and changed as the options say.
+        epoch_utc_s: When mission time 0 is.
+        version: Of the program that began the flight.
+        rehomed: Whether the simulated aircraft were put at home once: the flight cannot be
+            repeated.
+    """
 
-
-@dataclass(frozen=True, slots=True)
-class FlightPlan:
-    """What a flight is started with; it is written into the journal and read back."""
-
-    mission_source: str
-    mission_text: str
-    strategy: str | None
-    vehicles: int | None
-    seed: int
-    urls: tuple[str, ...]
-    """Empty in simulation."""
-    speedup: float | None
+    mission: Mission
     epoch_utc_s: float
     version: str = __version__
-    auto_swap: bool = False
-    """Whether a fresh battery alone allows take-off: for simulators, where nobody stands near."""
     rehomed: bool = False
-    """Whether the simulated aircraft were put at home once: the flight cannot be repeated."""
 
-    driver: Driver = PYMAVLINK
-    """Who speaks MAVLink with the aircraft."""
-    cameras: tuple[str, ...] = ()
-    """One a vehicle, instead of the mission file's; empty: those."""
-    key_file: str | None = None
-    """Where the signing key lies; the key itself is nowhere."""
-    onboard: bool = False
-    """Whether the service flies with a vehicle, and is no ground station to it."""
-    forward: tuple[str, ...] = ()
-    """URLs of ground stations to which the vehicles' frames are passed on, and theirs back."""
-    member: int | None = None
-    """Of a fleet whose vehicles each have a service of their own: which vehicle this one flies; 0
-    is the journal that was merged from those of all."""
-    comms: str | None = None
-    """How the members of a simulated fleet hear each other (`uavmap.comms.air`)."""
-    network: FleetNetwork | None = None
-    """How this member of a fleet of real vehicles reaches the others."""
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the aircraft are simulated in this process."""
-        return not self.urls and self.network is None
-
-    def check_driver(self) -> None:
-        """Raise `LinkError` where the driver cannot fly this."""
-        if self.simulated and self.driver == MAVSDK:
-            raise LinkError(
-                "--driver mavsdk cannot fly with --sim: MAVSDK has a clock of its own, and a "
-                "simulated flight is on virtual time; start `uavmap sitl`, and give its URLs with "
-                "--connect"
-            )
-        if self.key_file is not None and self.driver == MAVSDK:
-            raise LinkError(
-                "--driver mavsdk does not sign: fly with a key (--key, UAVMAP_KEY_FILE) by "
-                "--driver pymavlink"
-            )
-
-    def mission(self) -> Mission:
-        """The mission with what the command line changed. Raises `MissionFileError`."""
-        source = MissionSource(self.mission_source, self.mission_text)
-        mission = source.parse()
-        changes: dict[str, Any] = {}
-        if self.strategy is not None:
-            changes["strategy"] = self.strategy
-        urls = self.urls if self.member is None else ()
-        wanted = self.vehicles or len(urls) or len(mission.vehicles)
+    @classmethod
+    def make(cls, options: FlightOptions, mission: Mission, epoch_utc_s: float) -> Self:
+        """Make the plan of a loaded mission. Raises `MissionFileError`, `LinkError`."""
+        given = {field.name: getattr(options, field.name) for field in fields(FlightOptions)}
+        loaded = mission
+        if options.strategy is not None:
+            mission = mission.model_copy(update={"strategy": options.strategy})
+        urls = options.urls if options.member is None else ()
+        wanted = options.vehicles or len(urls) or len(mission.vehicles)
         if wanted != len(mission.vehicles):
-            spare = tuple(VehicleSection() for _ in range(wanted))
-            changes["vehicles"] = (mission.vehicles + spare)[:wanted]
-        if changes:
-            mission = mission.model_copy(update=changes)
-            if self.member != 0:  # which is merged of flights, and is not flown
-                # its detector was looked at when the file was read
-                check(mission, self.mission_source, detectors=(mission.detector.name,))
-        if self.member is not None:
-            given, mission = mission, with_own_air(mission)
-            if self.member:
-                if mission.vehicles != given.vehicles or mission.search != given.search:
-                    # other heights, speeds and lanes than those that the file was checked for
-                    check(mission, self.mission_source, detectors=(mission.detector.name,))
-                check_fleet(mission, self.mission_source)
-                self._check_one(mission, self.member)
-            return mission
-        if not self.simulated and len(self.urls) != len(mission.vehicles):
-            raise MissionFileError(
-                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
-                f"{len(self.urls)} connection URLs; give --connect once a vehicle"
-            )
-        if self.cameras and len(self.cameras) != len(mission.vehicles):
-            raise MissionFileError(
-                f"{self.mission_source}: {len(mission.vehicles)} vehicles, but "
-                f"{len(self.cameras)} cameras; give --camera once a vehicle, in the same order"
-            )
-        return mission
+            mission = with_vehicles(mission, wanted)
+        plan = cls(**given, mission=mission, epoch_utc_s=epoch_utc_s)
+        plan.check_strategy()
+        if mission is not loaded:
+            plan.check_mission()
+        if options.member is not None:
+            return plan.as_member(options.member)
+        for what, option, count in (
+            ("connection URLs", "--connect once a vehicle", len(options.urls)),
+            ("cameras", "--camera once a vehicle, in the same order", len(options.cameras)),
+        ):
+            if count not in (0, len(mission.vehicles)):
+                raise MissionFileError(
+                    f"{options.mission_source}: {len(mission.vehicles)} vehicles, but {count} "
+                    f"{what}; give {option}"
+                )
+        return plan
 
-    def _check_one(self, mission: Mission, member: int) -> None:
-        """Raise where there is not one link and one camera for the vehicle of a member."""
-        check_member(mission, self.mission_source, member)
+    def check_mission(self) -> None:
+        """Raise `MissionFileError` where the mission cannot be flown as the options change it."""
+        # its detector was checked when the file was read
+        check(self.mission, self.mission_source, detectors=(self.mission.detector.name,))
+
+    def check_strategy(self) -> None:
+        """Raise where a strategy of papers would fly a real aircraft, or without being asked."""
+        name = self.mission.strategy
+        if name in FLOWN or name not in STRATEGIES:
+            return
+        if not self.simulated:
+            raise MissionFileError(
+                f"{self.mission_source}: strategy = {name!r}: only for comparisons in "
+                f"simulation; with real aircraft take one of {', '.join(FLOWN)}"
+            )
+        if self.strategy is not None and not self.all_strategies:
+            raise UavmapError(
+                f"--strategy {name}: only for comparisons in simulation; give --all-strategies "
+                f"with it, or take one of {', '.join(FLOWN)}"
+            )
+
+    def as_member(self, number: int) -> Self:
+        """Return the plan of one member of a fleet; of 0 that of all. Raises `MissionFileError`."""
+        plan = replace(self, member=number, mission=with_own_air(self.mission))
+        if not number:
+            return plan
+        if plan.mission != self.mission:
+            # other heights, speeds and lanes than those that the file was checked for
+            plan.check_mission()
+        check_fleet(plan.mission, self.mission_source)
+        check_member(plan.mission, self.mission_source, number)
         for option, given in (("--connect", self.urls), ("--camera", self.cameras)):
             if len(given) > 1:
                 raise LinkError(
                     f"{option} is given {len(given)} times; a service on board flies one vehicle"
                 )
+        return plan
 
     def known_setting(self) -> Setting:
-        """The mission as it is flown, or was. Raises `MissionFileError`."""
-        return Setting.of(self.mission(), self.member)
+        """The mission as it is flown, or was."""
+        return Setting.of(self.mission, self.member)
 
     def setting(self, say: Callable[[str], None]) -> Setting:
-        """The mission, ready to be flown, its planner compiled; says so where it will be slow.
-
-        Raises `MissionFileError`.
-        """
+        """The mission, ready to be flown, its planner compiled; says so where it will be slow."""
         setting = self.known_setting()
         tell_if_uncompiled([setting.mission.strategy], say)
         ready_planner(setting.mission.strategy, say)
         return setting
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what a journal keeps of it."""
+        values: dict[str, Any] = _ADAPTER.dump_python(
+            self, mode="json", exclude_unset=True, warnings=False
+        )
+        return values
 
     @classmethod
     def read(cls, journal: HasMeta) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
         meta, path = journal.meta, journal.path
         try:
-            plan = _ADAPTER.validate_json(json.dumps(meta[PLAN]), strict=True)
-        except (KeyError, ValueError):
+            plan = _ADAPTER.validate_json(json.dumps(meta[PLAN]))
+        except (KeyError, ValueError, UavmapError):
             raise JournalError(f"{path} holds no flight plan; it cannot go on") from None
-        if not math.isfinite(plan.epoch_utc_s) or not 0 < (plan.speedup or 1.0) < math.inf:
+        if not math.isfinite(plan.epoch_utc_s):
             raise JournalError(f"{path} holds no flight plan; it cannot go on")
         # the plan on disk never changes: it is in the first line
         return replace(
             plan,
-            mission_text=with_kept_detector(plan.mission_text, path.parent),
+            mission=with_kept_detector(plan.mission, path.parent),
             rehomed=plan.rehomed or meta.get(REHOMED) is True,
         )
 

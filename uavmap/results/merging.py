@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from hashlib import blake2s
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +19,7 @@ from missions.events import Continued, Event, FrameSeen, Paused, Recalled, Resum
 from missions.fleet.knowledge import Knowledge
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.joined import Facts
+from missions.mission_file.fleet_checks import with_vehicles
 from uavmap.comms.fleet_key import meaning_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.recovery import read_journal
@@ -84,7 +85,7 @@ def merged_results(
     plan, events = merged(sources)
     setting = plan.known_setting()
     names = sorted(folder.name for folder in folders)
-    with Journal.create(out / JOURNAL, {"plan": asdict(plan), MERGED: names}) as journal:
+    with Journal.create(out / JOURNAL, {"plan": plan.as_json(), MERGED: names}) as journal:
         journal.append_all(events)
         if truth is not None:
             journal.put_meta("truth", dict(truth))
@@ -109,7 +110,8 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         plan = replace(first.plan, member=0, comms=None)
     else:
         numbers, count = _renumbered(sources)
-        plan = replace(first.plan, member=0, vehicles=count)
+        mission = with_vehicles(first.plan.mission, count)
+        plan = replace(first.plan, vehicles=count, mission=mission).as_member(0)
     zero_s = min(source.plan.epoch_utc_s for source in sources)
     dated: list[tuple[float, int, int, Event]] = []
     for place, source in enumerate(sources):
@@ -199,7 +201,7 @@ def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
     numbers, count = {}, 0
     for source in sources:
         numbers[id(source)] = count
-        count += len(source.plan.mission().vehicles)
+        count += len(source.plan.mission.vehicles)
     return numbers, count
 
 

@@ -16,7 +16,7 @@ from missions.state import Phase, Setting, State, VehicleState
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
 from tests.unit.missions.test_step import Service
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 BOX, FENCE = square(-10, 16, 90, 40), square(-60, -60, 200, 200)
 
@@ -133,7 +133,7 @@ def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
 
 @pytest.mark.parametrize("t_s", [20.0, 90.0, 300.0])
 def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(t_s: float) -> None:
-    flown = with_own_air(load_source("bay").parse())
+    flown = with_own_air(load("bay"))
     for number in range(1, 6):
         setting = Setting.of(flown, number)
         state = replace(State.initial(setting), t_s=t_s)

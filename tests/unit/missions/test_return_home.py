@@ -10,7 +10,7 @@ from missions.flight.transitions import apply
 from missions.orders import FlyTo, Hold, Land
 from missions.state import Phase, ReturnReason, Setting, State, VehicleState
 from missions.units import GridPoint
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 
 def out(state: State, setting: Setting, number: int, place: GridPoint) -> VehicleState:
@@ -23,7 +23,7 @@ def out(state: State, setting: Setting, number: int, place: GridPoint) -> Vehicl
 
 
 def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() -> None:
-    setting = Setting.of(load_source("bay").parse())
+    setting = Setting.of(load("bay"))
     state = State.initial(setting)
     first = out(state, setting, 4, GridPoint(600.0, 60.0))
     across = FlyTo((GridPoint(-600.0, 60.0),), None, stop=True, height_m=40.0)

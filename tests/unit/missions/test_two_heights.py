@@ -13,7 +13,7 @@ from missions.mapping.belief import Belief, FrameId
 from missions.orders import TakeOff
 from missions.state import Phase, Setting, State
 from missions.units import Cell
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 
 BOX = frozenset(Cell(east, north) for east in range(6) for north in range(5))
 FRAMES = st.lists(st.dictionaries(st.sampled_from(sorted(BOX)), st.booleans()), max_size=25)
@@ -56,7 +56,7 @@ def test_looking_at_what_a_frame_has_decided_is_as_good_as_looking_at_all(
 
 
 def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> None:
-    mission = load_source("bay").parse()
+    mission = load("bay")
     setting = Setting.of(mission)
     region = frozenset(Cell(east, north) for east in range(10, 20) for north in range(20, 30))
     state = State.initial(setting)

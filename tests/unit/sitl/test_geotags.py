@@ -24,7 +24,7 @@ from sitl.camera.pinhole import CameraSpec
 from sitl.camera.render import render
 from tests.unit.sitl.conftest import Client
 from uavmap.cli import main
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.credible import credible
 from uavmap.offline.gathering import gather
 from uavmap.offline.sources.opening import open_source
@@ -183,7 +183,7 @@ def test_each_picture_is_told_of_in_camera_feedback_too(make_client):
 
 def test_pictures_of_a_lawnmower_become_the_map_of_the_region(tmp_path, capsys):
     """From the simulator's camera over files to `uavmap replay`, by eyes that share no code."""
-    mission = load_source(str(MISSION)).parse()
+    mission = load(str(MISSION))
     (vehicle,) = make_vehicles(mission, 3)
     client = Client(vehicle)
     client.take_off(12.0)

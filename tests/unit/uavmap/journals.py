@@ -5,18 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from missions.events import Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
+from tests.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
-SOURCE = load_source("runway")
-PLAN = FlightPlan(
+SOURCE = named_text("runway")
+PLAN = plan_of(
     SOURCE.source,
     SOURCE.text + "# é\n",
     strategy=None,
@@ -26,7 +25,7 @@ PLAN = FlightPlan(
     speedup=None,
     epoch_utc_s=SIM_EPOCH_UTC_S,
 )
-META: dict[str, Any] = {"plan": json.loads(json.dumps(asdict(PLAN)))}
+META: dict[str, Any] = {"plan": json.loads(json.dumps(PLAN.as_json()))}
 """As it is read back: a tuple is a list in JSON."""
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from missions.errors import LinkError, MissionFileError
@@ -11,6 +9,7 @@ from missions.ground.grid import Grid
 from missions.units import GridPoint
 from sitl.mavlink.telemetry import Telemetry
 from tests.hills import slope, text_over
+from tests.plans import plan_of
 from tests.said import Said
 from tests.small_missions import START, mission_text, square
 from uavmap.fly.flight import fly
@@ -28,13 +27,14 @@ def plan(autopilot: str = "ardupilot") -> FlightPlan:
         f'[sim]\nautopilot = "{autopilot}"\n[sim.terrain]\nslope_percent = 10.0\n'
         "rises_toward_deg = 90.0\n"
     )
-    return FlightPlan("field.toml", text, None, None, 1, (), None, 0.0)
+    return plan_of("field.toml", text, None, None, 1, (), None, 0.0)
 
 
 def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said: Said) -> None:
     surveyed = with_ground(plan())
-    assert 'source = "autopilot"' not in surveyed.mission_text
-    ground = surveyed.mission().ground
+    assert surveyed.mission.terrain is not None
+    assert surveyed.mission.terrain.source is None
+    ground = surveyed.mission.ground
     assert ground is not None
     assert ground.step_m == pytest.approx(10.0)
     rise_m = ground.height_m(GridPoint(40.0, 0.0)) - ground.height_m(GridPoint(0.0, 0.0))
@@ -75,14 +75,13 @@ def test_a_long_leg_up_a_steep_slope_is_no_trouble(tmp_path) -> None:
         square(-4, 150, 12, 12), square(-20, -20, 60, 200), altitude_m=16.0, capacity_wh=60.0
     ).replace("[fence]", "[fence]\nceiling_m = 200.0")
     text = text_over(text, slope(55.0, 0.0))
-    plan = FlightPlan("steep.toml", text, None, None, 1, (), None, 0.0)
-    summary = fly(plan, tmp_path / "out")
+    summary = fly(plan_of("steep.toml", text, None, None, 1, (), None, 0.0), tmp_path / "out")
     assert summary["completed"]
 
 
 def test_a_fence_too_large_to_ask_for_is_refused() -> None:
     text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 4000, 4000), altitude_m=14.0)
     text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
-    large = replace(plan(), mission_text=text + '\n[terrain]\nsource = "autopilot"\n')
+    large = plan_of("large.toml", text + '\n[terrain]\nsource = "autopilot"\n')
     with pytest.raises(LinkError, match=r"lie 115 m apart, more than 100; draw it smaller"):
         _alone(lambda: with_ground(large))

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.plans import named_text
 from tests.unit.uavmap.photographs import write_photo
 from uavmap.cli import main
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
 from uavmap.record.flight_plan import JOURNAL, TLOG
 
-RUNWAY = load_source("runway").text
+RUNWAY = named_text("runway").text
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
@@ -107,7 +107,10 @@ def test_every_fault_of_a_file_has_its_line(
     path.write_text(RUNWAY.replace("cell_m = 4.0", "cell_m = 0").replace("[battery]", "[batery]"))
     lines = said(capsys, "check", path)
     assert len(lines) == 2
-    assert all(line.startswith(f"uavmap: {path}: ") for line in lines)
+    text = path.read_text().splitlines()
+    for line, key in zip(sorted(lines), ("[batery]", "cell_m = 0"), strict=True):
+        number = next(n for n, written in enumerate(text, 1) if written.startswith(key))
+        assert any(given.startswith(f"uavmap: {path}:{number}: ") for given in lines), line
 
 
 def test_a_mission_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,10 +18,11 @@ from pydantic import BaseModel
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.mission_file.sim_section import Sim
 from tests.area_files import FIELD, KINDS, collection, feature, kml, kml_polygon, placemark, saved
+from tests.plans import named_text
 from tests.unit.uavmap.test_cli_bad_input import one_line, said
 from uavmap.areas.mission_text import COMMENTS, SECTIONS, section_of
 from uavmap.cli import main
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.output.drawing.palette import FENCE
 
 
@@ -59,7 +60,7 @@ def test_a_kml_becomes_a_mission_that_check_takes(
         assert picture.size[0] > 800
     assert main(["check", "field.toml"]) == 0
     assert "nothing wrong" in capsys.readouterr().out
-    mission = load_source("field.toml").parse()
+    mission = load("field.toml")
     assert (mission.name, mission.battery.capacity_wh, mission.wind.speed_m_s) == ("field", 74, 5)
 
 
@@ -102,7 +103,7 @@ def test_figures_by_hand_override_the_table(field: str) -> None:
         "--wind", 7, "--vehicles", 2, "--cell", 5, "--height", 40, "--name", "two", "--strategy",
         "rdfs", "--mounting", "gimbal", "--out", "a.toml", "--preview", "a.html",
     )  # fmt: skip
-    mission = load_source("a.toml").parse()
+    mission = load("a.toml")
     assert (mission.battery.capacity_wh, mission.battery.hover_power_w) == (90.0, 231.0)
     assert (mission.camera.width_px, mission.camera.height_px) == (1280, 720)
     assert (mission.camera.hfov_deg, mission.camera.mounting) == (55.3, "gimbal")
@@ -114,7 +115,7 @@ def test_figures_by_hand_override_the_table(field: str) -> None:
 
 def test_a_rectangle_by_its_middle_south_of_the_equator() -> None:
     new("--at", "-33.8,151.2", "--size", "200x150", "--drone", "sim", "--home", "-33.8,151.2")
-    mission = load_source("area.toml").parse()
+    mission = load("area.toml")
     assert mission.start.position == (-33.8, 151.2)
     lats = [lat for lat, _ in mission.search.box]
     assert (max(lats) - min(lats)) * 110_900 == pytest.approx(150, abs=6)
@@ -125,7 +126,7 @@ def test_all_areas_of_a_file_and_one_by_name(tmp_path: Path) -> None:
     saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(east, name="B")))
     new("two.geojson", "--together", "--drone", "sim", "--out", "both.toml")
     new("two.geojson", "--area", "b", "--drone", "sim", "--out", "b.toml")
-    both, only = (load_source(name).parse().search.box for name in ("both.toml", "b.toml"))
+    both, only = (load(name).search.box for name in ("both.toml", "b.toml"))
     assert min(lon for _, lon in both) < min(lon for _, lon in only)
 
 
@@ -145,7 +146,7 @@ def test_what_is_missing_is_asked_at_a_terminal(
     err = capsys.readouterr().err
     assert "area (a file, or LAT,LON of its middle):" in err
     assert "which drone:" in err
-    assert load_source("area.toml").parse().battery.capacity_wh == 60.0
+    assert load("area.toml").battery.capacity_wh == 60.0
 
 
 def test_which_area_is_asked_at_a_terminal(
@@ -282,7 +283,7 @@ def test_the_plan_as_a_page_of_its_own(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_names_in_a_page_are_no_tags(tmp_path: Path) -> None:
-    text = load_source("runway").text.replace('name = "runway"', 'name = "a & b\'s"')
+    text = named_text("runway").text.replace('name = "runway"', 'name = "a & b\'s"')
     saved(tmp_path, "a.toml", text)
     assert main(["check", "a.toml", "--map", "a.html"]) == 0
     assert "Plan of a &amp; b&#39;s" in Path("a.html").read_text("utf-8")

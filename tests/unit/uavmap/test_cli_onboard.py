@@ -57,7 +57,7 @@ def test_the_help_names_what_a_fleet_can_fly(capsys: pytest.CaptureFixture[str])
     with pytest.raises(SystemExit):
         main(["onboard", "--help"])
     told = " ".join(capsys.readouterr().out.split())
-    assert "--strategy NAME one of: swath, survey --speedup" in told
+    assert "--strategy NAME instead of the mission file's: swath, survey --speedup" in told
     assert "--sim" not in told
 
 

@@ -17,7 +17,7 @@ from tests.small_missions import START, mission_text, square
 from tests.unit.uavmap.photographs import write_photo
 from uavmap import elevation_model
 from uavmap.cli import main
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.above_ground import above_ground
 
 rasterio = pytest.importorskip("rasterio")
@@ -82,16 +82,16 @@ def mission_file(folder, above="ground"):
 
 def refused(folder):
     with pytest.raises(MissionFileError) as error:
-        load_source(str(mission_file(folder))).parse()
+        load(str(mission_file(folder)))
     return str(error.value)
 
 
 @pytest.mark.parametrize("epsg", [32632, 4326, 3035])
 def test_any_coordinate_system_gives_the_same_ground(tmp_path, epsg):
     geotiff(tmp_path / "dem.tif", epsg=epsg)
-    source = load_source(str(mission_file(tmp_path)))
+    mission = load(str(mission_file(tmp_path)))
     (tmp_path / "dem.tif").unlink()  # what a journal keeps needs no file
-    ground = source.parse().ground
+    ground = mission.ground
     assert ground.step_m == pytest.approx(3.0, abs=0.11)
     for east_m, north_m in ((0.0, 0.0), (33.0, -17.0), (-38.0, 65.0), (55.0, 60.0)):
         told_m = ground.height_m(GridPoint(east_m, north_m))
@@ -151,7 +151,7 @@ def test_heights_in_feet_become_metres(tmp_path, how):
             file.units = ("ft",)
         else:  # NAVD88 in feet of the US survey
             file.crs = rasterio.crs.CRS.from_user_input("EPSG:32632+6360")
-    ground = load_source(str(mission_file(tmp_path))).parse().ground
+    ground = load(str(mission_file(tmp_path))).ground
     for place in (GridPoint(33.0, -17.0), GridPoint(-38.0, 65.0)):
         assert ground.height_m(place) == pytest.approx(ground_m(*place), abs=0.1)
     with rasterio.open(tmp_path / "dem.tif", "r+") as file:
@@ -186,7 +186,7 @@ def test_of_a_fine_model_means_are_read_and_no_more_than_is_needed(tmp_path, mon
         "_means",
         lambda *asked: shapes.append(means(*asked).shape) or means(*asked),
     )
-    ground = load_source(str(mission_file(tmp_path))).parse().ground
+    ground = load(str(mission_file(tmp_path))).ground
     assert ground.step_m == pytest.approx(2.0, abs=0.11)
     assert all(rows * columns <= 1.3 * ground.heights_m.size for rows, columns in shapes), shapes
     for place in (GridPoint(33.0, -17.0), GridPoint(-38.0, 65.0)):
@@ -200,7 +200,7 @@ def test_gaps_outside_of_the_fence_are_no_cliffs(tmp_path):
         band[(rows < 13) & (columns < 60)] = -9999.0
 
     geotiff(tmp_path / "dem.tif", heights=hill_and_gap, nodata=-9999.0)
-    assert load_source(str(mission_file(tmp_path))).text.count("heights = ") == 1
+    assert load(str(mission_file(tmp_path))).surveyed is not None
 
 
 def test_a_fence_that_lies_nowhere_is_told_of_over_ground_too(tmp_path, capsys):
@@ -226,12 +226,12 @@ def test_files_that_are_no_geotiff_are_refused_in_a_line(tmp_path, capsys, monke
 
 def test_photographs_are_read_from_their_height_above_the_ground_below(tmp_path):
     geotiff(tmp_path / "dem.tif")
-    setting = Setting.of(load_source(str(mission_file(tmp_path))).parse())
+    setting = Setting.of(load(str(mission_file(tmp_path))))
     place = GridPoint(30.0, 40.0)
     taken = Pose(GRID.position(place), 50.0, Quaternion.from_euler(0.0, -math.pi / 2, 0.0))
     told = above_ground(taken, setting)
     assert told.height_m == pytest.approx(50.0 - ground_m(30.0, 40.0), abs=0.1)
-    level = Setting.of(load_source(str(mission_file(tmp_path, above="home"))).parse())
+    level = Setting.of(load(str(mission_file(tmp_path, above="home"))))
     assert above_ground(taken, level) is taken
 
 

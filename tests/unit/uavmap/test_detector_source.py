@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from missions.errors import ImageError, MissionFileError
 from missions.mission_file.detector_section import DetectorSection
@@ -18,13 +15,12 @@ from tests.unit.missions.test_mission_file import HEAD
 from uavmap import detector_source
 from uavmap.cli import main
 from uavmap.detector_source import check_detector, detector_of_section, known_detectors
-from uavmap.mission_source import MissionSource
-from uavmap.toml_text import toml_text
+from uavmap.mission_source import mission_of_text
 from vision.detectors.interface import certain
 
 
 def section(text: str) -> DetectorSection:
-    return MissionSource("m.toml", f"{HEAD}\n{text}").parse().detector
+    return mission_of_text(f"{HEAD}\n{text}", "m.toml").detector
 
 
 def fault(text: str) -> str:
@@ -92,7 +88,7 @@ def test_a_model_that_is_not_there_is_named(
     path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "eyes.json"\n')
     assert main(["check", str(path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{path}: detector.model = '{tmp_path / 'eyes.json'}': cannot be read" in line
+    assert f"{path}:8: detector.model = '{tmp_path / 'eyes.json'}': cannot be read" in line
 
 
 def test_a_model_whose_name_no_file_can_have(
@@ -102,7 +98,7 @@ def test_a_model_whose_name_no_file_can_have(
     path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "a\\u0000b"\n')
     assert main(["check", str(path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{path}: detector.model = 'a\\x00b': no path of a file" in line
+    assert f"{path}:8: detector.model = 'a\\x00b': no path of a file" in line
 
 
 @pytest.mark.parametrize(
@@ -262,25 +258,8 @@ def test_an_answer_of_another_shape_is_said(tmp_path: Path) -> None:
         detector.mask(np.zeros((40, 40, 3), np.uint8))
 
 
-# --- TOML ------------------------------------------------------------------------------------
-_plain = st.one_of(
-    st.text(max_size=8), st.booleans(), st.integers(-(2**60), 2**60),
-    st.floats(allow_nan=False, allow_infinity=False),
-)  # fmt: skip
-_tables = st.dictionaries(
-    st.text(max_size=5),
-    st.recursive(
-        _plain,
-        lambda inner: (
-            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3)
-        ),
-        max_leaves=6,
-    ),
-    max_size=4,
-)
-
-
-@settings(max_examples=30, deadline=None)
-@given(tables=_tables)
-def test_tables_read_back_as_they_were(tables: dict[str, object]) -> None:
-    assert tomllib.loads(toml_text(tables)) == tables
+def test_sections_read_back_from_json_as_they_were() -> None:
+    for more in ("", '[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1'):
+        given = section(more)
+        kept = given.model_dump_json(exclude_unset=True)
+        assert DetectorSection.model_validate_json(kept, strict=True) == given

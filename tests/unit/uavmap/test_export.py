@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from tests.small_missions import mission_text, square
 from tests.unit.uavmap.journals import PLAN
 from uavmap.cli import main
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import MissionSource
+from uavmap.mission_source import load, mission_of_text
 from uavmap.offline.plan_items import clockwise
 from uavmap.record.flight_plan import JOURNAL
 
@@ -50,7 +50,7 @@ def text_of(vehicles: int = 1, **more: Any) -> str:
 def mission_file(tmp: Path, vehicles: int = 1, **more: Any) -> tuple[Path, Setting]:
     path = tmp / "field.toml"
     path.write_text(text_of(vehicles, **more), "utf-8")
-    return path, Setting.of(MissionSource(str(path), path.read_text("utf-8")).parse())
+    return path, Setting.of(load(str(path)))
 
 
 def exported(tmp: Path, *arguments: object, code: int = 0) -> dict[str, Any]:
@@ -63,15 +63,16 @@ def exported(tmp: Path, *arguments: object, code: int = 0) -> dict[str, Any]:
 def results(tmp: Path, cells: frozenset[Cell], **more: Any) -> tuple[Path, Setting]:
     """A results folder whose journal has found these cells."""
     source = text_of(**more)
-    plan = replace(PLAN, mission_source="field.toml", mission_text=source)
+    mission = mission_of_text(source, "field.toml")
+    plan = replace(PLAN, mission_source="field.toml", mission=mission)
     votes = tuple(Vote(cell, True, 0.9) for cell in sorted(cells))
     folder = tmp / "flown"
     with Journal.create(
-        folder / JOURNAL, {"plan": json.loads(json.dumps(asdict(plan)))}
+        folder / JOURNAL, {"plan": json.loads(json.dumps(plan.as_json()))}
     ) as journal:
         for n in range(5):
             journal.append(FrameSeen(1, 1.0 + n, None, votes))
-    return folder, Setting.of(MissionSource("field.toml", source).parse())
+    return folder, Setting.of(mission)
 
 
 def places_of(items: list[dict[str, Any]]) -> list[LatLon]:

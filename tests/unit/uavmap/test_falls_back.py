@@ -11,16 +11,17 @@ from missions.flight import fallback, passes
 from missions.mapping.tree import Tree
 from missions.state import Setting, State
 from missions.units import Cell
+from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 
 MISSION = str(Path(__file__).parents[2] / "golden" / "mission.toml")
 
 
 def plan(folder: Path) -> FlightPlan:
-    source = load_source(MISSION)
-    return FlightPlan(source.source, source.text, "swath", 1, 3, (), None, SIM_EPOCH_UTC_S)
+    source = named_text(MISSION)
+    return plan_of(source.source, source.text, "swath", 1, 3, (), None, SIM_EPOCH_UTC_S)
 
 
 def test_it_ends_with_the_whole_region(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +54,7 @@ def test_it_is_never_needed_where_frames_decide(
 
 
 def test_the_patience_grows_with_what_is_known() -> None:
-    setting = Setting.of(load_source(MISSION).parse())
+    setting = Setting.of(load(MISSION))
     state = State.initial(setting)
     assert fallback.patience_s(setting, state) == fallback.LEAST_PATIENCE_S
     root = Cell(0, 0)

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.mission_file.schema import CameraSection
+from tests.plans import plan_of
 from tests.said import Said
 from tests.unit.uavmap.peer import Peer, heartbeat
 from uavmap.cameras.spec import parse_camera
@@ -30,6 +31,7 @@ from uavmap.link.session import GROUND_SYSTEM_ID, Session
 from uavmap.link.transports import MOST_UNSENT as MOST_UNSENT_TCP
 from uavmap.link.transports import open_transport
 from uavmap.link.urls import parse_url
+from uavmap.mission_source import load
 from uavmap.record.flight_plan import FlightPlan
 
 LOOPBACK = "127.0.0.1"
@@ -103,7 +105,7 @@ def _in_order(kind: Any) -> list[int]:
 
 # --- forwarding --------------------------------------------------------------------------------
 def plan(*urls: str, forward: tuple[str, ...] = ()) -> FlightPlan:
-    return FlightPlan("x", "", None, None, 1, urls, None, 0.0, forward=forward)
+    return plan_of("x", load("runway"), None, None, 1, urls, None, 0.0, forward=forward)
 
 
 def links_of(

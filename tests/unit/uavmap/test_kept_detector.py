@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+from tests.plans import plan_of
 from tests.unit.uavmap.test_replay import paint
 from tests.unit.uavmap.test_replay_robust import good, mapped, shot
 from uavmap.cli import main
 from uavmap.detector_source import detector_text
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.kept_detector import KEPT, keep_detector
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.gathering import gather
 from uavmap.offline.sources.folder import Folder
 from uavmap.offline.tune import run as tuning
@@ -50,25 +50,25 @@ def test_a_replay_outlives_the_detector_that_it_was_made_with(good: Path, tmp_pa
     assert (two / "map.geojson").read_bytes() == (moved / "map.geojson").read_bytes()
     assert str((moved / KEPT).resolve()) in detector_text(moved / KEPT)  # for --detector, too
     with Journal.open(moved / JOURNAL) as journal:
-        section = FlightPlan.read(journal).mission().detector
+        section = FlightPlan.read(journal).mission.detector
     assert Path(section.model or "") == (moved / KEPT / "model.json").resolve()
     assert section.model_sha256 is not None
 
 
 def test_a_flight_goes_on_without_the_file_that_its_model_came_from(tmp_path: Path) -> None:
     model = eyes(tmp_path / "eyes")
-    source = load_source("runway", str(model))
-    section = source.parse().detector
+    mission = load("runway", str(model))
+    section = mission.detector
     folder = tmp_path / "flight"
-    keep_detector(section, source.text, folder)
+    keep_detector(section, folder)
     shutil.rmtree(model)
-    plan = FlightPlan(source.source, source.text, None, None, 0, (), None, 0.0)
-    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
-        read = FlightPlan.read(journal).mission()
+    plan = plan_of("runway", mission, None, None, 0, (), None, 0.0)
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
+        read = FlightPlan.read(journal).mission
     assert read.detector.model == str((folder / KEPT / "model.json").resolve())
     # a copy that somebody has changed is none
     (folder / KEPT / "model.json").write_text("{}")
-    assert FlightPlan.read(JournalReader(folder / JOURNAL)).mission().detector == section
+    assert FlightPlan.read(JournalReader(folder / JOURNAL)).mission.detector == section
 
 
 def test_masks_overlays_and_results_below_the_photographs_are_left_out(

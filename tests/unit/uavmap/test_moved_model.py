@@ -10,6 +10,7 @@ import pytest
 from missions.errors import ImageError, MissionFileError
 from missions.mission_file.detector_section import DetectorSection
 from missions.state import Setting
+from tests.plans import plan_of
 from tests.said import Said
 from tests.unit.uavmap.flights import small_mission
 from uavmap.fly.classifier import Blind
@@ -18,7 +19,7 @@ from uavmap.fly.ground_crew import Crew
 from uavmap.fly.links import mavlink_link
 from uavmap.fly.vehicle import MavlinkVehicle
 from uavmap.link.session import Session
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 
 async def _no_picture(_: str) -> bytes:
@@ -28,8 +29,8 @@ async def _no_picture(_: str) -> bytes:
 def fleet(model: Path, *, recall: bool) -> dict[int, MavlinkVehicle]:
     section = DetectorSection(name="learned", model=str(model), model_sha256="0" * 64)
     made = small_mission().model_copy(update={"detector": section})
-    plan = FlightPlan(
-        "m.toml", "", None, None, seed=0, urls=("tcp://x",), speedup=None,
+    plan = plan_of(
+        "m.toml", made, None, None, seed=0, urls=("tcp://x",), speedup=None,
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )  # fmt: skip
     session = Session(lambda frame: None, lambda frame: None)

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.mission_file.schema import parse_fields
+from tests.plans import named_text
 from uavmap.cli import main
 from uavmap.cli.common import report
-from uavmap.mission_source import load_source
 from uavmap.record.results_folder import RESULTS, folder_name, results_folder
 
-RUNWAY = load_source("runway").text
+RUNWAY = named_text("runway").text
 BAD = {
     "/x": "leave out /",
     "../../../up": "leave out /",
@@ -55,7 +55,7 @@ def test_a_name_that_is_no_file_name(
     assert main(["fly", "field.toml", "--sim"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(BAD[name], line)
-    assert line.startswith("uavmap: field.toml: name = ")
+    assert line.startswith("uavmap: field.toml:13: name = ")
     assert len(line) < 250
     assert line.isprintable()
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["a", "b", "c", "field.toml"]

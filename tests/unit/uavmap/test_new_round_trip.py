@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import shapely
 
-from missions.mission_file.schema import positions
+from missions.mission_file.schema import Mission, positions
 from tests.unit.uavmap.test_export import ISLAND, mission_file, results
 from uavmap.cli import main
-from uavmap.mission_source import MissionSource
+from uavmap.mission_source import load
 from uavmap.results.outline import outline
 
 KINDS = {
@@ -21,11 +21,11 @@ KINDS = {
 }
 
 
-def made_of(path: Path, *options: str) -> MissionSource:
+def made_of(path: Path, *options: str) -> Mission:
     mission = path.parent / "next.toml"
     arguments = ["new", str(path), "--drone", "sim", "--out", str(mission), *options]
     assert main(arguments) == 0
-    return MissionSource(str(mission), mission.read_text("utf-8"))
+    return load(str(mission))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -34,7 +34,7 @@ def test_the_region_is_the_box_of_the_next_mission(kind: str, tmp_path: Path) ->
     name, options = KINDS[kind]
     out = tmp_path / name.partition("/")[0]
     assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
-    found = made_of(tmp_path / name, *options).parse()
+    found = made_of(tmp_path / name, *options)
     box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
     region = outline(ISLAND, setting.grid)
     # degrees in the file of a mission have seven decimals, a centimetre
@@ -50,7 +50,7 @@ def test_the_plan_of_a_search_is_a_mission_over_the_same_ground(tmp_path: Path) 
     file, setting = mission_file(tmp_path)
     plan = tmp_path / "search.plan"
     assert main(["export", str(file), "--plan", str(plan)]) == 0
-    found = made_of(plan).parse()
+    found = made_of(plan)
     before = setting.mission
     assert found.start.position == pytest.approx(before.start.position, abs=1e-6)
     assert len(found.fence.polygon) == len(before.fence.polygon)

@@ -18,10 +18,11 @@ from missions.ground.grid import Grid
 from missions.units import Cell, LatLon
 from sitl.scenario import Setup
 from tests.fleet_rig import field_text
+from tests.plans import plan_of
 from uavmap import simulation
 from uavmap.cli.common import report
 from uavmap.fly.flight import fly
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.results.patch_drift import LEAST_S, Drift, Shares
 
 CELL_M = 10.0
@@ -172,7 +173,7 @@ def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(
         return replace(truly(*args, **kwargs), drift_speed_m_s=0.06, drift_toward_deg=30.0)
 
     monkeypatch.setattr(simulation, "setup_of", drifting)
-    plan = FlightPlan(
+    plan = plan_of(
         "film", field_text(1, high=True), None, None, 1, (), None, SIM_EPOCH_UTC_S
     )  # fmt: skip
     told = fly(plan, tmp_path)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import tomllib
+import re
 from pathlib import Path
 
 import pytest
 
 from missions.errors import MissionFileError
-from uavmap.mission_source import load_source
-from uavmap.prior_file import with_prior
+from missions.mission_file.search_sections import PriorPlace
+from uavmap.mission_source import load
 
 RING = [[11.0002, 48.0002], [11.0008, 48.0002], [11.0008, 48.0008], [11.0002, 48.0002]]
 HOLE = [[11.0006, 48.0003], [11.0007, 48.0003], [11.0007, 48.0004], [11.0006, 48.0003]]
@@ -34,48 +34,27 @@ def collection(*features: object) -> str:
     return json.dumps({"type": "FeatureCollection", "features": list(features)})
 
 
-def inlined(folder: Path, content: str, mission: str = MISSION) -> str:
+def loaded(folder: Path, content: str, mission: str = MISSION) -> tuple[PriorPlace, ...]:
     (folder / "where.geojson").write_text(content, encoding="utf-8")
-    return with_prior(mission, "field.toml", folder)
+    (folder / "field.toml").write_text(mission, encoding="utf-8")
+    return load(str(folder / "field.toml")).search.prior
 
 
 POINT = feature("Point", [11.0005, 48.0004, 530.0], weight=2, spread_m=15.5)
 AREA = feature("Polygon", [RING, HOLE])
 
 
-def test_points_and_polygons_become_tables_of_the_mission(tmp_path: Path) -> None:
-    text = inlined(tmp_path, collection(POINT, AREA))
-    point, area = tomllib.loads(text)["search"]["prior"]
-    assert point == {"position": [48.0004, 11.0005], "weight": 2.0, "spread_m": 15.5}
-    assert area["polygon"] == [[48.0002, 11.0002], [48.0002, 11.0008], [48.0008, 11.0008]]
-    assert len(area["holes"][0]) == 3
+def test_points_and_polygons_become_places_of_the_mission(tmp_path: Path) -> None:
+    point, area = loaded(tmp_path, collection(POINT, AREA))
+    assert point == PriorPlace(position=(48.0004, 11.0005), weight=2.0, spread_m=15.5)
+    assert area.polygon == ((48.0002, 11.0002), (48.0002, 11.0008), (48.0008, 11.0008))
+    assert len(area.holes[0]) == 3
 
 
-def test_everything_else_stays_as_it_was_written(tmp_path: Path) -> None:
-    before, after = MISSION.splitlines(), inlined(tmp_path, collection(POINT)).splitlines()
-    changed = [i for i, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]]
-    assert [before[i].split("=")[0] for i in changed] == ["prior "]
-    assert after[changed[0]].endswith("# but this")
-
-
-def test_a_mission_that_is_read_holds_its_prior(tmp_path: Path) -> None:
-    (tmp_path / "where.geojson").write_text(collection(POINT, AREA), encoding="utf-8")
-    (tmp_path / "field.toml").write_text(MISSION, encoding="utf-8")
-    source = load_source(str(tmp_path / "field.toml"))
-    assert "where.geojson" not in source.text
-    assert [place.weight for place in source.parse().search.prior] == [2.0, 1.0]
-
-
-@pytest.mark.parametrize("key", ["search.prior = ", "search.'prior' = "])
-def test_dotted_keys_are_understood(tmp_path: Path, key: str) -> None:
-    text = inlined(tmp_path, collection(POINT), f"a = 1\n{key}'where.geojson'\n")
-    assert len(tomllib.loads(text)["search"]["prior"]) == 1
-
-
-def test_a_text_without_a_path_is_left_alone(tmp_path: Path) -> None:
-    for prior in ("", "prior = [48.0, 11.0]"):
-        text = MISSION.replace('prior = "where.geojson"', prior)
-        assert with_prior(text, "field.toml", tmp_path) == text
+@pytest.mark.parametrize("prior", ["'prior' = 'where.geojson'", 'prior = """where.geojson"""'])
+def test_a_path_is_read_however_it_is_written(tmp_path: Path, prior: str) -> None:
+    text = MISSION.replace('prior = "where.geojson"', prior)
+    assert len(loaded(tmp_path, collection(POINT), text)) == 1
 
 
 BAD = {
@@ -106,13 +85,14 @@ BAD = {
 def test_a_fault_names_file_key_value_and_remedy(tmp_path: Path, name: str) -> None:
     content, said = BAD[name]
     with pytest.raises(MissionFileError) as caught:
-        inlined(tmp_path, content)
+        loaded(tmp_path, content)
     line = str(caught.value)
-    assert line.startswith("field.toml: search.prior = 'where.geojson'")
+    assert re.match(r".*field\.toml:\d+: search\.prior = 'where\.geojson'", line)
     assert said in line
     assert "\n" not in line
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    (tmp_path / "field.toml").write_text(MISSION)
     with pytest.raises(MissionFileError, match=r"'where.geojson': cannot be read \(No such file"):
-        with_prior(MISSION, "field.toml", tmp_path)
+        load(str(tmp_path / "field.toml"))

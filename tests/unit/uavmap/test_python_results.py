@@ -16,11 +16,12 @@ import uavmap
 from missions.events import Paused
 from missions.ground.geodesy import Utm, UtmZone
 from missions.state import Setting, State
+from tests.plans import named_text
 from tests.unit.test_pages import ROOT
 from uavmap.api.aside import single
 from uavmap.base.terminal import Terminal
 from uavmap.fly.progress import ProgressTable
-from uavmap.mission_source import MissionSource, load_source
+from uavmap.mission_source import load, mission_of_text
 from uavmap.preflight.plan_figures import plan_lines, taken_lines
 
 ZONE = UtmZone(32, south=False)
@@ -212,9 +213,9 @@ def test_what_cannot_be_simulated_is_said(options: dict[str, Any], said: str) ->
 
 # --- what is said before a flight ----------------------------------------------------------------
 def test_what_the_file_leaves_out_is_said_by_the_plan() -> None:
-    text = load_source("runway").text
+    text = named_text("runway").text
     begin, end = text.index("[battery]"), text.index("[wind]")
-    without = MissionSource("without.toml", text[:begin] + text[end:]).parse()
+    without = mission_of_text(text[:begin] + text[end:], "without.toml")
     assert taken_lines(without) == [
         "[battery] is not in the file; taken: 60 Wh, 300 W in hover, a reserve of 15 %"
     ]
@@ -240,7 +241,7 @@ def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(
     monkeypatch.setenv("FORCE_COLOR", "1")
     text = io.StringIO()
     progress = ProgressTable(Terminal(text))
-    setting = Setting.of(load_source("runway").parse())
+    setting = Setting.of(load("runway"))
     progress.begin(setting, again=False)
     progress.update(Paused(1.0), State.initial(setting), 0)
     progress.end()

@@ -22,7 +22,7 @@ from tests.small_missions import CELL_M, START, ring, square
 from tests.unit.uavmap.journals import META
 from tests.unit.uavmap.photographs import dji, write_photo
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.replay import Options, replay
 from uavmap.record.flight_plan import JOURNAL
 
@@ -227,7 +227,7 @@ NO_ROAD = [
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no photographs in {REAL}")
 def test_real_photographs_map_the_road(tmp_path: Path) -> None:
-    made = Setting.of(load_source("road").parse())
+    made = Setting.of(load("road"))
     # as tagged: the places were picked by eye on that map
     _, states = mapped(REAL, made, tmp_path / "out", refine=False)
 

@@ -14,7 +14,7 @@ from missions.mapping.evidence import Evidence
 from missions.state import Setting
 from tests.benchmarks.many_pictures import write_survey
 from tests.unit.uavmap.results.conftest import build
-from uavmap.mission_source import MissionSource
+from uavmap.mission_source import mission_of_text
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import gather
 from uavmap.offline.replay import Looked, Options, look_at_all
@@ -44,7 +44,7 @@ def traced() -> Iterator[Callable[[], tuple[int, int]]]:
 
 def looked_at(folder: Path, spool: Spool) -> Looked:
     gathered = gather(open_source(folder))
-    setting = Setting.of(MissionSource("derived", derived(gathered)).parse())
+    setting = Setting.of(mission_of_text(derived(gathered), "derived"))
     return look_at_all(gathered, setting, spool, Options(Threads(1)))
 
 

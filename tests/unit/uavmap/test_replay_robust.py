@@ -21,7 +21,7 @@ from tests.unit.uavmap.photographs import dji, write_photo
 from tests.unit.uavmap.test_pictures import png
 from tests.unit.uavmap.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
 from uavmap.cli import main
-from uavmap.mission_source import MissionSource
+from uavmap.mission_source import mission_of_text
 from uavmap.offline import refined_pictures, spool
 from uavmap.offline.derived import derived
 from uavmap.offline.gathering import gather
@@ -421,6 +421,6 @@ def test_two_of_three_votes_are_asked_where_pictures_overlap(tmp_path: Path) -> 
     found = []
     for place in (PLACES[1], (400.0, 10.0)):
         shot(tmp_path / "1.jpg", 1, place)
-        votes = MissionSource("derived", derived(gather(Folder(tmp_path)))).parse().votes
+        votes = mission_of_text(derived(gather(Folder(tmp_path))), "derived").votes
         found.append((votes.frames, votes.positive))
     assert found == [(3, 2), (1, 1)]

@@ -11,6 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
+from tests.plans import plan_of
 from tests.unit.uavmap.peer import heartbeat
 from uavmap.clock import VirtualClock, run
 from uavmap.fly.flight import fly
@@ -26,7 +27,7 @@ from uavmap.link.signing import (
     Signing,
     Stream,
 )
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.simulation import Simulation
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
@@ -250,8 +251,8 @@ def test_a_signed_mission_in_both_flavours(
     monkeypatch.setattr(Simulation, "open_session", signed)
     text = (Path(__file__).parents[2] / "data" / "speck.toml").read_text()
     text = text.replace("[sim]", f'[sim]\nautopilot = "{autopilot}"', 1)
-    plan = FlightPlan(
-        mission_source="speck.toml", mission_text=text, strategy=None, vehicles=None, seed=1,
+    plan = plan_of(
+        mission_source="speck.toml", mission=text, strategy=None, vehicles=None, seed=1,
         urls=(), speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
     )  # fmt: skip
     summary = fly(plan, tmp_path / "out")

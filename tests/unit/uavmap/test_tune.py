@@ -20,7 +20,7 @@ from tests.small_missions import START, ring, square
 from tests.unit.uavmap.test_replay import GEOD, GRID, HEIGHT, ROI, UP_M, WIDTH, paint, painted
 from uavmap.cli import main
 from uavmap.kept_detector import KEPT
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.offline.tune.examples import Example, load_examples
 from uavmap.offline.tune.metrics import total
 from uavmap.offline.tune.run import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
@@ -117,15 +117,15 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
     folder.mkdir()
     for name in (MODEL, DETECTOR):
         (folder / name).write_bytes((tuned / "eyes" / name).read_bytes())
-    source = load_source(str(tuned / "field.toml"), str(folder))
-    section = source.parse().detector
+    mission = load(str(tuned / "field.toml"), str(folder))
+    section = mission.detector
     assert (section.name, section.view) == ("learned", "all")
     assert section.model == str((folder / MODEL).resolve())
     (folder / MODEL).write_bytes((folder / MODEL).read_bytes() + b" ")
     from uavmap.fly.classifier import detector_of  # noqa: PLC0415
 
     with pytest.raises(MissionFileError, match="has changed since the mission was begun"):
-        detector_of(source.parse())
+        detector_of(mission)
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_what_was_learned_maps_without_a_mission_file(
     out, eyes = tmp_path / "map", str(tuned / "eyes")
     photos = str(tuned / "images")
     assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
-    made = load_source(str(out / "mission.toml")).parse()
+    made = load(str(out / "mission.toml"))
     assert (made.detector.name, made.detector.view) == ("learned", "all")
     assert made.detector.model == str((out / KEPT / MODEL).resolve())  # its copy
     features = json.loads((out / "map.geojson").read_text())["features"]

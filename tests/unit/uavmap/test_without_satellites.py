@@ -14,10 +14,11 @@ from missions.events import Navigated, Tracked
 from missions.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests.plans import plan_of
 from tests.said import Said
 from uavmap.fly.flight import fly
 from uavmap.journal.event_log import Journal
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.simulation import Truth
 
 WINDY = Path(__file__).parents[2] / "data" / "windy.toml"
@@ -75,7 +76,7 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said):
             assert old in text
             text = text.replace(old, new)
         text += f"\n[navigation]\n{navigation}\n{faults}"
-        plan = FlightPlan("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
+        plan = plan_of("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
         summary = fly(plan, tmp_path / "out")
         with Journal.open(tmp_path / "out" / JOURNAL) as journal:
             events = list(journal.events())

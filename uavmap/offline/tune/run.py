@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, OutputError
@@ -31,7 +32,6 @@ from uavmap.offline.tune.selection import (
 from uavmap.offline.tune.training import Scale, need_learner
 from uavmap.results.atomic import umask, write_bytes, write_text
 from uavmap.results.summary import encode
-from uavmap.toml_text import toml_text
 from vision.detectors.features import described_shape, features
 from vision.detectors.learned import LearnedDetector
 from vision.detectors.learned_model import Model, model_bytes
@@ -224,7 +224,7 @@ def _detector_toml(choice: Choice, report: dict[str, Any]) -> str:
         "# Written by `uavmap tune`. On painted pictures that it was not learned from:\n"
         f"# pixels IoU {pixels['iou']:.2f}, cells IoU {cells['iou']:.2f} "
         f"(precision {cells['precision']:.2f}, recall {cells['recall']:.2f}).\n"
-        f"{toml_text({'detector': section})}"
+        f"{tomlkit.dumps({'detector': section})}"
     )
 
 

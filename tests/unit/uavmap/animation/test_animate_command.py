@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -11,13 +10,13 @@ import pytest
 from missions.errors import OutputError
 from missions.events import Connected, Event, FrameSeen, Vote
 from missions.units import Cell, GridPoint
+from tests.plans import named_text, plan_of
 from tests.unit.uavmap.animation.runs import explored, small_roi
 from uavmap.animation import film_of_run
 from uavmap.cli import main
 from uavmap.cli.pictures import add_picture_options, check_pictures, wants_pictures, write_pictures
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 
 HOME = GridPoint(0.0, 0.0)
 STARTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 60.0)
@@ -25,8 +24,8 @@ NOTHING_SEEN = FrameSeen(1, 9.0, Cell(1, 0), (Vote(Cell(1, 0), False, 0.0),))
 
 
 def journal(folder: Path, *events: Event, replay: bool = False) -> Path:
-    source = load_source("runway")
-    plan = FlightPlan(
+    source = named_text("runway")
+    plan = plan_of(
         source.source,
         source.text,
         strategy=None,
@@ -36,7 +35,7 @@ def journal(folder: Path, *events: Event, replay: bool = False) -> Path:
         speedup=None,
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
-    meta = {"plan": asdict(plan), **({"replay": "photos"} if replay else {})}
+    meta = {"plan": plan.as_json(), **({"replay": "photos"} if replay else {})}
     with Journal.create(folder / JOURNAL, meta) as opened:
         for event in events:
             opened.append(event)

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import struct
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import FrameLost, FrameSeen
 from missions.mission_file.schema import Mission
 from missions.state import Setting, State
+from tests.plans import plan_of
 from tests.said import Said
 from tests.unit.uavmap.cameras.conformance import inline, running
 from tests.unit.uavmap.flights import small_mission
@@ -30,7 +30,7 @@ from uavmap.fly.one_flight import Flight
 from uavmap.journal.event_log import Journal
 from uavmap.link.commands import MavlinkCommands
 from uavmap.link.session import Session
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.simulation import Simulation, Truth
 
 LATENCY_S = 0.35
@@ -105,10 +105,10 @@ class RiggedFlight(Flight):
 
 def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[Any], list[str]]:
     """The summary, the events and what was said of a flight."""
-    plan = FlightPlan("m.toml", "", None, None, 1, (), None, SIM_EPOCH_UTC_S)
+    plan = plan_of("m.toml", made, None, None, 1, (), None, SIM_EPOCH_UTC_S)
     setting, said = Setting.of(made), Said()
     folder.mkdir()
-    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
         flight = RiggedFlight(rig, said, plan, setting, folder, journal, State.initial(setting))
         with shown_on(said):
             return flight.run(), list(journal.events()), said

@@ -14,8 +14,8 @@ from tests.small_missions import mission, square
 from uavmap.comms.fleet_key import fleet_key
 from uavmap.comms.fleet_radio import START, check_network, member_seal
 from uavmap.link.key_file import new_key
-from uavmap.mission_source import load_source
-from uavmap.record.flight_plan import FleetNetwork
+from uavmap.mission_source import load
+from uavmap.record.flight_options import FleetNetwork
 
 PEER = "tcp/127.0.0.1:7447"
 GROUP = "udp/224.0.0.224:7447#iface=lo"
@@ -54,7 +54,7 @@ def test_what_facts_mean_is_in_the_key_and_what_they_do_not_is_not() -> None:
     others = [flown(drift_m_s=0.1), flown(frames=7), flown(altitude_m=13.0)]
     assert len({fleet_key(secret, each) for each in (one, *others)}) == 4
     assert fleet_key(bytes(32), one) != fleet_key(secret, one) != secret
-    fleet_key(secret, load_source("bay").parse())  # whose search is as high as it may: no warning
+    fleet_key(secret, load("bay"))  # whose search is as high as it may: no warning
 
 
 def test_every_start_is_higher_than_those_before(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from missions.errors import OutputError
 from missions.state import Setting
 from missions.units import GridPoint, LatLon
-from uavmap.mission_source import load_source
+from uavmap.mission_source import load
 from uavmap.page.background import of_mosaic, of_tiles
 
 MISSION = str(Path(__file__).parents[3] / "data" / "speck.toml")
@@ -23,7 +23,7 @@ ZOOM = 18
 
 @pytest.fixture(scope="module")
 def setting() -> Setting:
-    return Setting.of(load_source(MISSION).parse())
+    return Setting.of(load(MISSION))
 
 
 def tile_of(place: LatLon, zoom: int) -> tuple[float, float]:

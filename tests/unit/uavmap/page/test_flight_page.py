@@ -14,16 +14,16 @@ from missions.events import from_json
 from missions.state import State
 from missions.step import step
 from tests.golden.recording import STOPS
+from tests.plans import named_text, plan_of
 from tests.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.fly.flight import fly
 from uavmap.fly.one_flight import Company
-from uavmap.mission_source import load_source
 from uavmap.page.board import Board
 from uavmap.page.live import SIMULATED, FlightPage
 from uavmap.page.pipe import Lines, Words
 from uavmap.page.scene import STATES
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
 
 MISSION = str(Path(__file__).parents[3] / "data" / "speck.toml")
 
@@ -77,8 +77,8 @@ def ticking() -> Any:
 
 
 def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, said: Said) -> None:
-    source, broken = load_source(MISSION), Feed(20)
-    plan = FlightPlan(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
+    source, broken = named_text(MISSION), Feed(20)
+    plan = plan_of(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
     feed: Any = Feed()
     page = FlightPage(feed, simulated=True, now_s=ticking())
     breaking = FlightPage(cast(Any, broken), simulated=True, now_s=ticking())

@@ -7,7 +7,6 @@ import json
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,16 +17,16 @@ from missions.errors import JournalError
 from missions.events import FrameSeen, Vote, Weighed, from_json
 from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
+from tests.plans import named_text, plan_of
 from uavmap.cli import main, watch
 from uavmap.journal.event_log import Journal, JournalReader
-from uavmap.mission_source import load_source
 from uavmap.page import following
 from uavmap.page.board import Board
 from uavmap.page.following import WATCHES, Follower, Pictures
 from uavmap.page.opening import Wishes
 from uavmap.page.pipe import Words
 from uavmap.page.scene import STATES
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.record.frames import FrameKeeper, KeptFrame
 from uavmap.results.figures import figures
 
@@ -61,9 +60,9 @@ class Feed:
 
 
 def begun(folder: Path, **meta: object) -> Journal:
-    source = load_source(STOPS.mission)
-    plan = FlightPlan(source.source, source.text, "rdfs", 1, 11, (), None, SIM_EPOCH_UTC_S)
-    return Journal.create(folder / JOURNAL, {"plan": asdict(plan), **meta})
+    source = named_text(STOPS.mission)
+    plan = plan_of(source.source, source.text, "rdfs", 1, 11, (), None, SIM_EPOCH_UTC_S)
+    return Journal.create(folder / JOURNAL, {"plan": plan.as_json(), **meta})
 
 
 def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:

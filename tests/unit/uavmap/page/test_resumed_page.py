@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +12,14 @@ import pytest
 
 from missions.events import FrameSeen, from_json
 from tests.golden.recording import STOPS
+from tests.plans import named_text, plan_of
 from tests.unit.uavmap.page.test_flight_page import Feed
 from uavmap.cli import main, page_options
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
 from uavmap.page.board import Board
 from uavmap.page.opening import Wishes
 from uavmap.page.scene import STATES
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 
 
 class Ready(Feed):
@@ -31,13 +30,13 @@ class Ready(Feed):
 
 def interrupted(folder: Path) -> Path:
     """The journal of a recorded flight, up to its first pictures of the region."""
-    source = load_source(STOPS.mission)
-    plan = FlightPlan(
+    source = named_text(STOPS.mission)
+    plan = plan_of(
         source.source, source.text, STOPS.strategy, 1, STOPS.seed, (), None, SIM_EPOCH_UTC_S
     )
     events = [from_json(line) for line in STOPS.lines()]
     seen = [i for i, event in enumerate(events) if isinstance(event, FrameSeen)]
-    with Journal.create(folder / JOURNAL, {"plan": asdict(plan)}) as journal:
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
         for event in events[: seen[20]]:
             journal.append(event)
     return folder

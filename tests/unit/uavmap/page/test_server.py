@@ -197,7 +197,7 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyP
     with pytest.raises(OutputError, match=r"--page: .* on 192\.0\.2\.1 port 0"):
         address.bound("192.0.2.1", 0, "--page")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(UavmapError, match="pip install .nicegui>="):
+    with pytest.raises(UavmapError, match=r"pip install .nicegui>="):
         address.need_nicegui()
 
 

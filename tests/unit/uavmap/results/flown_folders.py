@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,13 +13,14 @@ import numpy as np
 from missions.events import Event, FrameLost, OrderFailed, Told, from_json
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
+from tests.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.mission_source import load_source
+from uavmap.mission_source import mission_of_text
 from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.record.frames import FrameKeeper, KeptFrame
 
-SOURCE = load_source(STOPS.mission)
-PLAN = FlightPlan(
+SOURCE = named_text(STOPS.mission)
+PLAN = plan_of(
     "golden.toml", SOURCE.text, STOPS.strategy, None, STOPS.seed, (), None, SIM_EPOCH_UTC_S
 )
 EVENTS: list[Event] = [from_json(line) for line in STOPS.lines()]
@@ -33,7 +34,7 @@ def folder_of(
 ) -> Path:
     """A folder with a journal and nothing else."""
     folder = tmp / "flown"
-    told = {"plan": json.loads(json.dumps(asdict(plan))), **meta}
+    told = {"plan": json.loads(json.dumps(plan.as_json())), **meta}
     with Journal.create(folder / JOURNAL, told) as journal:
         journal.append_all(events)
     return folder
@@ -42,7 +43,7 @@ def folder_of(
 def named(name: str) -> FlightPlan:
     """The plan of the same mission by another name."""
     text = SOURCE.text.replace('name = "golden"', f"name = {json.dumps(name)}")
-    return replace(PLAN, mission_text=text)
+    return replace(PLAN, mission=mission_of_text(text, "golden.toml"))
 
 
 def with_troubles(events: Iterable[Event] = EVENTS) -> list[Event]:

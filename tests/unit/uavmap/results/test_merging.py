@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from missions.errors import JournalError
 from missions.events import Event, FrameSeen, LiftedOff, Tracked, Vote
 from missions.fleet_events import Fact, Shared
 from missions.units import Cell, GridPoint
+from tests.plans import plan_of
 from tests.small_missions import mission_text, square
 from uavmap.journal.event_log import Journal
 from uavmap.record.flight_plan import JOURNAL, FlightPlan
@@ -24,7 +24,7 @@ CELLS = {1: Cell(0, 4), 2: Cell(2, 4)}
 
 
 def plan(text: str = TEXT, member: int | None = 1, epoch_utc_s: float = 1000.0) -> FlightPlan:
-    return FlightPlan(
+    return plan_of(
         "field.toml", text, None, None, 1, ("udpin://0.0.0.0:14550",), None, epoch_utc_s,
         member=member,
     )  # fmt: skip
@@ -44,7 +44,7 @@ def told(number: int) -> Shared:
 
 
 def written(folder: Path, by: FlightPlan, events: list[Event]) -> Path:
-    with Journal.create(folder / JOURNAL, {"plan": asdict(by)}) as journal:
+    with Journal.create(folder / JOURNAL, {"plan": by.as_json()}) as journal:
         for event in sorted(events, key=lambda event: event.t_s):
             journal.append(event)
     return folder

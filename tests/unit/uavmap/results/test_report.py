@@ -17,7 +17,6 @@ from tests.unit.uavmap.results.flown_folders import (
     EVENTS,
     EVIL,
     PLAN,
-    SOURCE,
     folder_of,
     keep_frames,
     named,
@@ -289,7 +288,9 @@ def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path: Path) -> No
 
 
 def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
-    plan = replace(PLAN, urls=("udpin://0.0.0.0:14550",), epoch_utc_s=1.7e9, speedup=2.0)
+    plan = replace(
+        PLAN, simulated=False, urls=("udpin://0.0.0.0:14550",), epoch_utc_s=1.7e9, speedup=2.0
+    )
     folder = folder_of(tmp_path, plan=plan)
     flown = flown_of(folder)
     assert flown.values["begun_utc"] == "2023-11-14T22:13:20.000Z"
@@ -301,7 +302,7 @@ def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
 
 
 def test_dates_that_no_calendar_has_are_not_known(tmp_path: Path) -> None:
-    plan = replace(PLAN, mission_text=SOURCE.text, epoch_utc_s=1e300)
+    plan = replace(PLAN, epoch_utc_s=1e300)
     flown = flown_of(folder_of(tmp_path, plan=plan))
     assert flown.values["begun_utc"] is None
     assert "Begun not known" in Page(encode(flown).decode()).text
