@@ -15,6 +15,7 @@ from missions.state import Setting
 from uavmap.base.terminal import Terminal
 from uavmap.cli.common import vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map
+from uavmap.mission_source import load
 from uavmap.offline.plan_items import SearchFlight, search_flight
 from uavmap.results.atomic import write_text
 from uavmap.results.ground_station_plan import Firmware, plan_text, waypoints_text
