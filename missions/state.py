@@ -24,7 +24,6 @@ __all__ = [
     "Column",
     "Phase",
     "ReturnReason",
-    "Setting",
     "State",
     "VehicleState",
 ]

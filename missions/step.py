@@ -16,7 +16,8 @@ from missions.flight.dispatch import assign
 from missions.flight.operator import explained
 from missions.flight.transitions import apply
 from missions.orders import Order
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 
 Orders = tuple[tuple[int, Order], ...]
 

@@ -21,7 +21,8 @@ from typing import Any, Final
 from missions.events import Event
 from missions.flight.joined import joined
 from missions.ground.grid import Grid
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell, GridPoint
 from sitl.vehicle import SimVehicle
 from tests.plans import plan_of

@@ -14,7 +14,7 @@ from missions.ground.grid import Grid
 from missions.lab.arena.roi import eden
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint, LatLon
 
 START = LatLon(48.0, 11.0)

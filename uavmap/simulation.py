@@ -20,7 +20,7 @@ from missions.ground.grid import Grid
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
 from missions.mission_file.sim_section import SimFault
-from missions.state import Setting
+from missions.setting import Setting
 from missions.swath.strategies import LEAPFROG
 from missions.units import GridPoint, LatLon
 from sitl.camera.pinhole import CameraSpec

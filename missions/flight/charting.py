@@ -17,7 +17,8 @@ from missions.flight.strip import Strip
 from missions.flight.two_heights import at_map_height
 from missions.flight.whole_box import asked_for
 from missions.orders import FlyPath
-from missions.state import Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import State, VehicleState
 from missions.swath.chart import Chart, Flags, Known
 from missions.units import Cell
 

@@ -10,7 +10,8 @@ from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import BESIDE_M
 from missions.guardian import PAD_M
 from missions.orders import Land, StandDown
-from missions.state import BRAKING_S, Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
 
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 LIFTED_M = 1.0

@@ -20,7 +20,8 @@ from missions.flight.volumes import Volume, is_free
 from missions.ground.fence import route_length_m
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
-from missions.state import Column, Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Column, Phase, State, VehicleState
 from missions.units import Cell, GridPoint
 
 RTL_HEIGHT_M = 30.0

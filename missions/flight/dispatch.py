@@ -37,7 +37,8 @@ from missions.flight.whole_box import open_cells
 from missions.ground.columns import PAD_M
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, StandDown, TakeOff
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
 
 MOST_FRUITLESS_SORTIES = 3

@@ -13,7 +13,8 @@ from missions.flight.return_home import send_home
 from missions.flight.visiting import visit
 from missions.mapping.tree import Tree
 from missions.orders import TakeOff
-from missions.state import ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import ReturnReason, State, VehicleState
 from missions.units import Cell
 
 WAIT_S: Final = 20.0

@@ -20,7 +20,8 @@ from typing import Final
 
 from missions.explorers.bounds import drift_factor, rdfs_bound_moves
 from missions.orders import FlyPath
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 
 LEAST_PATIENCE_S: Final = 120.0
 

@@ -16,7 +16,8 @@ from missions.flight.optics import kinematics
 from missions.flight.path_orders import NOTICE_S, allowed, through
 from missions.ground.fence import route_length_m
 from missions.motion.trajectory import Piece, Trajectory
-from missions.state import Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import State, VehicleState
 from missions.swath.chart import Known
 from missions.units import Cell, GridPoint
 

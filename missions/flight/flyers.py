@@ -16,7 +16,8 @@ from missions.flight.optics import kinematics
 from missions.ground.fence import Fence
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
-from missions.state import Setting, VehicleState
+from missions.setting import Setting
+from missions.state import VehicleState
 from missions.units import GridPoint
 
 if TYPE_CHECKING:

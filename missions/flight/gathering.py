@@ -16,7 +16,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from missions.flight.two_heights import in_layer, is_over_pad
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 
 LATE_S: Final = 45.0
 """So long after it is due somebody is waited for: turns and wind are in no estimate."""

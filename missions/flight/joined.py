@@ -17,7 +17,8 @@ from missions.flight.lane_passes import still_open
 from missions.flight.two_heights import with_plain
 from missions.flight.whole_box import open_cells
 from missions.mapping.belief import Ballot, Belief, FrameId
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell
 
 Decision = tuple[float, int, bool]

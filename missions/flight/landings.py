@@ -8,7 +8,8 @@ from missions.events import Crashed, Landed
 from missions.flight.lane_progress import lane_left
 from missions.guardian import PAD_M
 from missions.orders import AwaitBattery, StandDown
-from missions.state import Phase, ReturnReason, Setting, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, VehicleState
 
 
 def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from missions.ground.lanes import Lane, along_m, offset_m
-from missions.state import Setting, VehicleState
+from missions.setting import Setting
+from missions.state import VehicleState
 from missions.units import GridPoint
 
 ON_LANE_M: Final = 0.5

@@ -19,7 +19,8 @@ from missions.ground.lanes import Lane, point_on, unseen
 from missions.mission_file.views import beside_rows_m, path_speed_m_s, seen_whole_m
 from missions.motion.trajectory import LANE_CUTS_M, Trajectory
 from missions.orders import FlyPath, FlyTo
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import GridPoint
 
 SHORT_CELLS: Final = 10.0

@@ -36,7 +36,8 @@ from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import ACCELERATION_M_S2
 from missions.orders import FlyTo
 from missions.planning.leapfrog import Role, Step, TrackerView, plan_leapfrog
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import Cell, GridPoint
 
 MAPPER: Final = 1

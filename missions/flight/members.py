@@ -24,7 +24,8 @@ from missions.flight.parts import back_from_lanes_s, held_until_s
 from missions.flight.sightings import frame_seen
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.state import Allotment, Column, Phase, ReturnReason, Setting, State
+from missions.setting import Setting
+from missions.state import Allotment, Column, Phase, ReturnReason, State
 
 LEAST_STEP_M: Final = 1.0
 """Places of a path that lie nearer to each other are one."""

@@ -11,7 +11,8 @@ from dataclasses import replace
 from missions.events import Told, VehicleRecalled
 from missions.flight.lane_progress import lane_left
 from missions.orders import FlyPath, FlyTo, Look, Sweep
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from missions.units import Cell
 
 UNTOLD = "a failsafe; the autopilot has not said which"

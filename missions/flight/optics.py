@@ -11,7 +11,8 @@ from missions.mission_file.views import (
     seen_whole_m,
     wind_toward,
 )
-from missions.state import Setting, VehicleState
+from missions.setting import Setting
+from missions.state import VehicleState
 
 if TYPE_CHECKING:
     from missions.swath.team import Kinematics

@@ -31,7 +31,8 @@ from missions.flight.two_heights import at_map_height, layer_of
 from missions.ground.lanes import Lane
 from missions.mission_file.views import path_speed_m_s, seen_whole_m
 from missions.orders import FlyPath
-from missions.state import Allotment, Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Allotment, Phase, State, VehicleState
 from missions.swath.chart import Chart, Ints, Known
 from missions.units import Cell, GridPoint
 

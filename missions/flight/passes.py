@@ -36,7 +36,8 @@ from missions.flight.two_heights import in_layer, is_over_pad
 from missions.flight.whole_box import open_cells
 from missions.motion.trajectory import Trajectory
 from missions.orders import FlyPath
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.swath.chart import Known
 from missions.units import Cell
 

@@ -30,7 +30,8 @@ from missions.motion.trajectory import (
     rounded_path,
 )
 from missions.orders import FlyPath, FlyTo
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
 
 NOTICE_S: Final = 1.0

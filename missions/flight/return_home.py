@@ -19,7 +19,8 @@ from missions.ground.fence import route_length_m
 from missions.ground.lanes import point_on
 from missions.motion.braking import braked
 from missions.orders import FlyPath, FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)

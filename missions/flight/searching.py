@@ -12,7 +12,8 @@ from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_en
 from missions.flight.visiting import visit
 from missions.ground.lanes import Lane
 from missions.orders import FlyPath, FlyTo, Order, Sweep
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 
 
 def search(setting: Setting, state: State, vehicle: VehicleState) -> State:

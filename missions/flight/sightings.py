@@ -12,7 +12,8 @@ from missions.flight.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.tree import Tree
 from missions.orders import FlyTo, Look
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import Cell
 
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Final
 from missions.flight.flyers import flyer_of
 from missions.flight.two_heights import at_map_height
 from missions.orders import FlyPath
-from missions.state import Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import State, VehicleState
 from missions.swath.chart import Known
 from missions.units import Cell
 

@@ -45,7 +45,8 @@ from missions.flight.operator import called_home, continued, paused, skip, skipp
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.guardian import corners_home
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 
 _DRAW_SMOOTHING_S = 15.0
 REST_M_S = 0.5

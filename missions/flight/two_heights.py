@@ -26,7 +26,8 @@ from missions.energy import CLIMB_SPEED_M_S
 from missions.flight.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
 from missions.mapping.belief import Belief, FrameId
 from missions.orders import FlyTo, Order
-from missions.state import Column, Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Column, Phase, State, VehicleState
 from missions.units import Cell
 
 ASK_S = 12.0

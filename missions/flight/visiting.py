@@ -12,7 +12,8 @@ from missions.flight.deconfliction import give_if_clear, hold, where
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.ground.fence import route_length_m
 from missions.orders import FlyTo, Look
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import Cell, GridPoint
 
 EXTRA_FRAMES = 6

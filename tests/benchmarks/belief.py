@@ -21,7 +21,8 @@ from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, Trac
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyTo, Look, Order, Sweep, TakeOff
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.step import step
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square

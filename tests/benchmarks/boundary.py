@@ -27,7 +27,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.ground.grid import Grid
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import LatLon
 from tests.benchmarks import brighton
 from tests.benchmarks.detectors import PAINTED

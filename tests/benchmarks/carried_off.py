@@ -17,7 +17,7 @@ import pytest
 from shapely.geometry import Point
 
 from missions.guardian.measures import off_path_m, planned
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.campaign import simulated

@@ -23,7 +23,8 @@ from typing import Any
 
 from missions.events import Event, FrameSeen
 from missions.orders import FlyTo
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
 from tests.plans import named_text, plan_of

@@ -32,7 +32,8 @@ from typing import Any
 
 from missions.events import Landed, LiftedOff
 from missions.flight.joined import joined
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from uavmap import simulation
 from uavmap.journal.event_log import Journal
 from uavmap.link.key_file import new_key

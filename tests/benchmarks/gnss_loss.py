@@ -25,7 +25,7 @@ from typing import Any
 import pytest
 
 from missions.events import Navigated, Tracked
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.plans import named_text, plan_of

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from missions.ground.grid import Grid
 from missions.mission_file.schema import parse_fields
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.plans import named_text, plan_of

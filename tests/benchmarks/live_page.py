@@ -20,7 +20,8 @@ from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.units import Cell, GridPoint
 from tests.browser import browser
 from tests.plans import named_text, plan_of

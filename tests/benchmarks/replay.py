@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from missions.errors import ImageError
-from missions.state import Setting
+from missions.setting import Setting
 from tests.benchmarks.many_pictures import write_survey
 from uavmap.journal.event_log import Journal
 from uavmap.mission_source import mission_of_text

@@ -32,7 +32,7 @@ import uavmap.simulation
 from missions.errors import LinkError
 from missions.events import Vote
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell
 from sitl.scenario import Setup
 from tests.plans import named_text, plan_of

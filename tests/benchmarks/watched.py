@@ -22,7 +22,7 @@ from shapely.geometry import Point
 
 import uavmap.simulation
 from missions.guardian import PAD_M
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.e2e.rig import MISSIONS

@@ -7,7 +7,7 @@ import random
 
 from missions.events import FrameSeen, Tracked
 from missions.guardian import PAD_M
-from missions.state import Setting
+from missions.setting import Setting
 from tests.fake_fleet import Fleet
 from tests.fake_fleet.air import Air
 from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn

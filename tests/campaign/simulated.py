@@ -16,7 +16,8 @@ from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.errors import UavmapError
 from missions.ground.grid import Grid
 from missions.guardian import HARD_M_S, PAD_M
-from missions.state import Phase, Setting
+from missions.setting import Setting
+from missions.state import Phase
 from missions.step import fold
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle

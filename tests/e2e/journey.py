@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import FrameSeen, from_json
-from missions.state import Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import State, VehicleState
 from missions.step import step
 from tests.e2e.rig import bodies, mission
 from uavmap.mission_source import load

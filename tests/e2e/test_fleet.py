@@ -17,7 +17,8 @@ from missions.ground.grid import Grid
 from missions.mission_file.fleet_checks import check_fleet, with_pads_apart
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import VehicleSection
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell
 from tests.benchmarks.fleet_faults import scenario
 from tests.e2e.rig import uavmap

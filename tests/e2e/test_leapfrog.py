@@ -12,7 +12,7 @@ import pytest
 
 from missions.events import Navigated
 from missions.ground.grid import Grid
-from missions.state import Setting
+from missions.setting import Setting
 from sitl.vehicle import SimVehicle
 from tests.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.cli import main

@@ -14,7 +14,8 @@ import pytest
 from missions.events import from_json
 from missions.kernels.jit import COMPILED
 from missions.orders import FlyPath, Look, Order
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from tests.e2e.conftest import Flight
 from tests.e2e.journey import Journey

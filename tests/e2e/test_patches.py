@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from missions.events import FrameSeen, Tracked, from_json
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from tests.e2e.rig import mission, uavmap
 from uavmap.journal.event_log import Journal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from tests.e2e.rig import mission, uavmap
 from uavmap.mission_source import load

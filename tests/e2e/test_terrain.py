@@ -11,7 +11,7 @@ from shapely.geometry import Polygon, box
 
 from missions.ground.grid import Grid
 from missions.ground.terrain import FOLLOW_M
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint, LatLon, Pose
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render

@@ -59,7 +59,7 @@ from missions.orders import (
     Sweep,
     TakeOff,
 )
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint
 
 from .air import Vector

@@ -19,7 +19,8 @@ from missions.guardian import Guard, Limits
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission
 from missions.orders import Order, StandDown
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.step import fold, step
 from missions.units import Cell, GridPoint
 

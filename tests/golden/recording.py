@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from missions.events import Event
 from missions.mission_file.checks import parse_mission
-from missions.state import Setting
+from missions.setting import Setting
 from tests.plans import named_text
 from uavmap.results.figures import figures, summary
 

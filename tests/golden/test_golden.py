@@ -12,7 +12,8 @@ import pytest
 from missions.events import Event, from_json, to_json
 from missions.kernels.jit import COMPILED
 from missions.orders import FlyPath, Look
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import fold, step
 from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome
 

@@ -11,7 +11,8 @@ from missions.events import Connected, Event, FrameSeen, Tracked, Weighed
 from missions.ground.grid import Grid
 from missions.mapping.evidence import Evidence, evidence_of
 from missions.mission_file.schema import Mission
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from missions.units import Cell
 from uavmap.animation.film import Change, Film, Fix, Place, Unit

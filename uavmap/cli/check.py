@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.mission_file import flyable
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.cli.plan_map import box_line, check_kind, write_map, zone_name
 from uavmap.mission_source import load
 from uavmap.preflight.plan_figures import (

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from missions.errors import MissionFileError
 from missions.mission_file.schema import CameraSection
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.cameras.spec import CameraSpec, parse_camera

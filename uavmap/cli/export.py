@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import MissionFileError, OutputError, UavmapError
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.base.terminal import Terminal
 from uavmap.cli.common import vehicle_count
 from uavmap.cli.export_map import add_map_options, export_map

@@ -11,7 +11,7 @@ from typing import Any
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.ground.grid import Grid
 from missions.mission_file import flyable
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.areas.composing import Figures, Flying, compose, largest_cell_m
 from uavmap.areas.drawing import Area, Drawing

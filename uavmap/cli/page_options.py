@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from missions.errors import UavmapError
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.fly.onlooker import Onlooker

@@ -12,7 +12,7 @@ from missions.errors import OutputError
 from missions.ground.grid import Grid
 from missions.mission_file import flyable
 from missions.mission_file.places import drawn
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.output.drawing.preflight_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet

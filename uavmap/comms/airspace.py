@@ -15,7 +15,8 @@ from missions.fleet.codec import Ask
 from missions.fleet_events import Asked, Leased
 from missions.flight.deconfliction import meets
 from missions.flight.members import may_close
-from missions.state import Column, Setting, State
+from missions.setting import Setting
+from missions.state import Column, State
 from missions.units import GridPoint
 from uavmap.comms.peer import Peer
 

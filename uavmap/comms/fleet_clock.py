@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.base import messages
 from uavmap.comms.peer import Peer
 

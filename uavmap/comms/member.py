@@ -31,7 +31,8 @@ from missions.fleet.knowledge import NOTHING, Knowledge
 from missions.fleet.own_cells import OwnCells
 from missions.fleet_events import Allotted, Apart, Part, Shared
 from missions.mapping.belief import Belief
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from uavmap.base import messages
 from uavmap.comms.airspace import Airspace
 from uavmap.comms.fleet_clock import FleetClock

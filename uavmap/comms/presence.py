@@ -8,7 +8,8 @@ from missions.fleet.codec import Does, Presence
 from missions.fleet_events import Heard
 from missions.flight.lane_numbers import lanes_held
 from missions.orders import FlyPath
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
 
 PATH_S: Final = 8.0

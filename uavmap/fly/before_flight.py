@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import NotFlownError, OutputError, PreflightError
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.fly.classifier import detector_of
 from uavmap.fly.links import Link
 from uavmap.link.view import VehicleView

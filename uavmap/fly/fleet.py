@@ -11,7 +11,7 @@ from typing import Final
 from missions.errors import LinkError, MissionFileError
 from missions.flight.leapfrogging import MAPPER, TRACKER
 from missions.planning.leapfrog import Role
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.base import messages
 from uavmap.cameras.local import LocalSource
 from uavmap.cameras.pose import Poses

@@ -15,7 +15,8 @@ from typing import Any, Final
 
 from missions.errors import JournalError, LinkError, OutputError, PreflightError
 from missions.mission_file.terrain_checks import refuse_unknown_ground
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from uavmap.base.extras import install_command
 from uavmap.comms.fleet_radio import check_network
 from uavmap.fly.before_flight import KEEP_FENCE

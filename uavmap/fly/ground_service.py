@@ -12,7 +12,8 @@ from typing import Protocol
 
 from missions.events import Event
 from missions.fleet.codec import Order, Word
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from uavmap.fly.service import Observer, Service
 from uavmap.journal.event_log import Journal
 

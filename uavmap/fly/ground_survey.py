@@ -19,7 +19,7 @@ from missions.errors import LinkError
 from missions.ground.grid import Grid
 from missions.ground.terrain import encoded
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.cameras.spec import parse_camera
 from uavmap.clock import Clock, ScaledClock, VirtualClock, run

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 from missions.errors import LinkError, OutputError
 from missions.events import Event, Recalled, Resumed
 from missions.orders import TakeOff
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from uavmap.base import messages
 from uavmap.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
 from uavmap.comms.fleet_clock import AGREE_S

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.events import Event
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from uavmap.fly.steered import Steered
 from uavmap.record.frames import Keeper, KeptFrame

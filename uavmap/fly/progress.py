@@ -30,7 +30,8 @@ from missions.events import (
     Told,
 )
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from uavmap.base.terminal import Terminal
 from uavmap.fly.onlooker import Onlooker
 from uavmap.fly.time_left import time_left

@@ -27,7 +27,8 @@ from missions.events import (
 )
 from missions.flight.operator import to_skip
 from missions.orders import Order
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from uavmap.journal.event_log import Journal
 

@@ -17,7 +17,8 @@ from typing import Any, Final
 
 from missions.errors import LinkError
 from missions.mission_file.fleet_checks import check_fleet
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.units import GridPoint
 from uavmap.base.messages import prefixed
 from uavmap.clock import VirtualClock, run

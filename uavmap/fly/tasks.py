@@ -9,7 +9,7 @@ from missions.energy import CLIMB_SPEED_M_S
 from missions.guardian import Task
 from missions.motion.course import Course
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from uavmap.fly.reporter import Reporter
 from uavmap.link.view import VehicleView

@@ -12,7 +12,8 @@ from typing import Final
 from missions.energy import LANDING_OVERHEAD_S
 from missions.flight.leapfrogging import steps_left_s
 from missions.flight.whole_box import open_cells
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 
 ALMOST: Final = 0.99
 """No larger a share is told before everybody is at home."""

@@ -21,7 +21,7 @@ from missions.events import GivenUp, LinkLost, OrderFailed
 from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog import Role
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import LatLon
 from uavmap.clock import ClockRate
 from uavmap.fly.guardian import Guardian

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Pose
 
 

@@ -16,7 +16,8 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from missions.errors import UavmapError
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from uavmap.base.messages import muted
 from uavmap.journal.event_log import JournalReader
 from uavmap.offline.fine_map import FineMap, beneath, scene_of

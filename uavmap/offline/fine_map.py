@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from missions.ground.grid import Grid
 from missions.mission_file.schema import positions
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.offline.boundary import HALF, boundary_of
 from uavmap.offline.judging import Judge
 from uavmap.offline.mosaic import Tile, mosaic

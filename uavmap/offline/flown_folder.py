@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from missions.events import Event, FrameSeen, Tracked, Weighed
 from missions.mapping.evidence import Evidence
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import LatLon
 from uavmap.journal.event_log import JournalReader
 from uavmap.offline.tally import Votes, weighed

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.offline.above_ground import above_ground
 from uavmap.offline.credible import Placed, credible

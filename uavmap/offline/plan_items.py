@@ -19,7 +19,7 @@ from missions.ground.lanes import Lane
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import Mission, positions
 from missions.mission_file.views import path_speed_m_s
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.link.mission_transfer import Item
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.offline.feature_file import FeatureFile
 from uavmap.offline.gathering import Gathered
 from uavmap.offline.pixels import eight_bits

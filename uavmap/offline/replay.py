@@ -28,7 +28,7 @@ import numpy as np
 from missions.errors import ImageError
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.mapping.evidence import Evidence
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint
 from uavmap.base.terminal import LINE_LIMIT
 from uavmap.journal.event_log import Journal

@@ -14,7 +14,7 @@ from typing import Any, Final
 from missions.errors import OutputError, UavmapError
 from missions.mission_file.schema import Mission
 from missions.mission_file.terrain_checks import refuse_unknown_ground
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.detector_source import detector_text
 from uavmap.journal.event_log import Journal
 from uavmap.kept_detector import keep_detector, with_relative_model

@@ -13,7 +13,8 @@ from typing import Final
 
 from missions.motion.trajectory import Piece, Trajectory
 from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
-from missions.state import Phase, Setting, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, VehicleState
 from missions.units import GridPoint
 
 UNTIMED_S: Final = 1e9

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from missions.errors import OutputError
 from missions.ground.grid import Grid
 from missions.mission_file.schema import positions
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from uavmap.offline.geotiff import there
 

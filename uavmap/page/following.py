@@ -12,7 +12,8 @@ from typing import Final
 from missions.errors import OutputError
 from missions.events import Event, FrameSeen
 from missions.mapping.evidence import Evidence
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from uavmap.journal.event_log import JournalReader
 from uavmap.offline.rasters import ORTHO

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.events import Event, FrameSeen
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from uavmap.fly.onlooker import Onlooker
 from uavmap.fly.steered import Steered
 from uavmap.page.background import Background

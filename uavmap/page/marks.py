@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from missions.events import Vote
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.offline.laid import Laid
 from uavmap.record.frames import KeptFrame
 from vision.camera import Camera

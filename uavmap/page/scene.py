@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from missions.mission_file.schema import positions
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import LatLon
 from uavmap.output.drawing.palette import INK, LAND, LINES, RECORDED_NAMES, STATE_NAMES, TRACKS, css
 from uavmap.output.drawing.palette import STATES as COLOURS

@@ -34,7 +34,8 @@ from missions.events import (
 )
 from missions.mapping.evidence import Evidence
 from missions.mapping.tree import Tree
-from missions.state import Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import State, VehicleState
 from missions.units import Cell
 from uavmap.fly.progress import cells_known, doing, phase, remarkable
 from uavmap.fly.time_left import time_left

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.guardian.thresholds import OUTSIDE_S
 from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.link.autopilots import PX4, Autopilot
 from uavmap.link.mission_transfer import Item

@@ -11,7 +11,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.cameras.source import FrameSource
 from uavmap.link.answer import answered
 from uavmap.link.parameters import Parameters

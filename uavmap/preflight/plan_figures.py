@@ -15,7 +15,8 @@ from missions.mission_file.schema import Mission
 from missions.mission_file.terrain_checks import off_if_flat_m
 from missions.mission_file.views import path_speed_m_s
 from missions.motion.trajectory import LANE_CUTS_M, rounded_path
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import GridPoint
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import LinkError, OutputError
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import LatLon
 from uavmap.link.autopilots import PX4
 from uavmap.link.mission_transfer import Item, Kind, MissionTransfer, same_items

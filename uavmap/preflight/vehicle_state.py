@@ -12,7 +12,7 @@ from missions.mission_file.energy_model import energy_model
 from missions.mission_file.flyable import look_s
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.places import drawn
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from uavmap.link.view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView
 from uavmap.preflight.finding import Finding, bad, ok, warn

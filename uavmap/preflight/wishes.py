@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.link.autopilots import PX4, Autopilot
 from uavmap.link.parameters import Parameter
 from uavmap.link.session import GROUND_SYSTEM_ID

@@ -15,7 +15,7 @@ from missions.errors import JournalError, LinkError, MissionFileError, UavmapErr
 from missions.mission_file.checks import FLOWN, STRATEGIES, check
 from missions.mission_file.fleet_checks import check_fleet, with_own_air, with_vehicles
 from missions.mission_file.schema import Mission
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap import __version__
 from uavmap.journal.event_log import PLAN
 from uavmap.kept_detector import with_kept_detector

@@ -13,7 +13,7 @@ from PIL import Image
 
 from missions.errors import OutputError
 from missions.events import Event
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap.record.flight_plan import FlightPlan
 from uavmap.results.atomic import write_bytes
 from uavmap.results.calendar import Calendar

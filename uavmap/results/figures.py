@@ -15,7 +15,8 @@ from missions.mapping.patches import patches
 from missions.planning.bounds.lower_bounds import one_way_lower_bound
 from missions.planning.bounds.passing_bound import passing_bound_s
 from missions.planning.bounds.promises import promised_moves
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.step import step
 from missions.units import GridPoint
 from uavmap.results.counting import Counter

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from missions.state import Setting
+from missions.setting import Setting
 from uavmap import __version__
 from uavmap.record.flight_plan import FlightPlan
 from uavmap.results.boundary_told import BoundaryTold, read_boundary

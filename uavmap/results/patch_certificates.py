@@ -28,7 +28,8 @@ from missions.mapping.judged import judging_frames
 from missions.mapping.patches import patches
 from missions.mission_file.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
 from missions.planning.bounds.passing_bound import passing_bound_s
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell, GridPoint
 from vision.look import SEEN_SHARE
 

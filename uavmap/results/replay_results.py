@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.mission_file.schema import positions
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import LatLon
 from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet

@@ -12,7 +12,8 @@ from missions.events import Event
 from missions.mapping.evidence import Evidence
 from missions.mapping.tree import Tree
 from missions.mission_file.schema import positions
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.sheet import write_sheet

@@ -26,7 +26,8 @@ from missions.motion.braking import braked
 from missions.motion.course import Course
 from missions.motion.trajectory import ACCELERATION_M_S2, Trajectory
 from missions.orders import FlyPath
-from missions.state import Phase, Setting
+from missions.setting import Setting
+from missions.state import Phase
 from missions.step import fold
 from tests.fake_fleet import Fleet
 from tests.small_missions import Scenario, random_scenario, scattered, unkind_scenario

@@ -10,7 +10,8 @@ import pytest
 
 from missions.events import Event, FrameSeen
 from missions.orders import StandDown
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.step import Orders
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet, fleet

@@ -9,7 +9,8 @@ import pytest
 
 from missions.lab.arena.roi import eden
 from missions.orders import AwaitBattery, FlyPath, Hold
-from missions.state import Phase, Setting
+from missions.setting import Setting
+from missions.state import Phase
 from missions.units import Cell, GridPoint
 from tests.fake_fleet.air import Storm
 from tests.prop.missions.test_paths_in_flight import Watched, is_honest

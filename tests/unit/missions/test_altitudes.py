@@ -15,7 +15,8 @@ from missions.mission_file import flyable
 from missions.mission_file.checks import check, parse_mission
 from missions.mission_file.height_and_speed import altitude_reason, layers
 from missions.mission_file.schema import Mission, VehicleSection, parse_fields
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from tests.unit.missions.test_mission_checks import fault, text
 
 FAST = settings(max_examples=100, deadline=None)

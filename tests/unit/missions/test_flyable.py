@@ -18,7 +18,7 @@ from missions.mission_file import flyable
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.energy_model import energy_model
 from missions.mission_file.schema import Flight, Mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell
 from tests.small_missions import mission as metres
 from tests.small_missions import square

@@ -12,7 +12,8 @@ from missions.flight.lane_passes import flown_along, search_passes, still_open, 
 from missions.flight.path_orders import allowed
 from missions.mission_file.fleet_checks import with_own_air
 from missions.orders import FlyPath, FlyTo
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
 from tests.unit.missions.test_step import Service

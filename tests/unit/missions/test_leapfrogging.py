@@ -17,7 +17,8 @@ from missions.mission_file.leapfrog_checks import tracker_view
 from missions.orders import FlyPath, FlyTo
 from missions.planning.leapfrog import Role, TrackerView
 from missions.planning.leapfrog_offsets import OffsetNoise, Offsets
-from missions.state import Phase, Setting
+from missions.setting import Setting
+from missions.state import Phase
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet
 from tests.small_missions import mission, square

@@ -12,7 +12,7 @@ from missions.ground.prior import EVEN_SHARE, Area, LikelyLane, Spot, likely_lan
 from missions.mission_file.checks import parse_mission
 from missions.mission_file.schema import parse_fields
 from missions.mission_file.whereabouts import prior_of
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from tests.small_missions import mission_text, square
 from tests.unit.missions.test_mission_file import HEAD, faults

@@ -8,7 +8,8 @@ from missions.events import Arrived
 from missions.flight.return_home import fly_home
 from missions.flight.transitions import apply
 from missions.orders import FlyTo, Hold, Land
-from missions.state import Phase, ReturnReason, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import GridPoint
 from uavmap.mission_source import load
 

@@ -17,7 +17,8 @@ from missions.ground.search_order import (
     soonest,
 )
 from missions.mission_file.checks import parse_mission
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import GridPoint
 from tests.small_missions import CELL_M, START, mission_text, square
 

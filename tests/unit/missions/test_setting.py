@@ -11,7 +11,8 @@ from missions.explorers import EXPLORERS
 from missions.ground.lanes import lanes, share_out
 from missions.mission_file.flyable import fence_of, look_s, search_area
 from missions.mission_file.launch_pads import SMALLEST_GAP_M, homes
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell, GridPoint
 from tests.small_missions import CELL_M, START, mission, square
 

@@ -46,7 +46,8 @@ from missions.orders import (
     Sweep,
     TakeOff,
 )
-from missions.state import Phase, ReturnReason, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, ReturnReason, State
 from missions.step import Orders, step
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet

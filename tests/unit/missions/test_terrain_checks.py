@@ -14,7 +14,8 @@ from missions.mission_file.height_and_speed import altitude_reason
 from missions.mission_file.schema import parse_fields
 from missions.mission_file.views import path_speed_m_s, seen_whole_m
 from missions.orders import ReturnToLaunch
-from missions.state import Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
 from tests.hills import checked, hills, over, slope, text_over
 from tests.small_missions import mission_text, square

@@ -11,7 +11,8 @@ from missions.flight.dispatch import assign
 from missions.flight.two_heights import with_plain
 from missions.mapping.belief import Belief, FrameId
 from missions.orders import TakeOff
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.units import Cell
 from uavmap.mission_source import load
 

@@ -16,7 +16,7 @@ from missions.mission_file.views import (
     rows_across,
     wind_toward,
 )
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, Pose, Quaternion
 from tests.small_missions import mission, square
 from vision.camera import Camera

@@ -14,7 +14,7 @@ from missions.ground.grid import Grid
 from missions.mission_file.schema import Mission
 from missions.mission_file.sim_section import SimRegion
 from missions.orders import FlyTo, Look, Order, StandDown, TakeOff
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint
 from tests.small_missions import CELL_M, START, mission, square
 from uavmap.cameras.mavlink import MavlinkSource

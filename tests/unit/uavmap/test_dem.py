@@ -11,7 +11,7 @@ from pyproj import Transformer
 
 from missions.errors import MissionFileError
 from missions.ground.grid import Grid
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, Pose, Quaternion
 from tests.small_missions import START, mission_text, square
 from tests.unit.uavmap.photographs import write_photo

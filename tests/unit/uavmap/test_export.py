@@ -18,7 +18,7 @@ from shapely.geometry import LineString
 from missions.events import FrameSeen, Vote
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import positions
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint, LatLon
 from sitl.testing import Fleet, Vehicle
 from tests.small_missions import mission_text, square

@@ -9,7 +9,8 @@ import pytest
 
 from missions.flight import fallback, passes
 from missions.mapping.tree import Tree
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell
 from tests.plans import named_text, plan_of
 from uavmap.fly.flight import fly

@@ -16,7 +16,7 @@ from missions.events import (
     Vote,
 )
 from missions.flight import passes
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
 from tests.small_missions import mission, random_scenario, square

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.events import FrameLost, FrameSeen
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, Quaternion
 from tests.unit.uavmap.flights import HEIGHT_PX, WIDTH_PX, small_mission
 from tests.unit.uavmap.peer import Peer, heartbeat

@@ -9,7 +9,7 @@ import pytest
 
 from missions.errors import ImageError, MissionFileError
 from missions.mission_file.detector_section import DetectorSection
-from missions.state import Setting
+from missions.setting import Setting
 from tests.plans import plan_of
 from tests.said import Said
 from tests.unit.uavmap.flights import small_mission

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from missions.events import GivenUp
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from tests.small_missions import mission, square
 from uavmap.base.terminal import Terminal
 from uavmap.cli.common import report

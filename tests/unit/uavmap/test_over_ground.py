@@ -13,7 +13,7 @@ from missions.ground.terrain import FOLLOW_M
 from missions.mission_file.schema import Mission
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath, FlyTo, TakeOff
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from tests.hills import over, slope
 from tests.unit.uavmap.flights import Flight, fly, small_mission

@@ -19,7 +19,8 @@ from missions.ground.grid import Grid
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.judged import judging_frames
 from missions.planning.bounds.passing_bound import passing_bound_s
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell
 from tests.fake_fleet import fleet
 from tests.golden.recording import STOPS

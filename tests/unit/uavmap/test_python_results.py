@@ -15,7 +15,8 @@ import shapely
 import uavmap
 from missions.events import Paused
 from missions.ground.geodesy import Utm, UtmZone
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from tests.plans import named_text
 from tests.unit.test_pages import ROOT
 from uavmap.api.aside import single

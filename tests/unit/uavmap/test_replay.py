@@ -15,7 +15,7 @@ from PIL import Image
 from missions.events import FrameLost, FrameSeen
 from missions.ground.grid import Grid
 from missions.mission_file.checks import parse_mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint
 from tests.said import Said
 from tests.small_missions import CELL_M, START, ring, square

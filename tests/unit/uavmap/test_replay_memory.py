@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from missions.mapping.evidence import Evidence
-from missions.state import Setting
+from missions.setting import Setting
 from tests.benchmarks.many_pictures import write_survey
 from tests.unit.uavmap.results.conftest import build
 from uavmap.mission_source import mission_of_text

@@ -11,7 +11,8 @@ import pytest
 from missions.errors import JournalError
 from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
 from missions.orders import Order, StandDown, TakeOff
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.step import fold
 from missions.units import GridPoint
 from tests.said import Said

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.events import FrameLost
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from tests.small_missions import mission, square
 from uavmap.base.terminal import Terminal
 from uavmap.fly.progress import ProgressTable

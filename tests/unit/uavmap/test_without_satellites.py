@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from missions.events import Navigated, Tracked
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.plans import plan_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from missions.mission_file.launch_pads import homes
 from missions.mission_file.schema import positions
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint
 from uavmap.output.drawing.map_scene import line_layer
 from uavmap.output.drawing.palette import (

@@ -18,7 +18,8 @@ from missions.fleet_events import Fact, Shared
 from missions.flight.joined import concluded, joined
 from missions.mapping.belief import Belief, FrameId
 from missions.mission_file.checks import parse_mission
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.units import Cell
 from tests.fleet_rig import field_text
 from tests.small_missions import mission_text

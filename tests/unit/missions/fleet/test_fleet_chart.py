@@ -12,7 +12,8 @@ from missions.flight.flyers import flyer_of
 from missions.mission_file.checks import parse_mission
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from missions.units import Cell, GridPoint
 from tests.fleet_rig import field_text
 

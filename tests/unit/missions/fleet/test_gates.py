@@ -19,7 +19,8 @@ from missions.mission_file.checks import parse_mission
 from missions.mission_file.fleet_checks import with_own_air
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.state import Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Phase, State
 from missions.units import Cell, GridPoint
 from tests.benchmarks.fleet_growth import text_for
 

@@ -15,7 +15,8 @@ from missions.flight.two_heights import ASK_S, back_to_layer, change_layer, stra
 from missions.mission_file.checks import parse_mission
 from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath, FlyTo, Hold
-from missions.state import Column, Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Column, Phase, State, VehicleState
 from missions.units import GridPoint
 from tests.fleet_rig import field_text
 

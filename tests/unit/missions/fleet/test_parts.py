@@ -19,7 +19,8 @@ from missions.flight.touring import TourMemory
 from missions.flight.transitions import apply
 from missions.mission_file.checks import parse_mission
 from missions.orders import FlyPath
-from missions.state import Allotment, Phase, Setting, State
+from missions.setting import Setting
+from missions.state import Allotment, Phase, State
 from missions.swath.chart import Chart
 from missions.units import Cell, GridPoint
 from tests.fleet_rig import field_text

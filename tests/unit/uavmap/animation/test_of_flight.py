@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from missions.events import Connected, FrameSeen, Tracked, Vote
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import Cell, GridPoint
 from tests.small_missions import mission, square
 from uavmap.animation import film_of_flight

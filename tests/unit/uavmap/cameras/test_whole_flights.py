@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import FrameLost, FrameSeen
 from missions.mission_file.schema import Mission
-from missions.state import Setting, State
+from missions.setting import Setting
+from missions.state import State
 from tests.plans import plan_of
 from tests.said import Said
 from tests.unit.uavmap.cameras.conformance import inline, running

@@ -19,7 +19,8 @@ from missions.flight.volumes import Volume
 from missions.mission_file.checks import parse_mission
 from missions.orders import FlyTo
 from missions.partition import Partition
-from missions.state import Column, Phase, Setting, State, VehicleState
+from missions.setting import Setting
+from missions.state import Column, Phase, State, VehicleState
 from missions.units import Cell, GridPoint
 from tests.fleet_rig import field_text
 from uavmap.clock import VirtualClock, run

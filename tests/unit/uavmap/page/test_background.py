@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from missions.errors import OutputError
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, LatLon
 from uavmap.mission_source import load
 from uavmap.page.background import of_mosaic, of_tiles

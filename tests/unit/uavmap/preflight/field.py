@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.mission_file.schema import Mission, VehicleSection
 from missions.mission_file.sim_section import SimFault
-from missions.state import Setting
+from missions.setting import Setting
 from sitl.vehicle import SimVehicle
 from tests.said import Said
 from tests.unit.uavmap.flights import small_mission

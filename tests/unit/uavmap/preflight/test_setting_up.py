@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point, Polygon
 
 from missions.mission_file.checks import parse_mission
-from missions.state import Setting
+from missions.setting import Setting
 from missions.units import GridPoint, LatLon
 from tests.fleet_rig import field_text
 from tests.unit.uavmap.preflight.field import BOTH, Field, mission_of, on_field

@@ -8,7 +8,7 @@ import pytest
 from pymavlink import mavutil
 
 from missions.mission_file.schema import NavigationSection
-from missions.state import Setting
+from missions.setting import Setting
 from tests.e2e.rig import SHARED
 from tests.unit.uavmap.preflight.field import mission_of
 from uavmap.link.autopilots import ARDUPILOT, PX4, Autopilot
