@@ -46,7 +46,7 @@ from tests.unit.uavmap.flights import UP_M, Flight, Message, to
 from tests.unit.uavmap.test_signing import KEY, Memory
 from uavmap.fly.fleet import STREAMED_SPEEDUP
 from uavmap.link.signing import Signing, ticks_now
-from uavmap.record.flight_plan import DRIVERS as OFFERED
+from uavmap.record.flight_options import DRIVERS as OFFERED
 
 HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4, 5))}
 """What a pilot turns to who wants the vehicle: the mode, and the parameters that ask for it."""
