@@ -73,7 +73,7 @@ setup: .venv/ready-dev
 
 # Kernels and tests are compiled once, before the workers of the tests would each do so.
 # What is wrong with a test is said when the tests are run.
-.venv/kernels: .venv/ready-dev $(wildcard missions/kernels/*.py)
+.venv/kernels: .venv/ready-dev $(wildcard missions/planning/kernels/*.py)
 	@echo "Compiling the planner, once: about a minute."
 	$(BIN)/uavmap simulate --generate eden --cells 30 --robots 3 --strategy swath,survey --offline \
 		--json >/dev/null & \

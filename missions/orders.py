@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from missions.motion.trajectory import Trajectory
+from missions.geo.trajectory import Trajectory
 from missions.units import Cell, GridPoint
 
 

@@ -5,7 +5,7 @@ Frames used throughout:
 * **WGS84**: `LatLon`, degrees.
 * **grid frame**: `GridPoint`, metres *on the ground* along UTM grid east and grid north from the
   centre of cell (0, 0). It is fixed to the ground, or it moves with a drifting ROI; the name of
-  the function says which (`missions.ground.grid`).
+  the function says which (`missions.geo.grid`).
 * **NED**: the vehicle's north-east-down, true north; attitudes are quaternions from the camera's
   forward-right-down axes to NED, as in CAMERA_IMAGE_CAPTURED.
 """

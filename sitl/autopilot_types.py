@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from missions.errors import UavmapError
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.autopilot_types import FLAVOURS
 from sitl.camera.pinhole import CameraSpec

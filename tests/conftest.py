@@ -27,7 +27,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
-from tests.said import Said
+from tests.support.said import Said
 from uavmap.base.messages import shown_on
 
 # how fast the machine is just now says nothing of the program
@@ -67,8 +67,8 @@ SLOW = [
 ]
 SYSTEM = re.compile(
     r"^(?:from|import) (?:sitl|socket|subprocess|multiprocessing"
-    r"|uavmap\.(?:simulation|cli|__main__)"
-    r"|tests\.(?:conformance|e2e|fake_fleet|fleet_rig|unit\.uavmap\.(?:flights|peer|scenarios)))\b",
+    r"|uavmap\.(?:runner\.simulation|ui\.cli|lab\.commands|__main__)"
+    r"|tests\.(?:conformance|e2e|fake_fleet|support\.(?:fleet_rig|flights|mavlink_peer|scenarios)))\b",
     re.MULTILINE,
 )
 """What a file of system tests imports."""
@@ -100,7 +100,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if _needs_system(item.path):
             item.add_marker("system")
         kind = "computing" if item.path.name.startswith("test_") else "doctests"
-        kind = "waiting" if item.path.parent.name in WAITING else kind
+        kind = "waiting" if {*WAITING} & {*item.path.parts} else kind
         kinds.setdefault(kind, {}).setdefault(item.path, []).append(item)
     places = [
         ((i + 0.5) / len(files), path, tests)

@@ -6,13 +6,15 @@
     flight.region                                  # a shapely geometry, in longitude and latitude
 
 The names below are loaded when they are first used, so that importing `uavmap` costs nothing.
-What they are is in `uavmap.api`; errors are those of `missions.errors`.
+What they are is in `uavmap.ui.api`; errors are those of `missions.errors`.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
+
+from uavmap.base.version import __version__
 
 if TYPE_CHECKING:
     from missions.errors import (
@@ -35,19 +37,16 @@ if TYPE_CHECKING:
         UavmapError,
         WorldError,
     )
-    from uavmap.api import (
+    from uavmap.lab.simulating import Simulated, simulate
+    from uavmap.ui.api import (
         Results,
-        Simulated,
         fly,
         fly_async,
         open_results,
         replay,
         resume,
         resume_async,
-        simulate,
     )
-
-__version__ = "0.1.0"
 
 __all__ = [
     "AircraftError",
@@ -80,17 +79,18 @@ __all__ = [
     "simulate",
 ]
 
-_CALLABLE_PACKAGE: Final = "fly"
-"""`uavmap.fly` is the package of that name, which can be called: see `uavmap.fly`."""
+
+_OF_LAB = ("Simulated", "simulate")
 
 
 def __getattr__(name: str) -> Any:
     """A name of `__all__`, loaded now."""
     if name not in __all__:
         raise AttributeError(f"module 'uavmap' has no attribute {name!r}")
-    if name == _CALLABLE_PACKAGE:
-        return import_module("uavmap.fly")
-    module = "missions.errors" if name.endswith("Error") else "uavmap.api"
+    if name.endswith("Error"):
+        module = "missions.errors"
+    else:
+        module = "uavmap.lab.simulating" if name in _OF_LAB else "uavmap.ui.api"
     value = getattr(import_module(module), name)
     globals()[name] = value
     return value

@@ -13,7 +13,7 @@ INTERRUPTED = 130
 def main() -> int:
     """Run the command; returns the exit code. Ctrl-C is heard from the beginning."""
     try:
-        from uavmap import cli  # noqa: PLC0415 - this takes seconds on a small computer
+        from uavmap.ui import cli  # noqa: PLC0415 - this takes seconds on a small computer
 
         return cli.main()
     except KeyboardInterrupt:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.ground.footprint import Optics
-from missions.ground.grid import Grid
+from missions.geo.footprint import Optics
+from missions.geo.grid import Grid
 from missions.units import Pose, Quaternion
 
 

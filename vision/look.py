@@ -18,9 +18,9 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from missions.ground.footprint import TOUCH_M
-from missions.ground.grid import Grid
-from missions.ground.terrain import Terrain
+from missions.geo.footprint import TOUCH_M
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
 from vision.detectors.interface import Detector, Marks

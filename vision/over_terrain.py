@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.ground.grid import Grid
-from missions.ground.terrain import Terrain
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, pixel_rows
 from vision.detectors.interface import Marks

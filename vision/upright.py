@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.ground.grid import Grid
+from missions.geo.grid import Grid
 from vision.camera import project
 from vision.labels import best_labels
 from vision.look import OBLIQUE_LIMIT, Frame

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import FRESH
 from missions.events import Airborne, Connected, GivenUp, LinkLost, Overridden, Released
 from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import BESIDE_M
+from missions.flight.setting import Setting
+from missions.flight.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
 from missions.guardian import PAD_M
+from missions.mission.energy import FRESH
 from missions.orders import Land, StandDown
-from missions.setting import Setting
-from missions.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
 
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 LIFTED_M = 1.0

@@ -2,9 +2,9 @@
 
 A vehicle in the air comes home when called, when the battery or the camera says so, or when all
 is done (`missions.flight.return_home`); it searches until the ROI is found
-(`missions.flight.searching`), then explores (`missions.flight.exploring`). No order is given
-that would take a vehicle out of its fence, beyond its energy, or through the air that another
-vehicle claims (`missions.flight.deconfliction`).
+(`missions.flight.strategy.searching`), then explores (`missions.flight.strategy.exploring`). No
+order is given that would take a vehicle out of its fence, beyond its energy, or through the air
+that another vehicle claims (`missions.flight.airspace.deconfliction`).
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from dataclasses import replace
 
 from shapely.geometry import Point
 
-from missions.energy import FRESH
-from missions.flight.deconfliction import give_if_clear, give_way, hold, revise, where
-from missions.flight.exploring import explore, explore_moves
-from missions.flight.gathering import gathers
-from missions.flight.lane_passes import drop_seen, end_searched, search_passes
-from missions.flight.leapfrogging import both_ready, take_turns
-from missions.flight.passes import awaits_others, explore_passes, give_up_rest
+from missions.flight.airspace.deconfliction import give_if_clear, give_way, hold, revise, where
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
-from missions.flight.searching import find_work, idle_in_search, search
-from missions.flight.two_heights import (
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.exploring import explore, explore_moves
+from missions.flight.strategy.gathering import gathers
+from missions.flight.strategy.lane_passes import drop_seen, end_searched, search_passes
+from missions.flight.strategy.leapfrogging import both_ready, take_turns
+from missions.flight.strategy.searching import find_work, idle_in_search, search
+from missions.flight.strategy.sweep_passes import awaits_others, explore_passes, give_up_rest
+from missions.flight.strategy.two_heights import (
     back_to_layer,
     change_layer,
     is_over_pad,
@@ -32,13 +33,12 @@ from missions.flight.two_heights import (
     strays_from_layer,
     take_off_height_m,
 )
-from missions.flight.visiting import mark_unreachable
+from missions.flight.strategy.visiting import mark_unreachable
 from missions.flight.whole_box import open_cells
-from missions.ground.columns import PAD_M
-from missions.mission_file.height_and_speed import LEAST_HEIGHT_M
+from missions.geo.columns import PAD_M
+from missions.mission.energy import FRESH
+from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, StandDown, TakeOff
-from missions.setting import Setting
-from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
 
 MOST_FRUITLESS_SORTIES = 3

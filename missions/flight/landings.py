@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from missions.events import Crashed, Landed
 from missions.flight.lane_progress import lane_left
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, ReturnReason, VehicleState
 from missions.guardian import PAD_M
 from missions.orders import AwaitBattery, StandDown
-from missions.setting import Setting
-from missions.state import Phase, ReturnReason, VehicleState
 
 
 def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Collection, Container
 from dataclasses import replace
 
+from missions.flight.state import VehicleState
 from missions.flight.strip import Strip
-from missions.ground.grid import Grid
-from missions.ground.lanes import Lane, along_m, offset_m, unseen
-from missions.motion.trajectory import LANE_CUTS_M
+from missions.geo.grid import Grid
+from missions.geo.trajectory import LANE_CUTS_M
 from missions.orders import FlyPath
-from missions.state import VehicleState
+from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
 from missions.units import Cell, GridPoint
 
 BESIDE_CELLS = 1.5

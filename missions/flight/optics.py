@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from missions.mission_file.views import (
-    DRAG_1_S,
-    G_M_S2,
-    path_speed_m_s,
-    seen_whole_m,
-    wind_toward,
-)
-from missions.setting import Setting
-from missions.state import VehicleState
+from missions.flight.setting import Setting
+from missions.flight.state import VehicleState
+from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m, wind_toward
 
 if TYPE_CHECKING:
-    from missions.swath.team import Kinematics
+    from missions.planning.sweep.planned_team import Kinematics
 
 
 def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
@@ -23,7 +17,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
 
     The nose is held at `setting.yaw_rad`, so the picture's sides lie along the axes.
     """
-    from missions.swath.team import Kinematics  # noqa: PLC0415 - numba takes a second to load
+    from missions.planning.sweep.planned_team import Kinematics  # noqa: PLC0415 - numba takes a second to load
 
     mission, grid = setting.mission, setting.grid
     height_m = vehicle.cruise_height_m

@@ -1,8 +1,8 @@
 """Giving a path that is flown without stopping, and taking it back: where it may lead, and when.
 
 A path is given only if the fence allows all of it, and the air of its next
-`missions.flight.deconfliction.AHEAD_S` seconds is free; that is looked at again at every report,
-and a vehicle brakes along its path before it meets air that somebody else has claimed
+`missions.flight.airspace.deconfliction.AHEAD_S` seconds is free; that is looked at again at every
+report, and a vehicle brakes along its path before it meets air that somebody else has claimed
 (`keep_clear`). Whether the energy lasts is looked at by `missions.flight.return_home`, at every
 report, too.
 """
@@ -20,18 +20,14 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString, Point
 from shapely.ops import nearest_points
 
-from missions.flight.deconfliction import give_if_clear, hold, is_clear, leads_into_untold
-from missions.ground.fence import Fence
-from missions.mission_file.views import path_speed_m_s
-from missions.motion.braking import braked, cut_short
-from missions.motion.trajectory import (
-    LANE_CUTS_M,
-    Trajectory,
-    rounded_path,
-)
+from missions.flight.airspace.deconfliction import give_if_clear, hold, is_clear, leads_into_untold
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.geo.braking import braked, cut_short
+from missions.geo.fence import Fence
+from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
+from missions.mission.views import path_speed_m_s
 from missions.orders import FlyPath, FlyTo
-from missions.setting import Setting
-from missions.state import Phase, State, VehicleState
 from missions.units import GridPoint
 
 NOTICE_S: Final = 1.0

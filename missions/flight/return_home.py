@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import EnergyModel
-from missions.flight.deconfliction import (
+from missions.flight.airspace.deconfliction import (
     OFF_LAYER_M,
     RTL_HEIGHT_M,
     UNTOLD,
@@ -15,12 +14,13 @@ from missions.flight.deconfliction import (
     spots_beside,
 )
 from missions.flight.lane_progress import lane_left
-from missions.ground.fence import route_length_m
-from missions.ground.lanes import point_on
-from missions.motion.braking import braked
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.geo.braking import braked
+from missions.geo.fence import route_length_m
+from missions.mission.energy import EnergyModel
 from missions.orders import FlyPath, FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
-from missions.setting import Setting
-from missions.state import Phase, ReturnReason, State, VehicleState
+from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)

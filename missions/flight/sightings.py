@@ -7,13 +7,13 @@ from dataclasses import replace
 
 from missions.events import FrameSeen
 from missions.flight.lane_progress import lane_passed, lane_seen
-from missions.flight.two_heights import searched, with_plain
-from missions.flight.visiting import drifts_out, give_up
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.two_heights import searched, with_plain
+from missions.flight.strategy.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.tree import Tree
 from missions.orders import FlyTo, Look
-from missions.setting import Setting
-from missions.state import Phase, ReturnReason, State, VehicleState
 from missions.units import Cell
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection, Container, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from missions.ground.grid import Grid
-from missions.ground.lanes import Lane
+from missions.geo.grid import Grid
+from missions.planning.search.lanes import Lane
 from missions.units import Cell
 
 ON_ROW_M: Final = 0.01
@@ -67,8 +67,9 @@ class Strip:
         """How far along the lane the middles of columns lie that are judged in all rows.
 
         Both columns beside it have to be so, too, as far as the lane leads over them: what is told
-        of as seen counts for a cell before it and a cell behind it (`missions.ground.lanes`).
-        `near` are cells beside which it is looked for, None for everywhere.
+        of as seen counts for a cell before it and a cell behind it
+        (`missions.planning.search.lanes`). `near` are cells beside which it is looked for, None for
+        everywhere.
         """
         columns: Iterable[int] = self.columns
         if near is not None:

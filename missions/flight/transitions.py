@@ -26,6 +26,7 @@ from missions.events import (
     Tracked,
 )
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.flight.airspace.deconfliction import OFF_LAYER_M
 from missions.flight.connections import (
     LIFTED_M,
     connected,
@@ -37,16 +38,15 @@ from missions.flight.connections import (
     resume,
     taken_away,
 )
-from missions.flight.deconfliction import OFF_LAYER_M
 from missions.flight.landings import crashed, landed
 from missions.flight.lane_progress import lane_flown, lane_left
-from missions.flight.members import allotted, apart, asked, heard, leased, shared
-from missions.flight.operator import called_home, continued, paused, skip, skipped_for_good
+from missions.flight.operator_orders import called_home, continued, paused, skip, skipped_for_good
+from missions.flight.setting import Setting
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.team.members import allotted, apart, asked, heard, leased, shared
 from missions.guardian import corners_home
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
-from missions.setting import Setting
-from missions.state import Phase, ReturnReason, State, VehicleState
 
 _DRAW_SMOOTHING_S = 15.0
 REST_M_S = 0.5

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from missions.setting import Setting
-from missions.state import State
+from missions.flight.setting import Setting
+from missions.flight.state import State
 from missions.units import Cell
 
 

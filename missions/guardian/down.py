@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from missions.guardian.guardian_state import Guard, Limits, Seen, Verdict
 from missions.guardian.measures import lasted, since
 from missions.guardian.thresholds import DOWN_M, DOWN_M_S, DOWN_S, HARD_M_S, PAD_M, STANDS_S
-from missions.guardian.values import Guard, Limits, Seen, Verdict
 
 
 def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:

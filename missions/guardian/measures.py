@@ -11,6 +11,7 @@ import shapely
 from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
+from missions.guardian.guardian_state import Guard, Limits, Seen, Task
 from missions.guardian.thresholds import (
     BEHIND_S,
     BEHIND_STEP_S,
@@ -29,7 +30,6 @@ from missions.guardian.thresholds import (
     SWEPT_SHARE,
     UP_M,
 )
-from missions.guardian.values import Guard, Limits, Seen, Task
 from missions.units import GridPoint
 
 _REMEMBERED: Final = 32

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.energy import EnergyModel
-from missions.ground.fence import route_length_m
+from missions.geo.fence import route_length_m
 from missions.guardian.down import crashed, low
+from missions.guardian.guardian_state import Action, Guard, Limits, Seen, Verdict
 from missions.guardian.measures import (
     falling,
     is_behind,
@@ -42,7 +42,7 @@ from missions.guardian.thresholds import (
     SWEPT_S,
     UP_M,
 )
-from missions.guardian.values import Action, Guard, Limits, Seen, Verdict
+from missions.mission.energy import EnergyModel
 
 
 def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missions.ground.fence import Fence
+from missions.geo.fence import Fence
 from missions.units import GridPoint
 
 

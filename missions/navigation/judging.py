@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from missions.navigation.network import Solution
+from missions.navigation.position_error import UNEASE_M
 from missions.navigation.rows import Key, Knots, Tie, links_of, turns_of
-from missions.navigation.values import UNEASE_M
 
 _GATE: Final = 13.8  # chi-square, two degrees of freedom, 99.9 %
 _SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong

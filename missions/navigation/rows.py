@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from missions.navigation.network import Links, Numbers, Reals, Steps, Turns
-from missions.navigation.values import UNEASE_M, ToldErrors
+from missions.navigation.position_error import UNEASE_M, ToldErrors
 
 _ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
 _LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from missions.navigation.network import solve
+from missions.navigation.position_error import ToldErrors
 from missions.navigation.rows import Key, Tie, knots_of, links_of, sparse_steps_of, turns_of
-from missions.navigation.values import ToldErrors
 
 LATEST_S: Final = 30.0
 """What is newer than this may be a lie that nobody has noticed yet."""

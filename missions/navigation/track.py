@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from missions.navigation.judging import bridges, judged
 from missions.navigation.network import Links, Solution, Turns, solve
+from missions.navigation.position_error import Disagreement, Estimate, ToldErrors
 from missions.navigation.rows import Key, Knots, Tie, knots_of, links_of, steps_of, turns_of
 from missions.navigation.steadiness import learned_m
-from missions.navigation.values import Disagreement, Estimate, ToldErrors
 
 _LEARN_S: Final = 8.0  # between two times at which it is asked how good satellites are
 _LEAPS_S: Final = 60.0  # for so long a leap is held against satellites

@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.leapfrog import Role
+from missions.planning.leapfrog_geometry import Role
 
 Array = NDArray[np.float64]
 

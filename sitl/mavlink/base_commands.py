@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.copter.aiding import Answer
 from sitl.copter.aircraft import Aircraft

@@ -6,7 +6,7 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
 from sitl.copter.modes import Mode
 from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.codec import fast_packing as layouts
 from sitl.codec.fast_packing import int16, int32, uint16

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
 from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request
 from sitl.px4.autopilot import Px4Autopilot

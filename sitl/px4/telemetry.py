@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from sitl.codec.wire import Message
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot

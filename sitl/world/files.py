@@ -22,7 +22,7 @@ from pyproj.exceptions import CRSError
 from shapely.geometry import Polygon
 
 from missions.errors import WorldError
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.world.orthophoto import Matrix, Orthophoto
 from sitl.world.world import Patch

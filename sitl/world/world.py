@@ -16,7 +16,7 @@ from shapely import affinity
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.world.orthophoto import Orthophoto
 from sitl.world.relief import Relief

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 import pytest
 from shapely.geometry import Point
 
+from missions.flight.setting import Setting
 from missions.guardian.measures import off_path_m, planned
-from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.campaign import simulated
-from uavmap.fly.guardian import Guardian
+from uavmap.aircraft.guardian.guardian import Guardian
 
 OFF_M = 3.0
 CANNOT_BE_FLOWN = ("compass", "wind_gust")

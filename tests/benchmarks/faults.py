@@ -22,15 +22,15 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import Event, FrameSeen
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
 from missions.orders import FlyTo
-from missions.setting import Setting
-from missions.state import State
-from missions.step import step
 from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
-from tests.plans import named_text, plan_of
-from uavmap.fly.flight import fly as fly_plan
+from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.runner.flight import fly as fly_plan
 
 MISSION = "tiny"
 PHASES = ("search", "explore", "return")

@@ -22,8 +22,8 @@ from collections import Counter
 from pathlib import Path
 
 from missions.partition import Partition
-from tests.fleet_rig import Death, Mishaps, field_text, flown
-from uavmap.comms.air import LinkModel
+from tests.support.fleet_rig import Death, Mishaps, field_text, flown
+from uavmap.fleet.simulated_radio import LinkModel
 
 KINDS = ("parted", "dies", "falls", "late", "clock")
 HOUR_S = 3_600.0

@@ -22,14 +22,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-from missions.ground.grid import Grid
+from missions.geo.grid import Grid
 from missions.units import GridPoint
-from tests.benchmarks.height_and_speed_picture import BLUE, INK, PALE, RED, line, words
-from tests.plans import MissionText, named_text, plan_of
-from uavmap.fly.flight import fly
-from uavmap.fly.simulated_fleet import fly_fleet
-from uavmap.mission_source import load
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
+from tests.benchmarks.planning.height_and_speed_picture import BLUE, INK, PALE, RED, line, words
+from tests.support.plans import MissionText, named_text, plan_of
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.load.mission_source import load
+from uavmap.runner.flight import fly
+from uavmap.runner.simulated_fleet import fly_fleet
 
 GAP_M = 15.0
 HIGHEST_M, LOWEST_M, LAYERS_M = 40.0, 28.0, 3.0

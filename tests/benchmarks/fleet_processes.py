@@ -31,14 +31,14 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import Landed, LiftedOff
-from missions.flight.joined import joined
-from missions.setting import Setting
-from missions.state import State
-from uavmap import simulation
+from missions.flight.joined_map import joined
+from missions.flight.setting import Setting
+from missions.flight.state import State
 from uavmap.journal.event_log import Journal
-from uavmap.link.key_file import new_key
-from uavmap.mission_source import load
-from uavmap.record.flight_plan import JOURNAL, FlightPlan
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.load.mission_source import load
+from uavmap.mavlink.links.key_file import new_key
+from uavmap.runner import simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x2, 0x1000

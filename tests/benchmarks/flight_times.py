@@ -29,13 +29,13 @@ from typing import Any
 
 from shapely.geometry import MultiPoint, Point, Polygon, box
 
-from missions.ground.grid import Grid
-from missions.mission_file.schema import positions
+from missions.geo.grid import Grid
+from missions.mission.schema import positions
 from missions.units import GridPoint
-from tests.plans import named_text, plan_of
-from uavmap.fly.flight import fly
-from uavmap.mission_source import load
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
+from tests.support.plans import named_text, plan_of
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.load.mission_source import load
+from uavmap.runner.flight import fly
 
 MISSIONS = ("runway", "burn", "spill")
 TIGHT, WIDE = "survey, tight", "survey, wide"

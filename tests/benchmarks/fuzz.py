@@ -21,8 +21,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import LatLon
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import World, WorldSpec
-from tests.benchmarks.replay import fuzz_pictures
-from tests.hostile import bombard
+from tests.benchmarks.photos.replay import fuzz_pictures
+from tests.support.hostile import bombard
 
 _HOME = LatLon(48.0, 11.0)
 _ALLOWED_GROWTH = 1_000_000

@@ -25,14 +25,14 @@ from typing import Any
 import pytest
 
 from missions.events import Navigated, Tracked
-from missions.setting import Setting
+from missions.flight.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests.plans import named_text, plan_of
-from uavmap.fly.flight import fly
+from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
-from uavmap.simulation import Truth
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.runner.flight import fly
+from uavmap.runner.simulation import Truth
 
 FLOW = "optical_flow = true\nodometry_drift = 0.02\n"
 DRIFT = '[[sim.faults]]\nkind = "gps_drift"\nm_s = 0.1\nat_s = {at_s}\ntoward_deg = {deg}\n'

@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from tests.benchmarks.watched import Flown, flown
-from tests.plans import named_text
+from tests.support.plans import named_text
 
 MISSIONS = ("runway", "runway-field", "spill", "tiny", "speck", "pair", "drift", "burn", "astray")
 ON_PX4 = ("tiny", "speck", "pair", "drift")

@@ -17,10 +17,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from missions.mission_file.checks import parse_mission
-from tests.plans import named_text, plan_of
-from uavmap.fly.flight import fly
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
+from missions.mission.checks import parse_mission
+from tests.support.plans import named_text, plan_of
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.runner.flight import fly
 
 PIXELS = (127, 80, 70, 60, 45, 30)
 STRATEGY = "horizon"

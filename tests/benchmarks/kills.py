@@ -30,8 +30,8 @@ import numpy as np
 
 from missions.errors import JournalError
 from tests.e2e.rig import bodies, mission, written
-from uavmap.cli import main as uavmap
 from uavmap.journal.event_log import Journal
+from uavmap.ui.cli import main as uavmap
 
 SAME = ("map.geojson", "map.kml", "map.png")
 POLL_S = 0.002

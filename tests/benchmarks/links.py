@@ -18,16 +18,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Event, FrameSeen
 from missions.orders import TakeOff
-from tests.plans import plan_of
-from tests.unit.uavmap.flights import Flight, fly, small_mission
-from uavmap.clock import VirtualClock, run
-from uavmap.fly import flight as flight_module
-from uavmap.fly.service import Service
-from uavmap.link.forwarding import Forwarding
-from uavmap.link.frames import Splitter
-from uavmap.link.session import Session
-from uavmap.link.signing import Signing, Stream
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
+from tests.support.flights import Flight, fly, small_mission
+from tests.support.plans import plan_of
+from uavmap.base.clock import VirtualClock, run
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.mavlink.links.forwarding import Forwarding
+from uavmap.mavlink.links.framing import Splitter
+from uavmap.mavlink.links.signing import Signing, Stream
+from uavmap.mavlink.session import Session
+from uavmap.runner import flight as flight_module
+from uavmap.runner.service import Service
 
 VEHICLES = 20
 SECONDS = 20.0

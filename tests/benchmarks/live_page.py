@@ -16,22 +16,22 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import FrameSeen, Tracked, Vote
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
-from missions.motion.trajectory import rounded_path
 from missions.orders import FlyPath
-from missions.setting import Setting
-from missions.state import Phase, State
 from missions.units import Cell, GridPoint
-from tests.browser import browser
-from tests.plans import named_text, plan_of
-from tests.said import Said
+from tests.support.browser import browser
+from tests.support.plans import named_text, plan_of
+from tests.support.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.page.feed import Feed
-from uavmap.page.opening import Wishes, opened
-from uavmap.page.scene import scene_of
-from uavmap.page.watching import Watcher
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.ui.page.browser import Wishes, opened
+from uavmap.ui.page.feed import Feed
+from uavmap.ui.page.page_scene import scene_of
+from uavmap.ui.page.watching import Watcher
 
 VEHICLES, SIDE = 20, 71  # 71 x 71 cells are 5,041
 SECONDS = 10.0

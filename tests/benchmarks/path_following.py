@@ -20,12 +20,12 @@ import sys
 from dataclasses import dataclass
 
 from missions.events import Airborne, Arrived, OrderFailed
-from missions.mission_file.schema import Mission
-from missions.motion.trajectory import Trajectory, rounded_path
+from missions.geo.trajectory import Trajectory, rounded_path
+from missions.mission.schema import Mission
 from missions.orders import FlyPath, TakeOff
 from missions.units import GridPoint
-from tests.small_missions import mission, square
-from tests.unit.uavmap.flights import Flight, fly
+from tests.support.flights import Flight, fly
+from tests.support.small_missions import mission, square
 
 HEIGHT_M = 12.0
 NOTICE_S = 2.0

@@ -28,19 +28,19 @@ from unittest import mock
 
 import numpy as np
 
-import uavmap.simulation
+import uavmap.runner.simulation
 from missions.errors import LinkError
 from missions.events import Vote
-from missions.mission_file.schema import Mission
-from missions.setting import Setting
+from missions.flight.setting import Setting
+from missions.mission.schema import Mission
 from missions.units import Cell
 from sitl.scenario import Setup
-from tests.plans import named_text, plan_of
-from uavmap.fly.classifier import Classifier
-from uavmap.fly.flight import fly
-from uavmap.mission_source import load
-from uavmap.record.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.results.score import CLEAR_SHARE, cells_near, shares_of, true_roi
+from tests.support.plans import named_text, plan_of
+from uavmap.aircraft.imaging.classifier import Classifier
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.load.mission_source import load
+from uavmap.output.facts.score import CLEAR_SHARE, cells_near, shares_of, true_roi
+from uavmap.runner.flight import fly
 from vision.look import Frame
 
 MISSION = "runway"
@@ -118,28 +118,28 @@ def false_frame(_: int) -> Iterator[None]:
 def lost_pictures(seed: int, share: float) -> Iterator[None]:
     """This share of the pictures cannot be fetched."""
     rng = np.random.default_rng([seed, 2])
-    fetch = uavmap.simulation.Simulation.fetch
+    fetch = uavmap.runner.simulation.Simulation.fetch
 
-    async def lossy(self: uavmap.simulation.Simulation, url: str) -> bytes:
+    async def lossy(self: uavmap.runner.simulation.Simulation, url: str) -> bytes:
         if rng.random() < share:
             raise LinkError(f"{url}: lost by the benchmark")
         return await fetch(self, url)
 
-    with mock.patch.object(uavmap.simulation.Simulation, "fetch", lossy):
+    with mock.patch.object(uavmap.runner.simulation.Simulation, "fetch", lossy):
         yield
 
 
 @contextlib.contextmanager
 def slow_camera(_: int) -> Iterator[None]:
     """The camera takes half as many pictures as the mission file says, and nobody knows."""
-    setup_of = uavmap.simulation.setup_of
+    setup_of = uavmap.runner.simulation.setup_of
 
     def slower(mission: Mission, *args: Any, **more: Any) -> Setup:
         setup = setup_of(mission, *args, **more)
         interval_s = 2.0 * mission.camera.interval_s
         return replace(setup, camera=replace(setup.camera, min_interval_s=interval_s))
 
-    with mock.patch.object(uavmap.simulation, "setup_of", slower):
+    with mock.patch.object(uavmap.runner.simulation, "setup_of", slower):
         yield
 
 

@@ -20,15 +20,15 @@ from typing import Any
 
 from shapely.geometry import Point
 
-import uavmap.simulation
+import uavmap.runner.simulation
+from missions.flight.setting import Setting
 from missions.guardian import PAD_M
-from missions.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.e2e.rig import MISSIONS
-from uavmap.cli import main as uavmap_main
 from uavmap.journal.event_log import Journal
-from uavmap.simulation import Truth
+from uavmap.runner.simulation import Truth
+from uavmap.ui.cli import main as uavmap_main
 
 LIMIT_S = 20_000.0
 """A flight that takes longer, in simulated seconds, has no end."""
@@ -236,17 +236,17 @@ def _events(folder: Path) -> tuple[Counter[str], tuple[str, ...]]:
 def _observed(observer: Observer) -> Iterator[None]:
     """Simulations made meanwhile are watched by an observer."""
 
-    class Watched(uavmap.simulation.Simulation):
+    class Watched(uavmap.runner.simulation.Simulation):
         def __init__(self, *values: Any, **more: Any) -> None:
             super().__init__(*values, **more)
             self.truth = observer
 
-    before = uavmap.simulation.Simulation
-    uavmap.simulation.Simulation = Watched  # type: ignore[misc]
+    before = uavmap.runner.simulation.Simulation
+    uavmap.runner.simulation.Simulation = Watched  # type: ignore[misc]
     try:
         yield
     finally:
-        uavmap.simulation.Simulation = before  # type: ignore[misc]
+        uavmap.runner.simulation.Simulation = before  # type: ignore[misc]
 
 
 def table(rows: Iterable[tuple[str, Flown]]) -> str:

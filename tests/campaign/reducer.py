@@ -6,12 +6,12 @@ import math
 import random
 
 from missions.events import FrameSeen, Tracked
+from missions.flight.setting import Setting
 from missions.guardian import PAD_M
-from missions.setting import Setting
 from tests.fake_fleet import Fleet
 from tests.fake_fleet.air import Air
 from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn
-from tests.small_missions import scattered, unkind_scenario
+from tests.support.small_missions import scattered, unkind_scenario
 
 from .outcome import FORBIDDEN, Outcome
 from .plan import Plan, plan

@@ -12,23 +12,23 @@ from typing import Any, Final
 import pytest
 from shapely.geometry import Point
 
-from missions.energy import AIRSPEED_LIMIT_M_S
 from missions.errors import UavmapError
-from missions.ground.grid import Grid
+from missions.flight.setting import Setting
+from missions.flight.state import Phase
+from missions.flight.step import fold
+from missions.geo.grid import Grid
 from missions.guardian import HARD_M_S, PAD_M
-from missions.setting import Setting
-from missions.state import Phase
-from missions.step import fold
+from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests import plans
-from tests.small_missions import CELL_M, START, mission_text, ring, square
-from uavmap import simulation
-from uavmap.fly.flight import fly as fly_plan
-from uavmap.fly.impact import GRAVITY_M_S2
+from tests.support import plans
+from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.aircraft.guardian.impact import GRAVITY_M_S2
 from uavmap.journal.event_log import Journal
-from uavmap.record.flight_plan import JOURNAL, FlightPlan
-from uavmap.simulation import STEP_S, Truth
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.runner import simulation
+from uavmap.runner.flight import fly as fly_plan
+from uavmap.runner.simulation import STEP_S, Truth
 
 from .outcome import FORBIDDEN, Outcome
 from .plan import Plan, plan

@@ -14,14 +14,14 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.mission_file.schema import Mission
-from tests.unit.uavmap.flights import Flight, running, small_mission, under_way
-from uavmap.clock import ScaledClock, VirtualClock, run
-from uavmap.link.commands import Commands
-from uavmap.link.session import GROUND_SYSTEM_ID, Session
-from uavmap.mavsdk_driver.commands import MavsdkCommands
-from uavmap.mavsdk_driver.session import MavsdkSession
-from uavmap.simulation import STEP_S
+from missions.mission.schema import Mission
+from tests.support.flights import Flight, running, small_mission, under_way
+from uavmap.base.clock import ScaledClock, VirtualClock, run
+from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.mavsdk.mavsdk_commands import MavsdkCommands
+from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
+from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
+from uavmap.runner.simulation import STEP_S
 
 SPEEDUP = 10.0
 SLOW_MACHINE_S = 3.0

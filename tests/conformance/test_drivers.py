@@ -26,7 +26,7 @@ from missions.events import (
     Overridden,
     Released,
 )
-from missions.motion.trajectory import rounded_path
+from missions.geo.trajectory import rounded_path
 from missions.orders import (
     AwaitBattery,
     FlyPath,
@@ -42,11 +42,11 @@ from missions.units import Cell, GridPoint, LatLon
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.conformance.rig import DRIVERS, each_autopilot, each_driver, fly, turned_to
-from tests.unit.uavmap.flights import UP_M, Flight, Message, to
-from tests.unit.uavmap.test_signing import KEY, Memory
-from uavmap.fly.fleet import STREAMED_SPEEDUP
-from uavmap.link.signing import Signing, ticks_now
-from uavmap.record.flight_options import DRIVERS as OFFERED
+from tests.support.flights import UP_M, Flight, Message, to
+from tests.unit.uavmap.mavlink.links.test_signing import KEY, Memory
+from uavmap.journal.flight_options import DRIVERS as OFFERED
+from uavmap.mavlink.links.signing import Signing, ticks_now
+from uavmap.runner.vehicles import STREAMED_SPEEDUP
 
 HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4, 5))}
 """What a pilot turns to who wants the vehicle: the mode, and the parameters that ask for it."""

@@ -18,10 +18,10 @@ from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
 from missions.orders import Land, TakeOff
 from tests.conformance.rig import each_autopilot, fly
 from tests.conformance.test_drivers import taken_while_it_waits
-from tests.unit.uavmap.flights import UP_M, Flight, Message, to
-from uavmap.clock import ScaledClock, run
-from uavmap.mavsdk_driver.process import MavsdkProcess
-from uavmap.mavsdk_driver.session import MavsdkSession
+from tests.support.flights import UP_M, Flight, Message, to
+from uavmap.base.clock import ScaledClock, run
+from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess
+from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
 
 
 def by_mavsdk(flight: Flight) -> MavsdkSession:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import FrameSeen, from_json
-from missions.setting import Setting
-from missions.state import State, VehicleState
-from missions.step import step
+from missions.flight.setting import Setting
+from missions.flight.state import State, VehicleState
+from missions.flight.step import step
 from tests.e2e.rig import bodies, mission
-from uavmap.mission_source import load
+from uavmap.load.mission_source import load
 
 
 class Journey:

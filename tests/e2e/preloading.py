@@ -13,11 +13,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from missions.swath.warm_up import warm_up
-from uavmap import cli
+from missions.planning.sweep.warm_up import warm_up
 from uavmap.__main__ import main
-from uavmap.mission_source import load
-from uavmap.simulation import make_vehicles
+from uavmap.load.mission_source import load
+from uavmap.runner.simulation import make_vehicles
+from uavmap.ui import cli
 
 cli.parser()  # imports every command
 

@@ -1,4 +1,6 @@
-"""A fleet without MAVLink for driving `missions.step` to the end, in a kind or an unkind world."""
+"""A fleet without MAVLink for driving `missions.flight.step` to the end, in a kind or an unkind
+world.
+"""
 
 from .fleet import TICK_S, Fleet, fleet
 

@@ -34,6 +34,8 @@ from missions.events import (
     Tracked,
     Vote,
 )
+from missions.flight.setting import Setting
+from missions.geo.course import Course
 from missions.guardian import (
     HASTE_M_S,
     Guard,
@@ -45,7 +47,6 @@ from missions.guardian import (
     quick_aim_m,
     watch,
 )
-from missions.motion.course import Course
 from missions.orders import (
     AwaitBattery,
     FlyPath,
@@ -59,7 +60,6 @@ from missions.orders import (
     Sweep,
     TakeOff,
 )
-from missions.setting import Setting
 from missions.units import Cell, GridPoint
 
 from .air import Vector

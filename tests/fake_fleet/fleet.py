@@ -15,13 +15,13 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from missions.events import Event, Recalled, Resumed
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from missions.flight.step import fold, step
 from missions.guardian import Guard, Limits
-from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import Mission
+from missions.mission.launch_pads import homes
+from missions.mission.schema import Mission
 from missions.orders import Order, StandDown
-from missions.setting import Setting
-from missions.state import Phase, State
-from missions.step import fold, step
 from missions.units import Cell, GridPoint
 
 from .air import Air

@@ -13,16 +13,16 @@ from shapely.geometry import Point
 
 from missions.events import FrameSeen, from_json, to_json
 from missions.flight.return_home import BESIDE_M
-from missions.ground.lanes import point_on
+from missions.flight.state import Phase
+from missions.flight.step import fold
 from missions.guardian import PAD_M
 from missions.lab.arena.roi import component
 from missions.mapping.belief import FrameId
 from missions.mapping.patches import patches
 from missions.orders import StandDown, TakeOff
-from missions.state import Phase
-from missions.step import fold
+from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
-from tests.small_missions import reachable
+from tests.support.small_missions import reachable
 
 from .aircraft import Aircraft
 

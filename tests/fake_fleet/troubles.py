@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
+from missions.flight.state import Phase
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Land, Look, Sweep, TakeOff
-from missions.state import Phase
 from missions.units import GridPoint
 
 from .air import Storm, Vector

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.events import Event
-from missions.mission_file.checks import parse_mission
-from missions.setting import Setting
-from tests.plans import named_text
-from uavmap.results.figures import figures, summary
+from missions.flight.setting import Setting
+from missions.mission.checks import parse_mission
+from tests.support.plans import named_text
+from uavmap.output.facts.figures import figures, summary
 
 HERE: Final = Path(__file__).parent
 

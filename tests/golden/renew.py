@@ -13,10 +13,10 @@ from pathlib import Path
 
 from missions.events import from_json
 from tests.golden.recording import RECORDINGS, Recording, outcome
-from tests.plans import named_text, plan_of
-from uavmap.fly.flight import fly
+from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.record.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.runner.flight import fly
 
 
 def flown(recording: Recording, folder: Path) -> list[str]:

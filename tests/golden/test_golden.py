@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import pytest
 
 from missions.events import Event, from_json, to_json
-from missions.kernels.jit import COMPILED
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import fold, step
 from missions.orders import FlyPath, Look
-from missions.setting import Setting
-from missions.state import State
-from missions.step import fold, step
+from missions.planning.kernels.jit import COMPILED
 from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome
 
 

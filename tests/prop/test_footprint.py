@@ -11,9 +11,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from missions.ground.footprint import Footprint, Optics
-from missions.ground.geodesy import LocalPlane
-from missions.ground.grid import Grid
+from missions.geo.footprint import Footprint, Optics
+from missions.geo.geodesy import LocalPlane
+from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 from tests.unit.vision.scene import camera_axes, nadir_pose, paint
 from vision.camera import Camera

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.mission_file.schema import CameraSection, Fence
-from tests.benchmarks.height_and_speed_picture import picture
+from missions.mission.schema import CameraSection, Fence
+from tests.benchmarks.planning.height_and_speed_picture import picture
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from tests.unit.test_pages import ROOT, command_lines
-from uavmap.cli import parser
-from uavmap.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
-from uavmap.link.urls import parse_url
+from uavmap.mavlink.links.urls import parse_url
+from uavmap.ui.cli import parser
+from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
 
 FOLDER = ROOT / "packaging" / "systemd"
 UNITS = sorted(FOLDER.glob("*.service"))

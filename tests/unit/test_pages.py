@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from missions.mission_file.schema import Mission, VehicleSection
-from missions.mission_file.sim_section import SimFault
-from missions.state import Phase, ReturnReason
+from missions.flight.state import Phase, ReturnReason
+from missions.mission.schema import Mission, VehicleSection
+from missions.mission.sections.sim_section import SimFault
 from sitl.testing import Vehicle
-from uavmap.cli import parser
+from uavmap.ui.cli import parser
 
 ROOT = Path(__file__).parents[2]
 FILES = ("tlog", "gif", "kml", "gpx")

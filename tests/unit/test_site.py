@@ -14,10 +14,10 @@ from pydantic import BaseModel
 
 import uavmap
 from missions import errors
-from missions.mission_file.schema import Mission
+from missions.mission.schema import Mission
 from tests.unit.test_pages import ROOT
-from uavmap.areas.mission_reference import described, reference
-from uavmap.areas.mission_text import section_of
+from uavmap.load.areas.mission_reference import described, reference
+from uavmap.load.areas.mission_text import section_of
 
 EXAMPLES = ROOT / "examples"
 
@@ -41,7 +41,7 @@ def _inner(kind: Any) -> type[BaseModel] | None:
 
 def test_the_reference_is_that_of_the_schema() -> None:
     page = (ROOT / "docs" / "missions.md").read_text("utf-8")
-    assert page == reference(), "python -m uavmap.areas.mission_reference > docs/missions.md"
+    assert page == reference(), "python -m uavmap.load.areas.mission_reference > docs/missions.md"
 
 
 def test_the_reference_has_every_key_and_says_what_it_is() -> None:

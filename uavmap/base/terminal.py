@@ -11,7 +11,7 @@ from typing import Final, TextIO
 
 from rich.console import Console
 
-from uavmap.printable import printable
+from uavmap.base.printable import printable
 
 LINE_LIMIT: Final = 4000
 """Maximum length of a line, characters."""

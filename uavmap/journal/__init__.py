@@ -1,1 +1,1 @@
-"""The journal of a mission: the log of its events, and how a damaged one is recovered."""
+"""What a flight keeps on disk while it lasts: event log, flight plan, telemetry log, frames."""

@@ -22,7 +22,7 @@ from typing import Any, Final, Self
 
 from missions.errors import JournalError
 from missions.events import Event, from_json, to_json
-from uavmap import __version__
+from uavmap.base.version import __version__
 
 FORMAT: Final = 1
 COMPILED: Final = "compiled"

@@ -11,10 +11,10 @@ import numpy as np
 
 from missions.lab.arena.roi import Roi
 from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.localization_planner import Planner
+from missions.lab.localization.localization_run import Localized, localize
 from missions.lab.localization.methods import Method
 from missions.lab.localization.noisy_run import Errors, localize_with_errors
-from missions.lab.localization.planner import Planner
-from missions.lab.localization.run import Localized, localize
 
 _MEANS: Final = ("cells", "moves_mean", "right", "confidence_mean")
 

@@ -13,7 +13,7 @@ from missions.lab.arena.offline_reference import reference
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
 from missions.lab.arena.time_bounds import lower_bound_s
-from missions.swath.strategies import SURVEY, WithoutStopping
+from missions.planning.sweep.strategies import SURVEY, WithoutStopping
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 * WKT in metres: `POLYGON ((0 0, 40 0, 40 20, 0 0), (20 4, 30 4, 30 8, 20 4))`.
 * JSON in metres: `{"polygon_m": [[0, 0], [40, 0], [40, 20]], "holes_m": [[[5, 2], ...]]}`.
-* GeoJSON, KML and the other kinds of `uavmap.areas.reading`: one area, in metres true east and true
+* GeoJSON, KML and the other kinds of `uavmap.load.areas.reading`: one area, in metres true east and
+  true
   north of its south-western corner. What is drawn as keep-out is a hole.
 """
 
@@ -18,13 +19,13 @@ from shapely.errors import ShapelyError
 from shapely.geometry import Polygon
 
 from missions.errors import AreaError
-from missions.ground.geodesy import LocalPlane
+from missions.geo.geodesy import LocalPlane
 from missions.lab.cooperation.space import Point, Space
 from missions.units import LatLon
-from uavmap.areas.drawing import Positions
-from uavmap.areas.reading import read_area_file
-from uavmap.printable import printable
-from uavmap.text_files import read_text
+from uavmap.base.printable import printable
+from uavmap.base.text_files import read_text
+from uavmap.load.areas.drawing import Positions
+from uavmap.load.areas.reading import read_area_file
 
 _MOST_BYTES: Final = 2_000_000
 

@@ -21,12 +21,12 @@ from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.errors import GeodesyError, RoiError
-from missions.ground.grid import Grid
+from missions.geo.grid import Grid
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, boundary, component, grown
 from missions.mapping.patches import patches
 from missions.units import Cell, LatLon
-from uavmap.results.score import MISSED_SHARE, cells_near, shares_of
-from uavmap.text_files import read_text
+from uavmap.base.text_files import read_text
+from uavmap.output.facts.score import MISSED_SHARE, cells_near, shares_of
 
 _FARTHEST: Final = 2**31
 _LARGEST_BYTES: Final = 200_000_000

@@ -6,10 +6,10 @@ import math
 import re
 from typing import Final
 
+from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
-from missions.lab.arena.run import Comms
 from missions.partition import Partition
-from uavmap.comms.link_words import RANGE, LinkWords, link_words
+from uavmap.fleet.link_models import RANGE, LinkWords, link_words
 
 KINDS: Final = ("shared", "free", "meeting")
 _KEYS: Final = ("loss", "delay", "rate")

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-from missions.explorers import Explorer
-from missions.explorers.metric import Metric
+from missions.lab.arena.arena_run import Comms, Run, run
 from missions.lab.arena.certificate import Certificate, certify
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import Roi
-from missions.lab.arena.run import Comms, Run, run
 from missions.planning.bounds.lower_bounds import LowerBounds
+from missions.planning.stepwise import Explorer
+from missions.planning.stepwise.metric import Metric
 
 _KEYS = (
     "makespan",

@@ -1,1 +1,1 @@
-"""What is written of a mission: pictures, files, a report."""
+"""What a mission leaves behind: one writer a file format, all fed with the same `MapData`."""

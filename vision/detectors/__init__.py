@@ -1,6 +1,6 @@
 """The detectors by name. A new one is a file beside these and a line in `_REGISTRY`.
 
-One from elsewhere is a plug-in (`uavmap.detector_source`).
+One from elsewhere is a plug-in (`uavmap.load.detector_source`).
 """
 
 from __future__ import annotations

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detectors.features import features, working_picture
 from vision.detectors.interface import marked
 from vision.detectors.learned_model import Model, Scorer, read_model
 from vision.detectors.limits import check_number
+from vision.detectors.pixel_features import features, working_picture
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from pydantic import (
 )
 
 from missions.errors import MissionFileError
-from vision.detectors.features import FEATURES
+from vision.detectors.pixel_features import FEATURES
 
 Array = NDArray[np.float32]
 FORMAT: Final = "uavmap detector"

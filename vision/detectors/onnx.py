@@ -1,7 +1,7 @@
 """A segmentation model in the exchange format ONNX: what goes into it, what comes out of it.
 
-Who runs the model is handed in (`uavmap.detector_source` does it with onnxruntime), so that this
-room needs neither files nor a runtime.
+Who runs the model is handed in (`uavmap.load.detector_source` does it with onnxruntime), so that
+this room needs neither files nor a runtime.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 picture -> thumbnail -> extract -> View (features and tags) -> register -> Registration
 """
 
-from vision.registration.features import WIDTH_PX, extract, thumbnail
+from vision.registration.picture_features import WIDTH_PX, extract, thumbnail
 from vision.registration.registering import Many, register
 from vision.registration.relief import Relief
 from vision.registration.result import Agreement, Net, Registration

@@ -8,7 +8,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from missions.ground.terrain import Terrain
+from missions.geo.terrain import Terrain
 from missions.units import GridPoint
 from vision.registration.views import Floats
 

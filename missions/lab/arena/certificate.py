@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from missions.explorers import Explorer
-from missions.explorers.metric import Metric
+from missions.lab.arena.arena_run import Comms, Run
 from missions.lab.arena.radio import Links
-from missions.lab.arena.run import Comms, Run
 from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.planning.bounds.promises import bound_time, promised_moves
+from missions.planning.stepwise import Explorer
+from missions.planning.stepwise.metric import Metric
 
 _ROUNDING = 1e-9
 

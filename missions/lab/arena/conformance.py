@@ -20,14 +20,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missions.errors import StrategyError
-from missions.explorers.interface import Decision, Explorer, Memory, Situation
-from missions.explorers.metric import Metric
+from missions.lab.arena.arena_run import Comms, Run, patience_of, run
 from missions.lab.arena.minds import look
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import component, eden, thin
-from missions.lab.arena.run import Comms, Run, patience_of, run
 from missions.mapping.tree import Tree
 from missions.planning.bounds.promises import promised_moves
+from missions.planning.stepwise.interface import Decision, Explorer, Memory, Situation
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 START = Cell(0, 0)
@@ -46,7 +46,7 @@ def check(explorer: Explorer, *, cells: int = 18, seed: int = 1) -> None:
         cells: about how many cells the ROIs have.
         seed: of the ROIs that are drawn.
 
-    >>> from missions.explorers import EXPLORERS
+    >>> from missions.planning.stepwise import EXPLORERS
     >>> check(EXPLORERS["rdfs"], cells=8)
     """
     failed = failures(explorer, cells=cells, seed=seed)

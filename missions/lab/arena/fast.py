@@ -1,4 +1,5 @@
-"""The figures of `rdfs` in the arena, compiled: those of `missions.lab.arena.run`, but sooner.
+"""The figures of `rdfs` in the arena, compiled: those of `missions.lab.arena.arena_run`, but
+sooner.
 
 Studies of its bounds need them on regions of 100,000 cells.
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import RoiError
-from missions.explorers.metric import Metric
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 _NONE = -1
@@ -102,8 +103,8 @@ def run_rdfs(
     >>> run_rdfs([Cell(0, 0), Cell(1, 0), Cell(2, 0)], Cell(0, 0), robots=2)
     Summary(makespan=4.0, moves=8, cells=3, depth=2)
     """
-    from missions.kernels import ground  # noqa: PLC0415 - importing numba takes a second
-    from missions.lab.kernels import rdfs  # noqa: PLC0415 - as above
+    from missions.lab.kernels import rdfs_kernels as rdfs  # noqa: PLC0415 - as above
+    from missions.planning.kernels import ground  # noqa: PLC0415 - importing numba takes a second
 
     lattice = roi if isinstance(roi, Lattice) else Lattice.of(roi)
     root = lattice.index(start)

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import StrategyError
-from missions.kernels import worth as kernels
+from missions.geo.trajectory import Trajectory
 from missions.lab.arena.roi import Roi
-from missions.motion.trajectory import Trajectory
-from missions.swath.chart import PAD_CELLS, Chart
-from missions.swath.paths import Route
-from missions.swath.planner import Plan, Planner
-from missions.swath.team import Flyer, Kinematics, Tuning
+from missions.planning.kernels import worth as kernels
+from missions.planning.sweep.chart import PAD_CELLS, Chart
+from missions.planning.sweep.paths import Route
+from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning
+from missions.planning.sweep.sweep_planner import Plan, Planner
 from missions.units import Cell, GridPoint
 
 FRUITLESS_PLANS: Final = 30

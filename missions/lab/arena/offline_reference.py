@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import StrategyError
-from missions.kernels import swath as kernels
+from missions.geo.trajectory import Trajectory
 from missions.lab.arena.nonstop import Flown, Ground, Team
 from missions.lab.arena.roi import Roi
-from missions.motion.trajectory import Trajectory
-from missions.swath.paths import path_of
-from missions.swath.team import Tuning
+from missions.planning.kernels import swath as kernels
+from missions.planning.sweep.paths import path_of
+from missions.planning.sweep.planned_team import Tuning
 from missions.units import GridPoint
 
 MOVES_A_CELL: Final = 300

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions.errors import StrategyError
-from missions.kernels import worth as kernels
+from missions.geo.trajectory import Trajectory, rounded_path
 from missions.lab.arena.nonstop import Flown, Ground, Team
 from missions.lab.arena.roi import Roi
-from missions.motion.trajectory import Trajectory, rounded_path
-from missions.swath.team import Kinematics
+from missions.planning.kernels import worth as kernels
+from missions.planning.sweep.planned_team import Kinematics
 from missions.units import Cell, GridPoint
 
 MARGIN_CELLS = 2

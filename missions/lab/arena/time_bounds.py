@@ -34,7 +34,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-from missions.swath.team import Kinematics
+from missions.planning.sweep.planned_team import Kinematics
 from missions.units import Cell
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.lab.cooperation.space import Point, distance
-from missions.planning.leapfrog import Leapfrog, Role, Step
+from missions.planning.leapfrog_geometry import Leapfrog, Role, Step
 
 Array = NDArray[np.float64]
 

@@ -23,9 +23,9 @@ from typing import Final
 
 from missions.errors import StrategyError
 from missions.lab.cooperation.exploration import Exploration, Why
+from missions.lab.cooperation.robot_team import Team
 from missions.lab.cooperation.space import Point, Space, distance
 from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
-from missions.lab.cooperation.team import Team
 
 MOST_MOVES: Final = 100_000
 """By a rough estimate, from area and range."""

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from missions.errors import StrategyError
 from missions.lab.cooperation.exploration import Exploration, Why
+from missions.lab.cooperation.robot_team import Team
 from missions.lab.cooperation.space import GRID_M, Point, Space, distance
-from missions.lab.cooperation.team import Team
 
 Corner = tuple[int, int]
 """In units of `GRID_M`: whole numbers, so that what is left of what is exact."""

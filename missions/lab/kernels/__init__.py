@@ -1,1 +1,1 @@
-"""Loops of studies, compiled as those of `missions.kernels` are."""
+"""Loops of studies, compiled as those of `missions.planning.kernels` are."""

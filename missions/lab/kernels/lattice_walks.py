@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.kernels.jit import kernel
+from missions.planning.kernels.jit import kernel
 
 Ints = NDArray[np.int32]
 

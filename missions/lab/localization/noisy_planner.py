@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.lab.localization.belief import Belief, Noise
 from missions.lab.localization.grid_map import GridMap
 from missions.lab.localization.neighbourhood import DIRECTIONS
+from missions.lab.localization.pose_belief import Belief, Noise
 
 QUANTILES: Final = 40
 """Quantiles of the belief, whose cells are looked at."""

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 
 from missions.errors import LocalizationError
-from missions.lab.localization.belief import EXACT, Belief, Noise
 from missions.lab.localization.grid_map import GridMap
 from missions.lab.localization.homing import Moves
+from missions.lab.localization.localization_run import Localized
 from missions.lab.localization.methods import Method
 from missions.lab.localization.neighbourhood import DIRECTIONS, STEP
 from missions.lab.localization.noisy_planner import NoisyPlanner
-from missions.lab.localization.run import Localized
+from missions.lab.localization.pose_belief import EXACT, Belief, Noise
 from missions.units import Cell
 
 PATIENCE: Final = 50

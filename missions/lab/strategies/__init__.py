@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from missions.explorers import EXPLORERS, register
 from missions.lab.strategies.bfdn import Bfdn
 from missions.lab.strategies.greedy import Greedy
 from missions.lab.strategies.hungarian import Hungarian
@@ -11,6 +10,7 @@ from missions.lab.strategies.lrv import Lrv
 from missions.lab.strategies.random_walk import RandomWalk
 from missions.lab.strategies.rdfs_paper import RdfsPaper
 from missions.lab.strategies.smartdfs import SmartDfs
+from missions.planning.stepwise import EXPLORERS, register
 
 register(RdfsPaper(), Hungarian(), Greedy(), Bfdn(), Lrv(), Lrta(), RandomWalk(), SmartDfs())
 

@@ -21,9 +21,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.explorers.interface import Decision, Situation
-from missions.explorers.metric import Metric
 from missions.mapping.tree import Tree
+from missions.planning.stepwise.interface import Decision, Situation
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 _DEGREE = 4

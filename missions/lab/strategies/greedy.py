@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.explorers.interface import Decision, Situation
-from missions.explorers.metric import Metric
 from missions.lab.strategies.leg_costs import Ways
 from missions.mapping.breadth_first import step_home
+from missions.planning.stepwise.interface import Decision, Situation
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 
@@ -24,7 +24,7 @@ from missions.units import Cell
 class Greedy:
     """To the nearest unvisited cell that no other robot heads for, while there is one.
 
-    >>> from missions.lab.arena.run import run
+    >>> from missions.lab.arena.arena_run import run
     >>> run(Greedy(), {Cell(0, 0), Cell(0, 1), Cell(1, 0), Cell(1, 1)}, Cell(0, 0), 1).makespan
     4.0
     """

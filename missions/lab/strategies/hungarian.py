@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from missions.explorers.interface import Decision, Situation
 from missions.lab.strategies.assignment import assign
 from missions.lab.strategies.leg_costs import Ways
 from missions.mapping.breadth_first import step_home
 from missions.mapping.tree import Tree
+from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 
 DEPTH_BIAS = 0.6
@@ -28,7 +28,7 @@ CROWDING = 3.0
 class Hungarian:
     """All robots to all open cells at once, deep cells first.
 
-    >>> from missions.lab.arena.run import run
+    >>> from missions.lab.arena.arena_run import run
     >>> run(Hungarian(), {Cell(0, 0), Cell(0, 1), Cell(1, 0)}, Cell(0, 0), 2).makespan
     2.0
     """

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from functools import cache
 
-from missions.explorers.metric import Metric
 from missions.mapping.breadth_first import neighbours_in, reached
 from missions.mapping.tree import Tree
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.explorers.interface import Decision, Situation
 from missions.mapping.breadth_first import step_home
+from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 
 
@@ -21,7 +21,7 @@ from missions.units import Cell
 class Lrta:
     """To the neighbour of least weight.
 
-    >>> from missions.lab.arena.run import run
+    >>> from missions.lab.arena.arena_run import run
     >>> run(Lrta(), {Cell(0, 0), Cell(0, 1), Cell(1, 0), Cell(1, 1)}, Cell(0, 0), 1).makespan
     4.0
     """

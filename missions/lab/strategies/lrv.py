@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.explorers.interface import Decision, Situation
 from missions.mapping.breadth_first import step_home
+from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 
 
@@ -27,7 +27,7 @@ from missions.units import Cell
 class Lrv:
     """The direction that was taken least often.
 
-    >>> from missions.lab.arena.run import run
+    >>> from missions.lab.arena.arena_run import run
     >>> run(Lrv(), {Cell(0, 0), Cell(0, 1), Cell(1, 0)}, Cell(0, 0), 1).makespan
     4.0
     """

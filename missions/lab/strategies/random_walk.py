@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
-from missions.explorers.interface import Decision, Situation
 from missions.mapping.breadth_first import step_home
+from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 
 _MASK = (1 << 64) - 1

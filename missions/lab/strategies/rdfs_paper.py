@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from missions.explorers.interface import Decision, Situation
 from missions.mapping.tree import Tree
+from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 
 

@@ -24,10 +24,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
-from missions.explorers.interface import Decision, Situation
 from missions.lab.strategies.leg_costs import Ways
 from missions.mapping.breadth_first import step_home, step_towards
 from missions.mapping.tree import Tree
+from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 
 
@@ -35,7 +35,7 @@ from missions.units import Cell
 class SmartDfs:
     """Left hand at the wall, short ways back, the part towards the start last.
 
-    >>> from missions.lab.arena.run import run
+    >>> from missions.lab.arena.arena_run import run
     >>> block = {Cell(east, north) for east in range(4) for north in range(4)}
     >>> run(SmartDfs(), block, Cell(0, 0), 1).makespan
     18.0

@@ -27,8 +27,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.explorers.metric import Metric
 from missions.mapping.breadth_first import distances
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 COMPILED_FROM = 5000
@@ -213,7 +213,7 @@ class _Search:
 @cache
 def _compiled() -> Callable[..., tuple[int, int]]:
     # numba takes a second to import
-    from missions.kernels.jit import COMPILED, kernel  # noqa: PLC0415
+    from missions.planning.kernels.jit import COMPILED, kernel  # noqa: PLC0415
 
     return kernel(_block_steps) if COMPILED else _block_steps
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from missions.explorers import Explorer
-from missions.explorers.metric import Metric
 from missions.mapping.tree import Tree
+from missions.planning.stepwise import Explorer
+from missions.planning.stepwise.metric import Metric
 
 
 def promised_moves(explorer: Explorer, tree: Tree, robots: int, metric: Metric) -> float | None:
@@ -13,7 +13,7 @@ def promised_moves(explorer: Explorer, tree: Tree, robots: int, metric: Metric) 
     A theorem may speak of some legs or teams only. A strategy with such a one has a method
     `bound_holds(robots, metric)`; the bound of a strategy without it holds with every metric.
 
-    >>> from missions.explorers.rdfs import Rdfs
+    >>> from missions.planning.stepwise.rdfs import Rdfs
     >>> from missions.units import Cell
     >>> tree = Tree.rooted(Cell(0, 0))
     >>> promised_moves(Rdfs(), tree, 2, Metric())

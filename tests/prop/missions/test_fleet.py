@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from missions.events import Event, FrameSeen
-from missions.explorers import EXPLORERS
+from missions.flight.state import Phase
+from missions.flight.step import fold
 from missions.lab.arena.roi import component
 from missions.mapping.belief import Belief, FrameId
 from missions.orders import Hold, TakeOff
-from missions.state import Phase
-from missions.step import fold
+from missions.planning.stepwise import EXPLORERS
 from tests.fake_fleet import Fleet, fleet
-from tests.small_missions import Scenario, random_scenario, reachable
+from tests.support.small_missions import Scenario, random_scenario, reachable
 
 SEEDS = range(9)
 DRIFT_SEEDS = range(5)

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from missions.flight.setting import Setting
+from missions.flight.state import Phase
 from missions.lab.arena.roi import eden
 from missions.orders import AwaitBattery, FlyPath, Hold
-from missions.setting import Setting
-from missions.state import Phase
 from missions.units import Cell, GridPoint
 from tests.fake_fleet.air import Storm
-from tests.prop.missions.test_paths_in_flight import Watched, is_honest
+from tests.prop.missions.flight.test_paths_in_flight import Watched, is_honest
 from tests.prop.quick_plans import quick_plans
-from tests.small_missions import Scenario, mission, square
+from tests.support.small_missions import Scenario, mission, square
 
 BOX, FENCE = square(-10, 14, 40, 24), square(-40, -40, 120, 130)
 LIMIT_S = 2500.0

@@ -14,7 +14,7 @@ from sitl.px4.modes import Px4Mode
 from sitl.quirks import Quirks
 from sitl.scenario import Setup
 from sitl.testing import Fleet
-from tests.unit.sitl.test_px4 import (
+from tests.unit.sitl.px4.test_px4 import (
     ACCEPTED,
     ARM,
     MAIN,

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.scenario import Setup
 from sitl.testing import Fleet
-from tests.unit.sitl.positions import (
+from tests.unit.sitl.mavlink.positions import (
     ABSOLUTE,
     AUTOPILOTS,
     NAN,

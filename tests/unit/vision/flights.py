@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.ground.grid import Grid
+from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from sitl.world.texture import METRES_PER_PIXEL, TILE_PX, ground_tile
 from tests.unit.vision.scene import camera_axes, nadir_pose, photograph

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from missions.ground.geodesy import LocalPlane
-from missions.ground.grid import Grid
+from missions.geo.geodesy import LocalPlane
+from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, Pose, Quaternion
 from vision.camera import Camera
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.ground.geodesy import LocalPlane
-from missions.ground.grid import Grid
+from missions.geo.geodesy import LocalPlane
+from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from tests.unit.vision.scene import camera_axes
 from vision.camera import Camera, project, rotation

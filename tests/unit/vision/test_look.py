@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.errors import ImageError
-from missions.ground.grid import Grid
-from missions.ground.terrain import Terrain
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
 from missions.units import Cell, GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, paint, square
 from vision.camera import Camera

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from missions.ground.grid import Grid
-from missions.ground.terrain import Terrain
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
 from missions.units import Cell, LatLon, Pose, Quaternion
-from tests.hills import SIDE_M, STEP_M, slope
+from tests.support.hills import SIDE_M, STEP_M, slope
 from vision.camera import Camera, project
 from vision.detectors import make_detector
 from vision.look import Frame, look

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.ground.grid import Grid
+from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, photograph
 from vision.camera import Camera

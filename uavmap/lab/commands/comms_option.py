@@ -6,8 +6,8 @@ import argparse
 from typing import Final
 
 from missions.errors import LinkError
+from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
-from missions.lab.arena.run import Comms
 from uavmap.lab.simulated_links import simulated_links
 
 _HELP: Final = (

@@ -17,15 +17,15 @@ from missions.errors import AreaError, OutputError, StrategyError
 from missions.lab.cooperation.space import Point
 from missions.lab.cooperation.trapezoids import Cover
 from missions.units import LatLon
-from uavmap.animation.of_cooperation import write_animation, write_picture
-from uavmap.animation.writers import FILMS, check_path
-from uavmap.cli.common import overwrite_nothing, pair, print_figures
-from uavmap.cli.endings import INCOMPLETE, INTERRUPTED
+from uavmap.base.atomic_write import write_text
+from uavmap.journal.results_folder import make_folder
 from uavmap.lab.commands.cooperation_options import checked_robots
-from uavmap.lab.cooperation import Cooperation, Mode, Report, cooperate
+from uavmap.lab.cooperation_film import write_animation, write_picture
+from uavmap.lab.cooperation_trials import Cooperation, Mode, Report, cooperate
 from uavmap.lab.polygon_file import Ground, read_polygon_file
-from uavmap.record.results_folder import make_folder
-from uavmap.results.atomic import write_text
+from uavmap.output.film.film_writers import FILMS, check_path
+from uavmap.ui.cli.common import overwrite_nothing, pair, print_figures
+from uavmap.ui.cli.endings import INCOMPLETE, INTERRUPTED
 
 FILES: Final = ("summary.json", "moves.csv", "map.png")
 _THETA_DEG: Final = 60.0

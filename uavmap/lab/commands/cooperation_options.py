@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from missions.errors import StrategyError
 from missions.lab.cooperation.trapezoids import Cover
-from uavmap.cli.common import number_type
-from uavmap.lab.cooperation import Mode
+from uavmap.lab.cooperation_trials import Mode
+from uavmap.ui.cli.common import number_type
 
 MOST_TOGETHER: Final = 5
 _OWN: Final = ("cooperate", "range", "theta", "cover")

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from missions.lab.arena.roi import Roi
 from missions.lab.localization.methods import Method
-from uavmap.cli.common import print_figures
+from uavmap.journal.results_folder import make_folder
 from uavmap.lab.commands.localize_options import methods_of, terms_of
 from uavmap.lab.commands.runs import run_all
 from uavmap.lab.localization_trials import (
@@ -21,7 +21,7 @@ from uavmap.lab.localization_trials import (
     localization_means,
     localization_trials,
 )
-from uavmap.record.results_folder import make_folder
+from uavmap.ui.cli.common import print_figures
 
 
 def run_localize(

@@ -6,12 +6,12 @@ import argparse
 from typing import Any, Final
 
 from missions.errors import LocalizationError
-from missions.lab.localization.belief import EXACT, Noise
 from missions.lab.localization.methods import METHODS, Method
 from missions.lab.localization.noisy_run import Errors
-from uavmap.cli.common import number_type, pair
+from missions.lab.localization.pose_belief import EXACT, Noise
 from uavmap.lab.commands.nonstop_options import DEFAULTS as NONSTOP_OPTIONS
 from uavmap.lab.localization_trials import Terms
+from uavmap.ui.cli.common import number_type, pair
 
 TRIALS: Final = 100
 CONFIDENCE: Final = 0.95

@@ -13,14 +13,14 @@ from rich.table import Table
 
 from missions.errors import StrategyError, UavmapError
 from missions.lab.arena.roi import Roi
-from missions.swath.strategies import WithoutStopping
-from uavmap.animation import film_of_nonstop
-from uavmap.cli.common import pair, print_figures
-from uavmap.cli.pictures import wants_pictures, write_pictures
+from missions.planning.sweep.strategies import WithoutStopping
+from uavmap.journal.results_folder import make_folder
 from uavmap.lab.commands.nonstop_options import DEFAULTS
 from uavmap.lab.commands.runs import run_all
-from uavmap.notices import tell_if_uncompiled
-from uavmap.record.results_folder import make_folder
+from uavmap.lab.nonstop_film import film_of_nonstop
+from uavmap.load.planner_setup import tell_if_uncompiled
+from uavmap.ui.cli.common import pair, print_figures
+from uavmap.ui.cli.picture_options import wants_pictures, write_pictures
 
 if TYPE_CHECKING:
     from uavmap.lab.nonstop_trials import FlightTerms, NonstopTrial

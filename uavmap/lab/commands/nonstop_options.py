@@ -6,8 +6,8 @@ import argparse
 from typing import Any, Final
 
 from missions.errors import StrategyError
-from missions.swath.strategies import NONSTOP
-from uavmap.cli.common import number_type
+from missions.planning.sweep.strategies import NONSTOP
+from uavmap.ui.cli.common import number_type
 
 DEFAULTS: Final[dict[str, Any]] = {
     "footprint": "15",

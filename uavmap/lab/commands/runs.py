@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable
 from typing import Final, TypeVar
 
-from uavmap.cli.endings import INTERRUPTED
+from uavmap.ui.cli.endings import INTERRUPTED
 
 T = TypeVar("T")
 _REPORT_S: Final = 2.0

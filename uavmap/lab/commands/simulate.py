@@ -13,21 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from missions.errors import OutputError, RoiError, StrategyError, UavmapError
-from missions.explorers import Explorer
-from missions.explorers.metric import Metric
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown
 from missions.lab.strategies import EXPLORERS
-from missions.swath.strategies import NONSTOP
+from missions.planning.stepwise import Explorer
+from missions.planning.stepwise.metric import Metric
+from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
-from uavmap.animation import film_of_run
-from uavmap.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
-from uavmap.cli.pictures import (
-    add_picture_options,
-    check_pictures,
-    wants_pictures,
-    write_pictures,
-)
+from uavmap.journal.results_folder import make_folder
 from uavmap.lab.commands.comms_option import add_comms_option, comms_of, team_told
 from uavmap.lab.commands.cooperation_options import (
     add_cooperation_options,
@@ -37,10 +30,17 @@ from uavmap.lab.commands.localize_options import add_localize_options, refuse_lo
 from uavmap.lab.commands.nonstop_options import add_nonstop_options, refuse_nonstop_options
 from uavmap.lab.commands.runs import run_all
 from uavmap.lab.roi_files import load_rois
+from uavmap.lab.run_film import film_of_run
 from uavmap.lab.simulated_links import draws
 from uavmap.lab.trials import Terms, Trial, explored, means, trials
-from uavmap.notices import tell_if_uncompiled
-from uavmap.record.results_folder import make_folder
+from uavmap.load.planner_setup import tell_if_uncompiled
+from uavmap.ui.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
+from uavmap.ui.cli.picture_options import (
+    add_picture_options,
+    check_pictures,
+    wants_pictures,
+    write_pictures,
+)
 
 MAX_ROBOTS: Final = 1000
 _SUMMARY: Final = "summary.json"

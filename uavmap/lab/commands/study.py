@@ -10,11 +10,11 @@ from typing import Any, Final
 
 from missions.errors import StudyError
 from uavmap.base.extras import install_command
-from uavmap.cli.common import overwrite_nothing, seed_number, worker_count
+from uavmap.journal.results_folder import make_folder, results_folder
 from uavmap.lab.studies import STUDIES
 from uavmap.lab.studies.executors import Progress, spread
-from uavmap.lab.studies.study import Page
-from uavmap.record.results_folder import make_folder, results_folder
+from uavmap.lab.studies.study_model import Page
+from uavmap.ui.cli.common import overwrite_nothing, seed_number, worker_count
 
 SHOWN_ROWS: Final = 20
 """Longer tables are not printed, only written."""

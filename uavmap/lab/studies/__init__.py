@@ -8,14 +8,18 @@ from types import MappingProxyType
 from uavmap.lab.studies import (
     greedy_table_1,
     homing_robot,
-    leapfrog,
     lrv_figure_3,
     roi_bounds,
     roi_figure_7,
-    strategies,
     two_robots,
 )
-from uavmap.lab.studies.study import Study
+from uavmap.lab.studies import (
+    leapfrog_study as leapfrog,
+)
+from uavmap.lab.studies import (
+    strategy_comparison as strategies,
+)
+from uavmap.lab.studies.study_model import Study
 
 _MODULES = (
     *(roi_figure_7, roi_bounds, strategies, greedy_table_1, lrv_figure_3),

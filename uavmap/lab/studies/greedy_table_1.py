@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavmap.lab.studies.study import COLOURS, Page, Study, Table
+from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,7 +107,7 @@ def simulate(n: int) -> tuple[int, int]:
     >>> simulate(3)
     (207, 80)
     """
-    from missions.lab.kernels import greedy  # noqa: PLC0415, importing numba takes a second
+    from missions.lab.kernels import greedy_kernels as greedy  # noqa: PLC0415, importing numba takes a second
 
     edges, rank = graph(n)
     first, beside = greedy.adjacency(len(rank), edges)

@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 
 from missions.lab.arena.roi import grown
-from missions.lab.localization.belief import Noise
 from missions.lab.localization.grid_map import GridMap
 from missions.lab.localization.grids import chevrons, cluttered, corridor, studded
+from missions.lab.localization.localization_planner import Planner
+from missions.lab.localization.localization_run import Localized, localize
 from missions.lab.localization.methods import METHODS
 from missions.lab.localization.noisy_run import Errors, localize_with_errors
-from missions.lab.localization.planner import Planner
-from missions.lab.localization.run import Localized, localize
+from missions.lab.localization.pose_belief import Noise
 from missions.units import Cell
 from uavmap.lab.studies.homing_robot_page import (
     BEST,
@@ -30,7 +30,7 @@ from uavmap.lab.studies.homing_robot_page import (
     Found,
     page,
 )
-from uavmap.lab.studies.study import Page, Study, trial_seed
+from uavmap.lab.studies.study_model import Page, Study, trial_seed
 
 CHEVRONS: Final = ((4, 5), (10, 20), (20, 40), (40, 80), (60, 120))
 STUDS: Final = (3, 10, 50)

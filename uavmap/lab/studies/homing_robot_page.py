@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from uavmap.lab.studies.study import COLOURS, MARKERS, Page, Table, Value
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Table, Value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from missions.explorers.metric import Metric
+from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 

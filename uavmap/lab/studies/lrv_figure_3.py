@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from uavmap.lab.studies.study import COLOURS, MARKERS, Page, Study, Table, trial_seed
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-from missions.explorers.metric import Metric
+from missions.lab.arena.arena_run import run
 from missions.lab.arena.certificate import Certificate, certify
 from missions.lab.arena.fast import Lattice, run_rdfs
 from missions.lab.arena.roi import Roi, grown
-from missions.lab.arena.run import run
 from missions.lab.strategies import EXPLORERS
 from missions.mapping.breadth_first import distances
 from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.planning.bounds.promises import bound_time
+from missions.planning.stepwise.metric import Metric
 
 _SHARED_BY_TRIALS = 256
 MANY_CELLS = 5000

@@ -15,9 +15,9 @@ from itertools import groupby
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from missions.explorers.bounds import rdfs_bound_moves
+from missions.planning.stepwise.bounds import rdfs_bound_moves
 from uavmap.lab.studies.outcomes import PLAIN, Job, eccentricity, explore, roi_of
-from uavmap.lab.studies.study import COLOURS, MARKERS, Page, Study, Table, trial_seed
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,11 +12,11 @@ from itertools import groupby, pairwise
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from missions.explorers.bounds import rdfs_bound_moves
-from missions.explorers.metric import Metric
+from missions.planning.stepwise.bounds import rdfs_bound_moves
+from missions.planning.stepwise.metric import Metric
 from uavmap.lab.studies.lawn_mower import lawn_mower
 from uavmap.lab.studies.outcomes import explore, roi_of
-from uavmap.lab.studies.study import COLOURS, Page, Study, Table, trial_seed
+from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,7 +19,7 @@ from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.table_1 import Reckoned, reckoned
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern, explore
-from uavmap.lab.studies.study import COLOURS, Page, Study, Table, trial_seed
+from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -30,7 +30,7 @@ from uavmap.output.drawing.scene import (
     bounds_of,
     rings_of,
 )
-from uavmap.results.model import NOT_ROI, MapData, Track
+from uavmap.output.facts.map_model import NOT_ROI, MapData, Track
 
 Photograph = Callable[[View], NDArray[np.uint8] | None]
 """Makes the photograph of the ground in a view: shape (rows, columns, 4), red, green, blue, and 255

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from missions.mission_file.launch_pads import homes
-from missions.mission_file.schema import positions
-from missions.setting import Setting
+from missions.flight.setting import Setting
+from missions.mission.launch_pads import homes
+from missions.mission.schema import positions
 from missions.units import GridPoint
 from uavmap.output.drawing.map_scene import line_layer
 from uavmap.output.drawing.palette import (

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from uavmap.base.atomic_write import write_bytes
 from uavmap.output.drawing import legend
 from uavmap.output.drawing.palette import FAINT, INK, LAND, PAPER, Style
 from uavmap.output.drawing.raster import Canvas, cell_picture, encode_png, picture, text_width
 from uavmap.output.drawing.scale import ARROW_HEIGHT_PX, BAR_HEIGHT_PX, north_arrow, scale_bar
 from uavmap.output.drawing.scene import Label, Line, Scene, Shape, View
-from uavmap.results.atomic import write_bytes
 
 MARGIN_PX: Final = 24
 TITLE_PX: Final = 70

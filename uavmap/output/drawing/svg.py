@@ -25,7 +25,7 @@ from uavmap.output.drawing.scene import (
     Shape,
     View,
 )
-from uavmap.results.outline import runs
+from uavmap.output.facts.outline import runs
 
 LEFT_PX: Final = 84
 """Margin of a map on its left, px: labels of a graticule stand there."""

@@ -1,0 +1,1 @@
+"""Which air is reserved, by whom and until when."""

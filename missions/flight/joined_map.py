@@ -1,0 +1,159 @@
+"""The map that all facts make, in whatever order they became known.
+
+A member acts on the map as it grows, by votes of its own frames and by what it hears of others,
+and what comes first depends on the radio. Its results do not: of each cell the decision counts that
+was made first, whoever made it, so members that know the same facts have the same region.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from missions.events import Event, FrameSeen, Tracked
+from missions.fleet_events import Fact, Shared
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.strategy.lane_passes import still_open
+from missions.flight.strategy.two_heights import with_plain
+from missions.flight.team.own_cells import OwnCells, as_frames
+from missions.flight.whole_box import open_cells
+from missions.mapping.belief import Ballot, Belief, FrameId
+from missions.units import Cell
+
+Decision = tuple[float, int, bool]
+"""When, by whom, and what."""
+
+
+@dataclass(slots=True)
+class _Layer:
+    """What is decided from one height."""
+
+    decided: dict[Cell, Decision] = field(default_factory=dict)
+
+    def take(self, vehicle: int, fact: Fact) -> None:
+        for cell, says in fact.votes:
+            new = (fact.t_s, vehicle, says)
+            self.decided[cell] = min(new, self.decided.get(cell, new))
+
+
+class Facts:
+    """The facts in a journal of a fleet, as they come: of vehicles whose frames it holds, and of
+    those that it has heard."""
+
+    def __init__(self, setting: Setting) -> None:
+        votes = setting.mission.votes
+        self._setting = setting
+        self._none = Belief(votes.frames, votes.positive)
+        self._own: dict[int, OwnCells] = {}
+        self._layers = {False: _Layer(), True: _Layer()}
+        self._shown: set[Cell] = set()
+
+    def take(self, event: Event) -> list[Fact]:
+        """Take in what an event says of cells; returns the facts that it adds."""
+        if isinstance(event, Shared):
+            for fact in event.frames:
+                self._take(event.vehicle, fact)
+            return list(event.frames)
+        if not isinstance(event, FrameSeen | Tracked):
+            return []
+        own = self._own.setdefault(event.vehicle, OwnCells(self._none, self._none))
+        facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+        for fact in facts:
+            self._take(event.vehicle, fact)
+        return facts
+
+    def _take(self, vehicle: int, fact: Fact) -> None:
+        if fact.seen:
+            self._shown.update(cell for cell, _ in fact.votes)
+        else:
+            self._layers[fact.overview].take(vehicle, fact)
+
+    def joined(self, state: State) -> State:
+        """A state with the map of all facts; what nobody has decided has our votes on it."""
+        for vehicle, own in sorted(self._own.items()):
+            for fact in own.passed(float("1e9")):
+                self._take(vehicle, fact)
+        high = self._belief(overview=True)
+        low = self._belief(overview=False)
+        seen = list(high.open_ballots)
+        low = with_plain(low, self._none, high, self._setting.in_box, seen)
+        # our own votes come last: others have not heard them, and the map is to be the same
+        low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
+        return replace(state, belief=low, overview=high, shown=frozenset(self._shown))
+
+    def _with_open(self, belief: Belief, *, overview: bool) -> Belief:
+        """A belief with the votes of one vehicle on each cell that nothing has decided."""
+        found: dict[FrameId, dict[Cell, bool]] = {}
+        told: set[Cell] = set()
+        for _, own in sorted(self._own.items()):
+            known = own.high if overview else own.low
+            for cell, ballot in known.open_ballots.items():
+                # (of one vehicle only, and only what decides nothing: votes of several might)
+                new = cell not in told and known.verdict(cell) is None
+                if new and not belief.tally_anywhere(cell).total:
+                    told.add(cell)
+                    for frame, vote in ballot:
+                        found.setdefault(frame, {})[cell] = vote
+        return _with_frames(belief, found)
+
+    def _belief(self, *, overview: bool) -> Belief:
+        """The votes that made each decision, as far as they are known, else as few as could."""
+        decided = self._layers[overview].decided
+        beliefs = {v: own.high if overview else own.low for v, own in sorted(self._own.items())}
+        ballots = {vehicle: belief.open_ballots for vehicle, belief in beliefs.items()}
+        found: dict[FrameId, dict[Cell, bool]] = {}
+
+        def put(cell: Cell, ballot: Ballot) -> None:
+            for frame, vote in ballot:
+                found.setdefault(frame, {})[cell] = vote
+
+        for cell, (t_s, vehicle, says) in sorted(decided.items()):
+            # (a frame that came late may have changed what was told already, which stays)
+            if vehicle in beliefs and beliefs[vehicle].verdict(cell) is says:
+                put(cell, ballots[vehicle][cell])
+                continue
+            fact = Fact(t_s, ((cell, says),), overview)
+            for seen in as_frames(vehicle, fact, self._none.frames, self._none.positive):
+                put(cell, ((FrameId(vehicle, seen.t_s), says),))
+        return _with_frames(self._none, found)
+
+
+def _with_frames(belief: Belief, found: Mapping[FrameId, Mapping[Cell, bool]]) -> Belief:
+    for frame, votes in sorted(found.items(), key=lambda item: item[0].exposed):
+        belief = belief.with_frame(None, frame, votes)
+    return belief
+
+
+def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:
+    """The state of a member after its journal, with the map that its facts make in any order."""
+    facts = Facts(setting)
+    for event in events:
+        facts.take(event)
+    return facts.joined(state)
+
+
+def concluded(setting: Setting, state: State) -> State:
+    """The state at the end, with what the map says of how far the mission has come.
+
+    Of who flies nothing, and of a member whose own vehicle came home before all was done: others
+    may have done the rest. Lanes are what is left of them, whoever held them.
+    """
+    early = state.over and setting.sees_box and not state.exploration_finished
+    if state.our_numbers and not early:
+        return state
+    open_ = open_cells(setting, state) if setting.sees_box else frozenset[Cell]()
+    if state.our_numbers and open_:
+        return state
+    left = () if state.tree is not None else still_open(setting, state, setting.lanes)
+    vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
+    state = replace(state, vehicles=vehicles, unreachable_lanes=left)
+    if not setting.sees_box:
+        return replace(state, exhausted=state.tree is None and not left)
+    return replace(
+        state,
+        exhausted=True,
+        surveyed=not open_,
+        undecided=open_,
+        unreachable_lanes=left if open_ else (),
+    )

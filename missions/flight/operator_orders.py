@@ -1,0 +1,102 @@
+"""What the operator's word changes in flight: pause, go on, one vehicle home, a cell left out.
+
+The rules that keep vehicles from harm hold all the same. In a pause a vehicle makes way and flies
+home when its battery says so, and who was on its way home goes on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from missions.events import Told, VehicleRecalled
+from missions.flight.lane_progress import lane_left
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.orders import FlyPath, FlyTo, Look, Sweep
+from missions.units import Cell
+
+UNTOLD = "a failsafe; the autopilot has not said which"
+"""The cause of an `Overridden` whose vehicle says that a failsafe flies, and no more yet."""
+CALLED_HOME = "called home by the operator"
+
+
+def paused(setting: Setting, state: State) -> State:
+    """Everybody who works comes to rest and holds; take-offs under way end at their height."""
+    vehicles = {
+        number: _stopped(setting, state, vehicle) if _works(vehicle) else vehicle
+        for number, vehicle in state.vehicles.items()
+    }
+    return replace(state, paused=True, vehicles=vehicles)
+
+
+def continued(state: State) -> State:
+    """The pause is over: everybody is idle, and is told what is next."""
+    return replace(state, paused=False)
+
+
+def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting) -> VehicleState:
+    """It comes home as soon as it is ours, and stays there until a resume."""
+    return replace(vehicle, called_home=True, note=vehicle.note or CALLED_HOME)
+
+
+def to_skip(setting: Setting, state: State, vehicle: VehicleState) -> Cell | None:
+    """The cell that a vehicle looks from, or is on its way to; None where there is none to skip.
+
+    Paths without stopping lead over many cells, and lanes over all of them.
+    """
+    if setting.nonstop and not state.falls_back:
+        return None
+    if state.tree is None:
+        return vehicle.candidate
+    at = vehicle.vertex
+    return at if at is not None and at in state.tree and not state.tree.has_looked(at) else None
+
+
+def skip(setting: Setting, state: State, vehicle: VehicleState, cell: Cell) -> State:
+    """Nobody looks from a cell; who was about to goes on with the next. It is told in the end.
+
+    What was decided meanwhile stays as it is.
+    """
+    if to_skip(setting, state, vehicle) != cell:
+        return state
+    for other in state.vehicles.values():
+        if cell not in (other.candidate, other.vertex):
+            continue
+        there = isinstance(other.order, Look | FlyTo) and other.order.cell == cell
+        if there and _works(other):
+            other = other.interrupted(state.t_s)
+        dropped = replace(other, candidate=None, at_target=state.tree is not None)
+        state = state.with_vehicle(replace(dropped, fruitless_sorties=0))
+    return skipped_for_good(replace(state, skipped=state.skipped | {cell}))
+
+
+def skipped_for_good(state: State) -> State:
+    """The state with the skipped cells done, also those that were found to be ROI only later."""
+    tree = state.tree
+    for cell in state.skipped if tree is not None else ():
+        if tree is not None and cell in tree and not tree.has_looked(cell):
+            tree = tree.looked(cell, ())
+    return state if tree is state.tree else replace(state, tree=tree)
+
+
+def explained(state: State, event: Told) -> State:
+    """Why a failsafe has a vehicle, where it said so only afterwards: a note, and nothing else."""
+    vehicle = state.vehicles[event.vehicle]
+    if event.cause is None or vehicle.phase is not Phase.YIELDED or event.cause in vehicle.note:
+        return state
+    note = vehicle.note.replace(f": {UNTOLD}", "")
+    return state.with_vehicle(replace(vehicle, note=f"{note}: {event.cause}"))
+
+
+def _works(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is in the air for the mission, and not on its way home."""
+    return vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
+
+
+def _stopped(setting: Setting, state: State, vehicle: VehicleState) -> VehicleState:
+    """A vehicle whose order is taken back; in a pause it is given no other but to hold."""
+    if not isinstance(vehicle.order, FlyTo | FlyPath | Sweep | Look):
+        return vehicle
+    on_path = isinstance(vehicle.order, FlyPath)
+    left = lane_left(vehicle, setting.grid.cell_m) if on_path else vehicle
+    return replace(left.interrupted(state.t_s), at_target=vehicle.at_target)

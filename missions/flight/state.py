@@ -1,0 +1,340 @@
+"""What the mission knows, as one immutable value: the fold of the journal.
+
+`State` is what events change; what they do not change is `missions.flight.setting.Setting`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from missions.flight.setting import Setting
+from missions.mapping.belief import Belief
+from missions.mapping.tree import Tree
+from missions.orders import FlyPath, FlyTo, Hold, Order, Sweep
+from missions.planning.search.lanes import Lane
+from missions.planning.stepwise import Memory
+from missions.units import Cell, GridPoint
+
+__all__ = [
+    "BRAKING_S",
+    "PASSING_S",
+    "Allotment",
+    "Column",
+    "Phase",
+    "ReturnReason",
+    "State",
+    "VehicleState",
+]
+
+_ORIGIN = GridPoint(0.0, 0.0)
+_NOTHING = Belief(1, 1)
+
+
+BRAKING_S = 8.0
+"""After so long an interrupted vehicle counts as at rest, even if the wind blows it about."""
+
+
+PASSING_S = 3.0
+"""So long a vehicle that has flown past the end of a leg may still be on the move."""
+
+
+class Phase(StrEnum):
+    """What a vehicle can do for the mission just now."""
+
+    OFFLINE = "offline"
+    GROUNDED = "grounded"
+    AIRBORNE = "airborne"
+    YIELDED = "yielded"
+    """A pilot or a failsafe flies it; nothing is sent to it."""
+    GUARDED = "guarded"
+    """Its guardian has it return or land by its autopilot; nothing else is sent to it."""
+    FINISHED = "finished"
+    FAILED = "failed"
+    """It stands on the ground and takes no more part."""
+    DOWN = "down"
+    """It lies or stands away from its pad: somebody has to fetch it."""
+    LOST = "lost"
+    """It was silent for longer than its battery can have lasted, or than anybody waits."""
+    APART = "apart"
+    """The vehicle of another member of the fleet that is out of contact: it keeps to the air that
+    is its own, as everybody does."""
+
+
+class ReturnReason(StrEnum):
+    """Why a vehicle flies home."""
+
+    DONE = "done"
+    BATTERY = "battery"
+    RECALLED = "recalled"
+    FAULT = "fault"
+    """Its camera is silent, or an order failed: it takes no more part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """The air above and below a place, for a time: altitudes as of layers, mission seconds."""
+
+    place: GridPoint
+    low_m: float
+    high_m: float
+    asked_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Allotment:
+    """Who of a fleet is to map what, as one member has laid it out for all that it heard."""
+
+    by: int
+    made_s: float
+    parts: Mapping[int, tuple[GridPoint, ...]]
+    """By vehicle the places to see it from, in order, as the region lies at mission time 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
+
+    vehicle: int
+    cruise_altitude_m: float
+    phase: Phase = Phase.OFFLINE
+    tracked_s: float = 0.0
+    home: GridPoint = _ORIGIN
+    home_level_m: float = 0.0
+    """Height of its home above the home of the vehicle that spoke first: layers are level."""
+    position: GridPoint = _ORIGIN
+    height_m: float = 0.0
+    remaining_wh: float = 0.0
+    drawn_w: float = 0.0
+    wind_m_s: float = 0.0
+    """Wind that was measured in flight; the given one counts where it is stronger."""
+    order: Order | None = None
+    last_order: Order | None = None
+    """What it carried out when its link was lost, and may carry out still."""
+    return_reason: ReturnReason | None = None
+    over_home: bool = False
+    """Whether it is over the place where it will land."""
+    returns_by_itself: bool = False
+    """Whether a failsafe, a pilot or its guardian has the autopilot return: it flies straight."""
+    spare_pad: GridPoint | None = None
+    """Where it lands instead, because its own pad stays blocked."""
+    lanes: tuple[Lane, ...] = ()
+    on_lane: bool = False
+    lane_seen_m: tuple[float, ...] = ()
+    """How far along its first lane the frames lie that were judged."""
+    empty_passes: int = 0
+    """Lanes in a row that were flown without one frame judged."""
+    frames_lost: int = 0
+    """Pictures in a row that were lost or cannot be believed."""
+    judged_s: float = 0.0
+    """On a path: when its last picture was judged, or it was given the first path."""
+    home_refused: int = 0
+    """How often the way home could not be flown since it last took off."""
+    behind: int = 0
+    """How often in a row, `BEHIND_S` apart at most, it was left behind by its path..."""
+    behind_s: float = float("-inf")
+    """... and when last."""
+    candidate: Cell | None = None
+    vertex: Cell | None = None
+    at_target: bool = False
+    """Whether it has arrived at its candidate or vertex."""
+    landed: bool = True
+    cleared: bool = True
+    """Whether the operator has cleared it for take-off; a flight uses the clearance up, a battery
+    swap or a resume renews it. Nothing takes off beside people because a link came back."""
+    fruitless_sorties: int = 0
+    """Consecutive sorties that the battery ended without progress."""
+    braking_until_s: float | None = None
+    """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
+    passed_s: float | None = None
+    """When it flew past the end of a leg without a stop."""
+    landed_away_m: float = 0.0
+    """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
+    was_down: bool = False
+    """It was down when the mission was resumed, and has not spoken since: is it still there?"""
+    called_home: bool = False
+    """Whether the operator wants it at home, and there to stay."""
+    asks: Column | None = None
+    """The air that it asks the others of its fleet for..."""
+    leased_until_s: float = float("-inf")
+    """... and until when they have closed it to themselves."""
+    held_until_s: float = float("-inf")
+    """Out of contact: until then it is taken to do what it was to do."""
+    due_s: float = float("-inf")
+    """Out of contact: when it should have flown its lanes, and be back over its pad."""
+    back_s: float = float("-inf")
+    """When it was last heard again after it was out of contact."""
+    note: str = ""
+
+    @property
+    def idle(self) -> bool:
+        """Whether it waits for an order."""
+        return self.order is None or isinstance(self.order, Hold)
+
+    @property
+    def cruise_height_m(self) -> float:
+        """Its layer, above its own home."""
+        return self.cruise_altitude_m - self.home_level_m
+
+    @property
+    def ended(self) -> bool:
+        """Whether it will do nothing more of its own accord, and is not in the air.
+
+        One that was given up is an exception: nobody knows where it is. One that its pilot keeps
+        on the ground may be given back, but nobody can wait for that.
+        """
+        done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
+        return self.phase is Phase.LOST or (self.phase in done and self.landed)
+
+    @property
+    def away(self) -> bool:
+        """Whether somebody has to look for it: not on the ground, or on the ground elsewhere."""
+        is_down = self.was_down or self.phase in (Phase.DOWN, Phase.LOST)
+        return is_down or not self.landed or bool(self.landed_away_m)
+
+    @property
+    def level_m(self) -> float:
+        """Where it is above the level that layers are counted from."""
+        return self.height_m + self.home_level_m
+
+    @property
+    def pad(self) -> GridPoint:
+        """Where it lands."""
+        return self.home if self.spare_pad is None else self.spare_pad
+
+    def interrupted(self, t_s: float) -> VehicleState:
+        """This vehicle with its order taken back; from a leg it has to come to rest first."""
+        moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
+        if moves or isinstance(self.order, FlyTo | Sweep | FlyPath):
+            return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
+        return replace(self, order=None)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What is known at an instant of the mission."""
+
+    belief: Belief
+    vehicles: Mapping[int, VehicleState]
+    t_s: float = 0.0
+    tree: Tree | None = None
+    reference_amsl_m: float | None = None
+    """Height above the sea of the first home that was told: layers are counted from there."""
+    exhausted: bool = False
+    """Every lane of the box has its judged frames, and nobody saw the ROI."""
+    falls_back: bool = False
+    """Whether a strategy that does not stop has had its time: the rest is stopped and looked at."""
+    surveyed: bool = False
+    """Where the whole box is seen: what can be decided of what has to be is decided."""
+    unreachable_lanes: tuple[Lane, ...] = ()
+    """Lanes that no way inside the fence leads to."""
+    recalled: bool = False
+    paused: bool = False
+    """Whether the operator has everybody hold where they are."""
+    skipped: frozenset[Cell] = frozenset()
+    """Cells that the operator has nobody look from."""
+    abandoned: frozenset[Cell] = frozenset()
+    """ROI cells that nobody could look from: beyond the fence or out of reach."""
+    memory: Memory | None = None
+    """What the explorer asked to be given at its next decision."""
+    last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int], float] | None = None
+    """Robots that were told to wait, with the tree, the positions and the time then: they are not
+    asked again until one of the first two changes."""
+    undecided: frozenset[Cell] = frozenset()
+    """Cells that were looked from, where votes on the cell or on a neighbour are missing."""
+    found_s: float | None = None
+    """When the ROI was first confirmed."""
+    overview: Belief = _NOTHING
+    """The votes of frames from the height of a search (`missions.flight.strategy.two_heights`)."""
+    member: int | None = None
+    """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
+    closed: Mapping[int, Column] = field(default_factory=dict)
+    """The air that others of a fleet have asked for, which ours keeps out of."""
+    shown: frozenset[Cell] = frozenset()
+    """Of a fleet: what others' frames have shown, and took for no region without a decision."""
+    allotment: Allotment | None = None
+    """Of a fleet that maps: who is to map what."""
+    shared_s: float = float("-inf")
+    """When another member last reported what was not known here."""
+
+    @classmethod
+    def initial(cls, setting: Setting) -> State:
+        """Before anything has happened: every vehicle offline, with its share of the lanes."""
+        mission = setting.mission
+        # a leapfrog has its own order (`missions.flight.strategy.leapfrogging`)
+        blocks = ((),) * len(mission.vehicles) if setting.leapfrogs else setting.shares
+        vehicles = {
+            number: VehicleState(
+                number,
+                mission.search_altitude_m(number - 1) or mission.altitude_m(number - 1),
+                lanes=blocks[number - 1],
+            )
+            for number in range(1, len(mission.vehicles) + 1)
+        }
+        none_seen = Belief(mission.votes.frames, mission.votes.positive)
+        return cls(none_seen, vehicles, overview=none_seen, member=setting.member)
+
+    def with_vehicle(self, vehicle: VehicleState) -> State:
+        """This state with one vehicle changed."""
+        return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
+
+    @property
+    def our_numbers(self) -> tuple[int, ...]:
+        """The numbers of the vehicles that are told what to do, in order."""
+        if self.member is None:
+            return tuple(sorted(self.vehicles))
+        return (self.member,) if self.member in self.vehicles else ()
+
+    @property
+    def ours(self) -> tuple[VehicleState, ...]:
+        """These vehicles, in the order of their numbers."""
+        return tuple(self.vehicles[number] for number in self.our_numbers)
+
+    def is_ours(self, number: int) -> bool:
+        """Whether we tell a vehicle what to do."""
+        return self.member is None or number == self.member
+
+    @property
+    def over(self) -> bool:
+        """Whether nobody will do anything more of their own accord, and nobody is in the air."""
+        if not self.ours:  # of a fleet that is only listened to
+            done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
+            return all(v.phase in done for v in self.vehicles.values())
+        return all(v.ended for v in self.ours)
+
+    @property
+    def unsearched(self) -> tuple[Lane, ...]:
+        """Stretches of lanes that no judged frame shows, while they still matter."""
+        if self.tree is not None:
+            return ()
+        left = [lane for v in self.vehicles.values() for lane in v.lanes]
+        return (*self.unreachable_lanes, *left)
+
+    @property
+    def exploration_finished(self) -> bool:
+        """Whether the question of the mission is answered: explored, or searched in vain."""
+        if self.tree is None:
+            return self.exhausted
+        return self.tree.is_explored(self.tree.root)
+
+    @property
+    def completed(self) -> bool:
+        """Mapped without a gap, and everybody is home."""
+        return (
+            self.exploration_finished
+            and not self.abandoned
+            and not self.undecided
+            and not self.skipped
+            and not self.unsearched
+            and all(v.landed and v.phase not in (Phase.DOWN, Phase.LOST) for v in self.ours)
+        )
+
+    def robots(self) -> dict[int, Cell]:
+        """For every vehicle that takes part in the exploration its vertex."""
+        return {
+            number: v.vertex
+            for number, v in self.vehicles.items()
+            if v.vertex is not None and v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
+        }

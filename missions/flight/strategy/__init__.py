@@ -1,0 +1,1 @@
+"""What a vehicle does next: search, sweep, stepwise, survey, leapfrog."""

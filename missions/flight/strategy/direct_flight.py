@@ -1,0 +1,115 @@
+"""Flying straight to what is left, where the planner of paths finds no way.
+
+Its plans are improved by small changes, which seldom lead round a hole of the fence, or through a
+passage. So when everybody waits and cells are still needed, the nearest place from which one of
+them is seen, and to which a way inside the fence leads, is flown to and looked from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from missions.flight.optics import kinematics
+from missions.flight.path_orders import NOTICE_S, allowed, through
+from missions.flight.setting import Setting
+from missions.flight.state import State, VehicleState
+from missions.geo.fence import route_length_m
+from missions.geo.trajectory import Piece, Trajectory
+from missions.planning.sweep.chart import Known
+from missions.units import Cell, GridPoint
+
+MOST_ROUTES: Final = 12
+"""So many places, the nearest first, are tried for a way inside the fence."""
+
+
+class Fetch(NamedTuple):
+    """Who flies to see what is left, from where, and how."""
+
+    vehicle: int
+    vantage: Cell
+    path: Trajectory
+
+
+def fetch(
+    setting: Setting,
+    state: State,
+    team: Mapping[int, VehicleState],
+    known: Known,
+    tried: Collection[Cell],
+) -> Fetch | None:
+    """The shortest way of a team to see a cell that is needed; None if there is none.
+
+    `tried` are the places from which nothing more was to be seen.
+    """
+    needed = _needed(setting, known)
+    found: list[tuple[float, int, Cell, tuple[GridPoint, ...]]] = []
+    for number, vehicle in sorted(team.items()):
+        places = _vantages(setting, state, vehicle, known, needed, tried)
+        for away_m, cell, place in places[:MOST_ROUTES]:
+            if found and away_m >= found[0][0]:
+                break
+            route = setting.fence.route(vehicle.position, place)
+            if route is not None:
+                length_m = route_length_m(vehicle.position, route)
+                found = sorted([*found, (length_m, number, cell, route)])
+    for _, number, cell, route in found:
+        path = _path(setting, state, team[number], route)
+        if allowed(setting.fence, path):
+            return Fetch(number, cell, path)
+    return None
+
+
+def _needed(setting: Setting, known: Known) -> list[Cell]:
+    """The cells that have to be decided, and are not."""
+    from missions.planning.sweep.memo import valued  # noqa: PLC0415 - numba takes a second
+    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
+    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415, as above
+
+    votes, tuning = setting.mission.votes, Tuning()
+    worth, need, candidates, _ = valued(Planner(tuning), known, votes.frames, votes.positive)
+    work = [int(i) for i in candidates if worth[i] * need[i] > 0.5 * tuning.penalty_s]
+    return [known.chart.cell(index) for index in work]
+
+
+def _vantages(
+    setting: Setting,
+    state: State,
+    vehicle: VehicleState,
+    known: Known,
+    needed: Collection[Cell],
+    tried: Collection[Cell],
+) -> list[tuple[float, Cell, GridPoint]]:
+    """From where a vehicle sees a needed cell: how far, the cell below, the place by then."""
+    flown, grid, chart = kinematics(setting, vehicle), setting.grid, known.chart
+    reach_e = math.floor(flown.half_east_m / grid.cell_m)
+    reach_n = math.floor(flown.half_north_m / grid.cell_m)
+    cells = {
+        Cell(cell.east + i, cell.north + j)
+        for cell in needed
+        for i in range(-reach_e, reach_e + 1)
+        for j in range(-reach_n, reach_n + 1)
+    }
+    places = []
+    for cell in cells.difference(tried):
+        if chart.holds(cell) and chart.allowed[chart.index(cell)]:
+            now = grid.to_fixed(grid.centre_of(cell), state.t_s)
+            by_s = state.t_s + NOTICE_S + vehicle.position.distance_to(now) / flown.speed_m_s
+            place = grid.to_fixed(grid.centre_of(cell), by_s)
+            places.append((vehicle.position.distance_to(place), cell, place))
+    return sorted(places)
+
+
+def _path(
+    setting: Setting, state: State, vehicle: VehicleState, route: tuple[GridPoint, ...]
+) -> Trajectory:
+    """Along a route, and a rest at its end for the frames of a cell."""
+    corners = [True] * (len(route) - 1) + [False]
+    path = through(setting, vehicle, list(route), corners, state.t_s + NOTICE_S)
+    mission = setting.mission
+    rest_s = (mission.votes.frames + 1) * mission.camera.interval_s
+    end = path.at(path.end_s).place
+    rest = Piece(path.end_s, rest_s, end.east_m, end.north_m, 0.0, 0.0, 0.0, 0.0)
+    return replace(path, end_s=path.end_s + rest_s, pieces=(*path.pieces, rest))

@@ -1,0 +1,178 @@
+"""Vehicles as the planner of paths sees them: in the frame of the region."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import nearest_points
+
+from missions.flight.optics import kinematics
+from missions.flight.setting import Setting
+from missions.flight.state import VehicleState
+from missions.geo.fence import Fence
+from missions.geo.trajectory import Trajectory
+from missions.orders import FlyPath
+from missions.units import GridPoint
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.paths import Route
+    from missions.planning.sweep.planned_team import Flyer
+
+GATE_STEP_M: Final = 4.0
+GATE_STEPS: Final = 15
+"""So far from its pad a gate is looked for."""
+ROW_TIMES: Final = 1.5
+"""Pads that reach so many times farther in one direction than across it stand in a row."""
+WAY_M: Final = 120.0
+WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
+"""These ways from a gate lead past no column."""
+LONGEST_S: Final = 300.0
+"""A path is not planned for later: a region that drifts would be out of the fence by then."""
+
+
+def flyer_of(
+    setting: Setting,
+    vehicle: VehicleState,
+    planned: Trajectory | None,
+    route: Route | None,
+    begin_s: float,
+) -> Flyer:
+    """A vehicle as the planner sees it: everything in the frame of the region.
+
+    `planned` is the path that was planned for it last, and `route` what that was made of.
+    """
+    from missions.planning.sweep.planned_team import Flyer  # noqa: PLC0415 - numba takes a second to load
+
+    grid = setting.grid
+    path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
+    # at the end of a path it is where that ends, until it is seen to have arrived
+    place = vehicle.position if path is None else path.place_at(begin_s)
+    mine = path is not None and _is_planned(path, planned, begin_s)
+    if mine:  # the fence may allow less of it than was planned
+        path = planned
+    if path is not None and not mine:  # of the search: planned in the fixed frame
+        path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
+    flown = kinematics(setting, vehicle)
+    if path is not None:  # what is too fast for the wind by now comes down where the path is slower
+        moves = path.at(begin_s)
+        now_m_s = math.hypot(
+            moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
+        )
+        flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
+    end = grid.to_moving(gate_of(setting, vehicle), over_home_s(vehicle, planned, begin_s))
+    return Flyer(
+        flown,
+        grid.to_moving(place, begin_s),
+        end,
+        path,
+        route if mine else None,
+        _blind_s(setting, vehicle),
+    )
+
+
+def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: float) -> float:
+    """When a vehicle will be over its pad, by the path that was planned for it last.
+
+    The path of a search may end minutes later than the plan that replaces it.
+    """
+    path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
+    if path is None or planned is None or not _is_planned(path, planned, begin_s):
+        return begin_s
+    return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
+
+
+def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> bool:
+    """Whether what is flown is what was planned, from a time on, or at that time still the same:
+    one that the fence does not allow as a whole ends sooner."""
+    if planned is None or planned is path:
+        return planned is path
+    return path.begin_s == planned.begin_s and path.at(t_s) == planned.at(t_s)
+
+
+def _blind_s(setting: Setting, vehicle: VehicleState) -> float:
+    """How long a vehicle that comes down from the search takes pictures of the search still."""
+    above_m, descent_m_s = setting.mission.overview_above_m, setting.mission.flight.descent_m_s
+    if above_m is None or descent_m_s is None:
+        return 0.0
+    return max(vehicle.height_m - above_m, 0.0) / descent_m_s
+
+
+def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
+    """A path of the fixed frame as it lies in that of the region at a time.
+
+    Its velocity stays that over ground: what a drift adds is little beside it.
+    """
+    if path.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
+        return path
+    east_m, north_m = drift_m_s[0] * at_s, drift_m_s[1] * at_s
+    return replace(
+        path,
+        pieces=tuple(
+            replace(p, east_m=p.east_m - east_m, north_m=p.north_m - north_m) for p in path.pieces
+        ),
+        drift_m_s=drift_m_s,
+    )
+
+
+def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
+    """Where a path ends: over the pad, or beside it where the fence allows."""
+    if setting.fence.allows(vehicle.pad):
+        return vehicle.pad
+    near = nearest_points(setting.fence.inner, Point(vehicle.pad))[0]
+    return GridPoint(float(near.x), float(near.y))
+
+
+def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
+    """Where a path ends among pads of others: before its own, where no way to the box leads past
+    the columns over theirs. From there to the pad it is flown straight."""
+    pad = over_pad(setting, vehicle)
+    if setting.whole_fence is None:
+        return pad
+    return _gate(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
+
+
+@lru_cache(maxsize=64)
+def _gate(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float) -> GridPoint:
+    # (a plan looks at whole cells)
+    columns = whole.inner.difference(fence.inner).buffer(cell_m * math.sqrt(0.5))
+    if columns.is_empty:
+        return pad
+    middle = whole.inner.centroid
+    ahead = math.atan2(middle.y - pad.north_m, middle.x - pad.east_m)
+    # straight out of a row of pads, not along it
+    out = _across(columns.minimum_rotated_rectangle, ahead)
+    for step in range(GATE_STEPS + 1):
+        gate = _beyond(pad, out, step * GATE_STEP_M)
+        if not fence.allows(gate):
+            continue
+        ways = [LineString([gate, _beyond(gate, out + turn, WAY_M)]) for turn in WAYS_RAD]
+        if not any(way.intersects(columns) for way in ways):
+            return gate
+    return pad
+
+
+def _across(row: BaseGeometry, ahead: float) -> float:
+    """The direction across the longer side of a rectangle that is nearest to another."""
+    if not isinstance(row, Polygon):
+        return ahead
+    corners = [GridPoint(x, y) for x, y in row.exterior.coords[:3]]
+    (short_m, _), (long_m, along) = sorted(
+        (a.distance_to(b), math.atan2(b.north_m - a.north_m, b.east_m - a.east_m))
+        for a, b in pairwise(corners)
+    )
+    if long_m < ROW_TIMES * short_m:
+        return ahead
+    turns = (along + math.pi / 2.0, along - math.pi / 2.0)
+    return max(turns, key=lambda turn: math.cos(turn - ahead))
+
+
+def _beyond(place: GridPoint, turn_rad: float, way_m: float) -> GridPoint:
+    return GridPoint(
+        place.east_m + way_m * math.cos(turn_rad), place.north_m + way_m * math.sin(turn_rad)
+    )

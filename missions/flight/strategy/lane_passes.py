@@ -1,0 +1,273 @@
+"""Searching without a stop: one path along the lanes of a vehicle that nobody has judged yet.
+
+A lane is flown beside the middle of its rows: to windward, as a camera that tilts with the airframe
+looks to leeward; and beside those of its rows that were judged already, so what a frame has missed
+once is in the middle of the picture when the lane is flown again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from missions.flight.airspace.deconfliction import give_if_clear, hold
+from missions.flight.path_orders import NOTICE_S, allowed, brake, give_path, through
+from missions.flight.return_home import REACTION_S, go_home, has_energy_for
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.two_heights import searched
+from missions.flight.strip import Strip
+from missions.geo.trajectory import LANE_CUTS_M, Trajectory
+from missions.mission.views import beside_rows_m, path_speed_m_s, seen_whole_m
+from missions.orders import FlyPath, FlyTo
+from missions.planning.search.lanes import Lane, point_on, unseen
+from missions.units import GridPoint
+
+SHORT_CELLS: Final = 10.0
+"""What is left of a lane of a survey, and is shorter, is left to the planner of paths."""
+
+MOST_OFF: Final = 0.4
+"""Of a lane at most this part is left out at either end, because it is seen from before it."""
+ROUND: Final = 0.05
+"""Corners between lanes of a search from on high are cut by this share of a lane's width."""
+
+WORTH_S: Final = 8.0
+"""A path that ends sooner is flown to its end."""
+
+
+def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
+    at = to_lanes(setting, vehicle.position, state.t_s)
+    lanes = turned(setting, at, still_open(setting, state, vehicle.lanes))
+    if lanes != vehicle.lanes:
+        vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
+    if not lanes:
+        return hold(state, vehicle)
+    points, corners = _way_along(setting, state, vehicle)
+    if not points:  # a part of the box that no way inside the fence leads to
+        lost = (*state.unreachable_lanes, vehicle.lanes[0])
+        state = replace(state, unreachable_lanes=lost)
+        return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
+    first = points[0]
+    if setting.lanes_drift:
+        first = setting.grid.to_fixed(first, state.t_s)
+    if not has_energy_for(setting, vehicle, first, REACTION_S):
+        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
+    path = _lane_path(setting, state, vehicle, points, corners)
+    if any(corners) and not allowed(setting.fence, path):
+        # what drifts on its way round a corner may miss the rim of the fence by a little
+        round_at = corners.index(True)
+        if round_at == 0:
+            start = points[corners.index(False)]
+            return _to_first_lane(setting, state, vehicle, over_ground(setting, start, state.t_s))
+        path = _lane_path(setting, state, vehicle, points[:round_at], corners[:round_at])
+    return give_path(setting, state, replace(vehicle, on_lane=True), path)
+
+
+def _lane_path(
+    setting: Setting,
+    state: State,
+    vehicle: VehicleState,
+    points: list[GridPoint],
+    corners: list[bool],
+) -> Trajectory:
+    return through(
+        setting, vehicle, points, corners, state.t_s + NOTICE_S,
+        drifts=setting.lanes_drift, cuts_m=_cuts_m(setting),
+    )  # fmt: skip
+
+
+def _to_first_lane(
+    setting: Setting, state: State, vehicle: VehicleState, start: GridPoint
+) -> State:
+    """Fly over ground, round the corners of the fence, to where a lane begins."""
+    route = setting.fence.route(vehicle.position, start)
+    if route is None:
+        return hold(state, vehicle)
+    order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
+    return give_if_clear(setting, state, replace(vehicle, on_lane=False), order)
+
+
+def to_lanes(setting: Setting, place: GridPoint, t_s: float) -> GridPoint:
+    """A place over ground at a time in the frame in which lanes lie."""
+    return setting.grid.to_moving(place, t_s - setting.lane_time_s(t_s))
+
+
+def over_ground(setting: Setting, place: GridPoint, t_s: float) -> GridPoint:
+    """The inverse of `to_lanes`."""
+    return setting.grid.to_fixed(place, t_s - setting.lane_time_s(t_s))
+
+
+def _way_along(
+    setting: Setting, state: State, vehicle: VehicleState
+) -> tuple[list[GridPoint], list[bool]]:
+    """The points of a way along the lanes of a vehicle, and which of them are the fence's corners.
+
+    Lanes that drift are flown in the frame of the cells. Where the fence forces a way round, it is
+    looked for as things lie when the vehicle will be there.
+    """
+    points: list[GridPoint] = []
+    corners: list[bool] = []
+    speed_m_s = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
+    pause_s = speed_m_s / setting.energy.accel_m_s2  # at a corner it nearly stops
+    t_s = state.t_s + NOTICE_S
+    at = to_lanes(setting, vehicle.position, t_s)
+    for lane in vehicle.lanes:
+        start, end = flown_along(setting, state, vehicle, lane)
+        legs = []
+        for a, b in ((at, start), (start, end)):
+            end_s = t_s + a.distance_to(b) / speed_m_s
+            here = over_ground(setting, a, t_s)
+            route = setting.fence.route(here, over_ground(setting, b, end_s))
+            if route is None:
+                return points, corners
+            leg = []
+            for place in route[:-1]:
+                t_s += here.distance_to(place) / speed_m_s
+                leg.append(to_lanes(setting, place, t_s))
+                t_s, here = t_s + pause_s, place
+            t_s = max(end_s, t_s + here.distance_to(over_ground(setting, b, end_s)) / speed_m_s)
+            legs.append([*leg, b])
+        for leg in legs:
+            points.extend(leg)
+            corners.extend([True] * (len(leg) - 1) + [False])
+        at = end
+    return points, corners
+
+
+def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
+    """What of some lanes has a column with a cell that no frame has judged.
+
+    While a region drifts other cells come below a lane that lies still: it is flown as it is.
+    Where the whole box is seen, what is left of lanes and short is flown to once they are, in the
+    best order that is found.
+    """
+    grid, judged = setting.grid, searched(setting, state)
+    if _leaves_cells(setting):
+        return lanes
+    least_m = SHORT_CELLS * grid.cell_m if setting.sees_box else 0.0
+    found: list[Lane] = []
+    lanes_s = setting.lane_time_s(state.t_s)
+    for lane in lanes:
+        seen_m = Strip.of(grid, lane, setting.lane_rows, lanes_s).judged_m(judged)
+        parts = unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,)
+        found.extend(
+            part
+            for part in parts
+            if _is_whole(setting, part) or part[0].distance_to(part[1]) >= least_m
+        )
+    return tuple(found)
+
+
+def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
+    """Lanes in such directions that the ways between them are shortest, from a place on.
+
+    With a prior whole lanes are flown as they are: it has chosen their directions.
+    """
+    ways: list[tuple[float, tuple[Lane, ...]]] = [(0.0, ())]
+    for lane in lanes:
+        back = (lane[1], lane[0])
+        ways = [
+            min(
+                (
+                    (way_m + (done[-1][1] if done else at).distance_to(each[0]), (*done, each))
+                    for way_m, done in ways
+                ),
+                key=lambda way: way[0],
+            )
+            for each in ((lane,) if setting.likely and _is_whole(setting, lane) else (lane, back))
+        ]
+    return min(ways, key=lambda way: way[0])[1]
+
+
+def _cuts_m(setting: Setting) -> tuple[float, ...]:
+    """By how much corners are cut, the most first."""
+    if not setting.searches_high:
+        return LANE_CUTS_M
+    return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
+
+
+def _leaves_cells(setting: Setting) -> bool:
+    """Whether cells drift out of lanes that lie still."""
+    return setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift
+
+
+def _is_whole(setting: Setting, lane: Lane) -> bool:
+    """Whether it is a lane of the mission, of which nothing was flown yet."""
+    return lane in setting.lanes or (lane[1], lane[0]) in setting.lanes
+
+
+def end_searched(setting: Setting, state: State) -> State:
+    """Let those brake whose lanes others have seen meanwhile, from higher up or in their stead."""
+    if state.tree is not None or _leaves_cells(setting):
+        return state
+    for number in state.our_numbers:
+        vehicle = state.vehicles[number]
+        order = vehicle.order
+        if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):
+            continue
+        if order.trajectory.end_s <= state.t_s + WORTH_S or not vehicle.on_lane:
+            continue
+        if not any(_is_open(setting, state, lane) for lane in reversed(vehicle.lanes)):
+            state = brake(setting, state, vehicle, order)
+    return state
+
+
+def drop_seen(setting: Setting, state: State) -> State:
+    """Without what members of a fleet hold who will not fly it, and others have seen meanwhile.
+
+    They tell it for as long as they are heard, and those out of contact are taken to hold it.
+    """
+    for number, vehicle in state.vehicles.items():
+        gone = vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
+        if not state.is_ours(number) and gone and vehicle.lanes:
+            left = still_open(setting, state, vehicle.lanes)
+            if left != vehicle.lanes:
+                state = state.with_vehicle(replace(vehicle, lanes=left))
+    return state
+
+
+def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
+    """Whether a lane has a cell that is not judged; in a survey, not decided."""
+    strip = Strip.of(setting.grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
+    if setting.surveys:
+        return not strip.is_known(lambda cell: state.belief.verdict(cell) is not None)
+    return not strip.is_known(searched(setting, state).__contains__)
+
+
+def _shown_from_inside(setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
+    """A lane without its ends, as far as pictures from on high show them from before them.
+
+    The last column stays in the picture for all of its frames at full speed, and one more.
+    """
+    if not setting.searches_high:
+        return lane
+    mission, height_m = setting.mission, vehicle.cruise_height_m
+    halves_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
+    ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
+    seen_s = (mission.votes.frames + 1) * mission.camera.interval_s
+    short_m = ahead_m - seen_s * path_speed_m_s(mission, height_m)
+    length_m = lane[0].distance_to(lane[1])
+    short_m = min(max(short_m, 0.0), MOST_OFF * length_m)
+    return point_on(lane, short_m), point_on(lane, length_m - short_m)
+
+
+def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
+    """Where a lane is flown, so far beside the middle of its rows as the fence allows."""
+    grid = setting.grid
+    strip = Strip.of(grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
+    beside_m = beside_rows_m(
+        setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead
+    )
+    missing = strip.missing_rows(searched(setting, state))
+    if missing and not _leaves_cells(setting):
+        beside_m += (missing[0] + missing[-1]) / 2 * grid.cell_m - strip.line_m
+    lane = _shown_from_inside(setting, vehicle, lane)
+    for share in (1.0, 0.5):
+        away_m = share * beside_m
+        east_m, north_m = (0.0, away_m) if strip.eastward else (away_m, 0.0)
+        start, end = (GridPoint(p.east_m + east_m, p.north_m + north_m) for p in lane)
+        legs = (over_ground(setting, place, state.t_s) for place in (start, end))
+        if setting.fence.allows_leg(*legs):
+            return start, end
+    return lane

@@ -1,0 +1,293 @@
+"""Leapfrog in flight: the first vehicle maps a box while the second one tracks it, by turns.
+
+The mapper flies a piece of the lanes while the tracker hovers above and sees the marker on its top;
+then the mapper hovers, and the tracker flies on (`missions.planning.leapfrog_geometry`). So both
+know where they are without satellites (`uavmap.aircraft.leapfrog_sight`); here is only who moves
+when.
+
+A round leads along all lanes that have a cell of the box which is not decided, the last one back
+over the mapper's pad. Nobody flies alone: they take off when both can, and when one of them comes
+home, or is taken away, the other comes home as well. With fresh batteries both go on with what is
+left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+from shapely.geometry import LineString
+from shapely.ops import substring
+
+from missions.flight.airspace.deconfliction import give_if_clear
+from missions.flight.path_orders import NOTICE_S, give_path, is_outside, through
+from missions.flight.return_home import send_home
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.lane_passes import flown_along, turned
+from missions.flight.strategy.sweep_passes import give_up_rest
+from missions.flight.strip import Strip
+from missions.flight.whole_box import open_cells
+from missions.geo.fence import Fence
+from missions.geo.trajectory import ACCELERATION_M_S2
+from missions.mapping.belief import Belief
+from missions.mission.leapfrog_checks import tracker_view
+from missions.mission.views import path_speed_m_s
+from missions.orders import FlyTo
+from missions.planning.leapfrog_geometry import Role, Step, TrackerView, plan_leapfrog
+from missions.planning.search.lanes import Lane, unseen
+from missions.units import Cell, GridPoint
+
+MAPPER: Final = 1
+"""The vehicle in the lowest layer."""
+TRACKER: Final = 2
+NEAR_M: Final = 0.7
+"""Who is so near to the end of its way has flown it: as near as it has arrived."""
+REST_S: Final = 1.5
+"""Between two moves both are at rest for so long: what moves is not seen well."""
+STALLED_S: Final = 60.0
+"""If nobody may move for so long, what is left is given up."""
+BESIDES_S: Final = 4.0
+"""A step takes about so much longer than its flight: what is seen, reported and ordered."""
+_LEAST_M: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class LeapfrogMemory:
+    """Where the two stand in their round."""
+
+    steps: tuple[Step, ...] = ()
+    index: int = 0
+    begun: bool = False
+    """Whether the mover has its order."""
+    open: int | None = None
+    """How many cells were not decided when the round began."""
+    homeward: bool = False
+    """Whether this is the way back over the mapper's pad."""
+    waits_since_s: float | None = None
+    rests_until_s: float = float("-inf")
+
+
+def both_ready(setting: Setting, state: State) -> bool:
+    """Whether a leapfrog may begin: both in the air, or able to take off."""
+    if not setting.leapfrogs:
+        return True
+    return all(
+        vehicle.return_reason is None
+        and (
+            vehicle.phase is Phase.AIRBORNE or (vehicle.phase is Phase.GROUNDED and vehicle.cleared)
+        )
+        for vehicle in state.vehicles.values()
+    )
+
+
+def take_turns(setting: Setting, state: State) -> State:
+    """Have the one move whose turn it is, once both are at rest."""
+    if state.exhausted or state.recalled:
+        return state
+    state = _together(setting, state)
+    mapper, tracker = state.vehicles[MAPPER], state.vehicles[TRACKER]
+    memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
+    if state.exhausted:
+        return state
+    if not all(_able(vehicle) for vehicle in (mapper, tracker)):
+        # the next sortie begins anew, along what is left then
+        fresh = LeapfrogMemory(open=memory.open)
+        return state if memory == fresh else replace(state, memory=fresh)
+    rest = all(v.idle and v.braking_until_s is None for v in (mapper, tracker))
+    if not rest or any(is_outside(setting.fence, v.position) for v in (mapper, tracker)):
+        return state
+    before, memory = memory.index, _passed(memory, state)
+    if memory.index > before:  # a sortie on which somebody got on was not in vain
+        state = replace(state, vehicles={
+            n: replace(v, fruitless_sorties=0) for n, v in state.vehicles.items()
+        })  # fmt: skip
+    if state.t_s < memory.rests_until_s:
+        return replace(state, memory=memory)
+    if memory.index >= len(memory.steps):
+        if memory.homeward:
+            return give_up_rest(setting, replace(state, memory=memory))
+        memory = _next_round(setting, state, memory)
+        memory = _passed(memory, state)
+        if memory.index >= len(memory.steps):  # it is over its pad already
+            return give_up_rest(setting, replace(state, memory=memory))
+    return _move(setting, state, memory)
+
+
+def _able(vehicle: VehicleState) -> bool:
+    return vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
+
+
+def _together(setting: Setting, state: State) -> State:
+    """Send home whose partner comes home or was taken away; end it when one takes no more part."""
+    vehicles = state.vehicles.values()
+    if any(v.ended for v in vehicles) and all(v.landed or v.ended for v in vehicles):
+        return give_up_rest(setting, state)
+    for number, other in ((MAPPER, TRACKER), (TRACKER, MAPPER)):
+        vehicle, partner = state.vehicles[number], state.vehicles[other]
+        if _able(vehicle) and _is_leaving(partner):
+            note = vehicle.note or f"vehicle {other} does not go on, and nobody maps alone"
+            alone = replace(vehicle, note=note)
+            state = send_home(setting, state, alone, ReturnReason.BATTERY)
+    return state
+
+
+def _is_leaving(vehicle: VehicleState) -> bool:
+    """Whether it comes home, was taken away, or is silent in the air."""
+    if vehicle.phase is Phase.OFFLINE:
+        return not vehicle.landed
+    here = (Phase.AIRBORNE, Phase.GROUNDED)
+    return vehicle.return_reason is not None or vehicle.phase not in here
+
+
+def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
+    """The memory after the steps at whose end their mover is."""
+    while memory.index < len(memory.steps):
+        step = memory.steps[memory.index]
+        at = state.vehicles[MAPPER if step.mover is Role.MAPPER else TRACKER].position
+        is_there = at.distance_to(GridPoint(*step.end)) <= NEAR_M
+        # a way may lead back to near its beginning: who has not begun it has not flown it
+        if not (is_there and (memory.begun or step.length_m <= NEAR_M)):
+            break
+        rests_s = state.t_s + (REST_S if memory.begun else 0.0)
+        memory = replace(
+            memory, index=memory.index + 1, begun=False, waits_since_s=None, rests_until_s=rests_s
+        )
+    return memory
+
+
+def _next_round(setting: Setting, state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
+    """What is left of the lanes; the way home when that is nothing, or cannot be decided."""
+    mapper = state.vehicles[MAPPER]
+    left = len(open_cells(setting, state))
+    lanes = () if memory.open == left else lanes_left(setting, state)
+    view = tracker_view(setting.mission)
+    steps = steps_along(setting.fence, view, _way(setting, state, mapper, lanes)) if lanes else ()
+    if steps:
+        return LeapfrogMemory(steps, open=left)
+    home = setting.fence.route(mapper.position, mapper.pad) or ()
+    steps = steps_along(setting.fence, view, [mapper.position, *home])
+    return LeapfrogMemory(steps, open=left, homeward=True)
+
+
+def _move(setting: Setting, state: State, memory: LeapfrogMemory) -> State:
+    step = memory.steps[memory.index]
+    waits_s = state.t_s if memory.waits_since_s is None else memory.waits_since_s
+    if state.t_s - waits_s >= STALLED_S:
+        return give_up_rest(setting, replace(state, memory=memory))
+    state = replace(state, memory=replace(memory, waits_since_s=waits_s))
+    places = [GridPoint(*place) for place in step.way[1:]]
+    if step.mover is Role.TRACKER:
+        mover = state.vehicles[TRACKER]
+        order = FlyTo(tuple(places), None, stop=True, height_m=mover.cruise_height_m)
+        state = give_if_clear(setting, state, mover, order)
+    else:
+        mover = state.vehicles[MAPPER]
+        if mover.position.distance_to(places[0]) < _LEAST_M and len(places) > 1:
+            places = places[1:]
+        begin_s = round(state.t_s + NOTICE_S, 3)
+        path = through(setting, mover, places, [False] * len(places), begin_s)
+        state = give_path(setting, state, mover, path)
+    if state.vehicles[mover.vehicle].idle:  # its air is not free, or the fence does not allow it
+        return state
+    return replace(state, memory=replace(memory, begun=True, waits_since_s=None))
+
+
+# --- the way ------------------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """The cells that nobody has to look at any more: decided, or outside of the box."""
+
+    belief: Belief
+    box: frozenset[Cell]
+
+    def __contains__(self, cell: object) -> bool:
+        return cell not in self.box or (
+            isinstance(cell, Cell) and self.belief.verdict(cell) is not None
+        )
+
+
+def lanes_left(setting: Setting, state: State) -> tuple[Lane, ...]:
+    """The stretches of lanes with a column in which a cell of the box is not decided."""
+    grid, done = setting.grid, _Done(state.belief, setting.in_box)
+    found: list[Lane] = []
+    for lane in setting.lanes:
+        seen_m = Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(done)
+        found.extend(unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,))
+    return tuple(found)
+
+
+def _way(
+    setting: Setting, state: State, mapper: VehicleState, lanes: Iterable[Lane]
+) -> list[GridPoint]:
+    """From where the mapper is along lanes, inside of the fence; what has no way is left out."""
+    places = [mapper.position]
+    for lane in turned(setting, mapper.position, tuple(lanes)):
+        start, end = flown_along(setting, state, mapper, lane)
+        there, along = setting.fence.route(places[-1], start), setting.fence.route(start, end)
+        if there is not None and along is not None:
+            places.extend((*there, *along))
+    return places
+
+
+def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[Step, ...]:
+    """Who moves, one after the other, for a mapper that flies `way`, inside of the fence.
+
+    Where the shortest ways of the tracker would leave the fence it flies along the mapper's way.
+    """
+    path = [(float(east), float(north)) for east, north in way]
+    length_m = sum(math.dist(a, b) for a, b in pairwise(path))
+    if length_m <= _LEAST_M:
+        return ()
+    plan = plan_leapfrog(path, view)
+    inside = all(
+        fence.allows_leg(GridPoint(*step.start), GridPoint(*step.end))
+        for step in plan.steps
+        if step.mover is Role.TRACKER
+    )
+    return plan.steps if inside else _above_the_way(path, view)
+
+
+def _above_the_way(path: list[tuple[float, float]], view: TrackerView) -> tuple[Step, ...]:
+    """The tracker hovers above the middle of each piece, and flies along the path."""
+    line = LineString(path)
+    count = math.ceil(line.length / (2.0 * view.reach_m))
+    piece_m = line.length / count
+    steps: list[Step] = []
+    mapper, above_m = path[0], 0.0
+    for k in range(count):
+        middle_m = (k + 0.5) * piece_m
+        steps.append(Step(Role.TRACKER, _part(line, above_m, middle_m), mapper))
+        above_m = middle_m
+        way = _part(line, k * piece_m, (k + 1) * piece_m)
+        steps.append(Step(Role.MAPPER, way, steps[-1].end))
+        mapper = way[-1]
+    return tuple(steps)
+
+
+def _part(line: LineString, start_m: float, end_m: float) -> tuple[tuple[float, float], ...]:
+    places = substring(line, start_m, end_m).coords
+    return tuple((float(east), float(north)) for east, north in places)
+
+
+def steps_left_s(setting: Setting, state: State) -> float:
+    """About how long the steps of this round, or of the first one, take from now on; seconds."""
+    memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
+    steps = memory.steps[memory.index :]
+    if not memory.steps:
+        mapper = state.vehicles[MAPPER]
+        way = _way(setting, state, mapper, lanes_left(setting, state))
+        way.extend(setting.fence.route(way[-1], mapper.pad) or ())
+        steps = steps_along(setting.fence, tracker_view(setting.mission), way)
+    speed_m_s = path_speed_m_s(setting.mission, setting.mission.altitude_m(0))
+    ramp_m = speed_m_s**2 / ACCELERATION_M_S2
+
+    def flight_s(length_m: float) -> float:
+        if length_m >= ramp_m:
+            return length_m / speed_m_s + speed_m_s / ACCELERATION_M_S2
+        return 2.0 * math.sqrt(length_m / ACCELERATION_M_S2)
+
+    return sum(flight_s(step.length_m) + BESIDES_S for step in steps)

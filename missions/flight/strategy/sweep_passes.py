@@ -1,0 +1,358 @@
+"""Searching and exploring without a stop: paths that are planned anew while they are flown.
+
+A path is an exact function of time, so where a vehicle will be when the next plan begins is known
+without telemetry. The lanes of a search are one path; once the region is found, the planner
+(`missions.planning.sweep.sweep_planner`) is asked again whenever frames were judged since, and
+every plan begins `NOTICE_S` in the future, where the present path will be by then.
+
+Whether a path may be flown is decided by `missions.flight.path_orders`. Who has nothing to fly,
+or may not fly what was planned, is planned for again after `RETRY_S`. When nobody's frames have
+added a vote for longer than the paths took, what is left cannot be decided: it is given up, and
+told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from missions.flight.path_orders import (
+    NOTICE_S,
+    allowed,
+    give_path,
+    is_outside,
+    through,
+)
+from missions.flight.setting import Setting
+from missions.flight.sightings import grown
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.charting import chart_of
+from missions.flight.strategy.direct_flight import fetch
+from missions.flight.strategy.fallback import fall_back, patience_s
+from missions.flight.strategy.flyers import flyer_of, gate_of, over_home_s, over_pad
+from missions.flight.strategy.gathering import gathers
+from missions.flight.strategy.touring import TourMemory, shared_out
+from missions.flight.strategy.two_heights import in_layer, is_over_pad
+from missions.flight.team.work_shares import own_part, share_parts, want_told
+from missions.flight.whole_box import open_cells
+from missions.geo.trajectory import Trajectory
+from missions.orders import FlyPath
+from missions.planning.sweep.chart import Known
+from missions.units import Cell
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.paths import Route
+    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.sweep_planner import Plan
+    from missions.planning.sweep.tours import Waypoints
+
+REPLAN_S: Final = 0.4
+RETRY_S: Final = 2.0
+"""Who waits is planned for again after so long, news or not."""
+VAIN_S: Final = 20.0
+VAIN_SHARE: Final = 1.2
+"""Frames that add no vote for so long, and for so many times the longest path, are in vain."""
+STEP_M: Final = 1.0
+MOST_PRESSING: Final = 3
+"""So often work that a plan leaves undone is given more weight; then it is flown to straight."""
+PRESSING: Final = 4.0
+ALONE_TIMES: Final = 2.0
+"""So much more it costs a member of a fleet to leave what is its own part: while it flies home past
+it nobody else looks there, and then somebody comes from farther away."""
+NEAR_PAD_M: Final = 10.0
+"""Who waits for others is near enough to its pad."""
+
+
+@dataclass(frozen=True, slots=True)
+class PassMemory:
+    """What the next plan has to know of the last."""
+
+    planned_s: float = float("-inf")
+    frames: int = -1
+    """How many frames were judged by then."""
+    waiting: frozenset[int] = frozenset()
+    """Who had nothing to fly after it."""
+    routes: Mapping[int, Route] = field(default_factory=dict)
+    paths: Mapping[int, Trajectory] = field(default_factory=dict)
+    decisions: int = 0
+    flown_s: float = 0.0
+    """For how long somebody has explored."""
+    pressing: int = 0
+    votes: int = 0
+    """How many votes counted by then."""
+    vain_s: float = 0.0
+    """For how long plans were flown since then without one more."""
+    longest_s: float = 0.0
+    """How long the longest path of that time takes."""
+    fetching: Mapping[int, Trajectory] = field(default_factory=dict)
+    """Who was sent straight to what is left: they are not planned for until they are there."""
+    tried: frozenset[Cell] = frozenset()
+    """Where they looked from since a vote was last added."""
+    tour: TourMemory = field(default_factory=TourMemory)
+
+
+# --- exploration -------------------------------------------------------------------------------
+def explore_passes(setting: Setting, state: State) -> State:
+    """Plan anew for everybody who explores, if there is news and the last plan is not quite new.
+
+    Where the whole box is seen that is who has no lanes left, for what those of the others do not
+    show.
+    """
+    tree = state.tree
+    lanes_left = setting.sees_box and any(v.lanes for v in state.vehicles.values())
+    if setting.sees_box:
+        if state.exhausted:
+            return state
+    elif tree is None or tree.is_explored(tree.root):
+        return state
+    memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
+    team = {
+        n: v for n, v in sorted(state.vehicles.items()) if _takes_part(setting, state, v, memory)
+    }
+    ours = frozenset(n for n in team if state.is_ours(n))
+    waiting = frozenset(n for n in ours if team[n].idle)
+    frames = state.belief.frames_taken(None)
+    fresh = frames != memory.frames
+    news = fresh or bool(waiting - memory.waiting)
+    retry = bool(waiting) and state.t_s >= memory.planned_s + RETRY_S
+    due = state.t_s >= memory.planned_s + _replan_s(setting) - 1e-6
+    if not ours or not due or not (news or retry):
+        return state
+    begin_s = round(state.t_s + NOTICE_S, 3)
+    able = {n: v for n, v in state.vehicles.items() if _able(v)}
+    home_s = max(over_home_s(team[n], memory.paths.get(n), begin_s) for n in ours)
+    known = chart_of(setting, state, None if tree is None else tree.root, begin_s, able, home_s)
+    memory = replace(memory, frames=frames, pressing=0 if fresh else memory.pressing)
+    memory = _gone_on(memory, state, team)
+    if tree is not None and memory.flown_s > patience_s(setting, state):
+        return fall_back(state)
+    if _in_vain(memory) and not lanes_left:
+        return give_up_rest(setting, replace(state, memory=memory))
+    if memory.tried and waiting == ours:
+        return _fetch(setting, state, memory, known, waiting)
+    paths, routes = memory.paths, memory.routes
+    flyers = {
+        n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
+        for n, vehicle in team.items()
+    }
+    others_part = None
+    if setting.finds_all and setting.member is not None:
+        state = share_parts(setting, state, known, flyers, memory.decisions)
+        others_part, tour, tours = own_part(setting, state, known.chart, memory.tour)
+    else:
+        tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
+    memory = replace(memory, tour=tour)
+    if others_part is not None:  # they plan for themselves
+        team = {n: team[n] for n in sorted(ours)}
+        flyers = {n: flyers[n] for n in team}
+    times = 1.0 if others_part is None else ALONE_TIMES
+    plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
+    if plan.work == 0 and others_part is not None and want_told(setting, state, known):
+        plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
+    if plan.work == 0 and others_part is not None:
+        known.chart.closed[others_part] = 0
+        if _work(setting, known) > 0:  # others see to it: nothing is in vain yet
+            state = replace(state, memory=replace(memory, waiting=waiting, vain_s=0.0))
+            return _homeward(setting, state, waiting)
+    if plan.work == 0:
+        state = replace(state, memory=replace(memory, waiting=waiting))
+        return state if lanes_left else give_up_rest(setting, state)
+    state, memory, blocked = _fly(setting, state, team, plan, memory)
+    idle = frozenset(n for n in ours if state.vehicles[n].idle)
+    others_can = any(
+        n not in ours and not _nowhere(path) for n, path in zip(team, plan.paths, strict=True)
+    )
+    if idle != ours or blocked or others_can:
+        return replace(state, memory=replace(memory, waiting=idle))
+    if all(map(_nowhere, plan.paths)) and memory.pressing < MOST_PRESSING:
+        # once more, with more weight
+        memory = replace(memory, pressing=memory.pressing + 1, waiting=frozenset())
+        return replace(state, memory=memory)
+    return _fetch(setting, state, memory, known, idle)
+
+
+def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
+    """Have those who wait while others map fly towards their pads, planned for on the way."""
+    for number in sorted(waiting):
+        vehicle = state.vehicles[number]
+        route = setting.fence.route(vehicle.position, over_pad(setting, vehicle))
+        if route and vehicle.position.distance_to(route[-1]) > NEAR_PAD_M:
+            corners = [True] * (len(route) - 1) + [False]
+            path = through(setting, vehicle, list(route), corners, state.t_s + NOTICE_S)
+            state = give_path(setting, state, vehicle, path)
+    return state
+
+
+def _to_gate(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Have one whose way leads past the columns over other pads fly straight out of its own."""
+    gate = gate_of(setting, vehicle)
+    if vehicle.position.distance_to(gate) < STEP_M:
+        return state
+    path = through(setting, vehicle, [gate], [False], state.t_s + NOTICE_S)
+    return give_path(setting, state, vehicle, path)
+
+
+def _replan_s(setting: Setting) -> float:
+    """How long a plan is flown at least: where all patches are planned for, two frames of it."""
+    interval_s = setting.mission.camera.interval_s
+    return max(REPLAN_S, 2.0 * interval_s) if setting.finds_all else REPLAN_S
+
+
+def _fetch(
+    setting: Setting, state: State, memory: PassMemory, known: Known, idle: frozenset[int]
+) -> State:
+    """Have the nearest of those who wait fly to what is left; give it up if nobody can."""
+    waiting = {n: state.vehicles[n] for n in idle}
+    found = fetch(setting, state, waiting, known, memory.tried)
+    if found is None:
+        if any(n not in idle and _able(v) for n, v in state.vehicles.items()):
+            return replace(state, memory=replace(memory, waiting=idle))
+        return give_up_rest(setting, replace(state, memory=memory))
+    state = give_path(setting, state, waiting[found.vehicle], found.path)
+    if isinstance(state.vehicles[found.vehicle].order, FlyPath):
+        memory = replace(
+            memory,
+            tried=memory.tried | {found.vantage},
+            fetching={**memory.fetching, found.vehicle: found.path},
+            longest_s=max(memory.longest_s, found.path.end_s - state.t_s),
+        )
+    return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
+
+
+def awaits_others(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether a vehicle has nothing to do but to hear of some who are out of contact."""
+    memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
+    away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
+    waits = setting.finds_all and vehicle.vehicle in memory.waiting
+    return waits and any(state.t_s < v.held_until_s for v in away)
+
+
+def _able(vehicle: VehicleState) -> bool:
+    """Whether a vehicle explores, or may again after a battery swap."""
+    return vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED) and (
+        vehicle.return_reason is None or vehicle.return_reason is ReturnReason.BATTERY
+    )
+
+
+def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:
+    """The memory at a new plan: whether the last ones have added a vote."""
+    votes = sum(map(len, state.belief.open_ballots.values()))
+    since_s = min(state.t_s - memory.planned_s, RETRY_S)
+    memory, vain_s = replace(memory, flown_s=memory.flown_s + since_s), memory.vain_s + since_s
+    if votes != memory.votes:
+        ends = (v.order.trajectory.end_s for v in team.values() if isinstance(v.order, FlyPath))
+        left_s = max((end_s - state.t_s for end_s in ends), default=0.0)
+        memory, vain_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
+    return replace(memory, planned_s=state.t_s, vain_s=vain_s, decisions=memory.decisions + 1)
+
+
+def _in_vain(memory: PassMemory) -> bool:
+    """Whether plans have been flown to their ends, and on, without a vote that counts."""
+    return memory.vain_s > VAIN_S + VAIN_SHARE * memory.longest_s
+
+
+def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory) -> bool:
+    if isinstance(vehicle.order, FlyPath):
+        apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
+    else:
+        # ours comes inside first; over the pad of another only that one may be
+        whole = setting.whole_fence if not state.is_ours(vehicle.vehicle) else None
+        apart = is_outside(whole or setting.fence, vehicle.position)
+    if state.is_ours(vehicle.vehicle) and vehicle.idle and gathers(setting, state, vehicle):
+        return False
+    return not (apart or (setting.sees_box and vehicle.lanes)) and (
+        vehicle.phase is Phase.AIRBORNE
+        and in_layer(setting, state, vehicle)
+        and vehicle.return_reason is None
+        and vehicle.braking_until_s is None
+        and (vehicle.idle or isinstance(vehicle.order, FlyPath))
+    )
+
+
+def _plan(
+    setting: Setting,
+    known: Known,
+    flyers: Mapping[int, Flyer],
+    memory: PassMemory,
+    begin_s: float,
+    tours: Waypoints,
+    times: float,
+) -> Plan:
+    from missions.planning.sweep.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
+    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
+
+    votes = setting.mission.votes
+    penalty_s = Tuning().penalty_s * times * PRESSING**memory.pressing
+    return plan_once(
+        setting.plans, Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames,
+        votes.positive, begin_s, memory.decisions, tours,
+    )  # fmt: skip
+
+
+def _work(setting: Setting, known: Known) -> int:
+    """How many cells have to be decided still."""
+    from missions.planning.sweep.memo import valued  # noqa: PLC0415 - numba takes a second to load
+    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
+    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415, as above
+
+    votes = setting.mission.votes
+    return valued(Planner(Tuning()), known, votes.frames, votes.positive)[3]
+
+
+def _fly(
+    setting: Setting,
+    state: State,
+    team: Mapping[int, VehicleState],
+    plan: Plan,
+    memory: PassMemory,
+) -> tuple[State, PassMemory, bool]:
+    """Give the paths that are new and may be flown; and whether somebody waits for free air."""
+    grid = setting.grid
+    drift = (grid.drift_east_m_s, grid.drift_north_m_s)
+    routes, paths = dict(memory.routes), dict(memory.paths)
+    longest_s, blocked = memory.longest_s, False
+    for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
+        vehicle = state.vehicles[number]
+        if path is None or (vehicle.idle and _nowhere(path)) or not state.is_ours(number):
+            continue  # what others of a fleet fly they have told; theirs is planned for ours' sake
+        flown = replace(path, drift_m_s=drift)
+        before = vehicle.order
+        state = give_path(setting, state, vehicle, flown, partly=True)
+        given = state.vehicles[number].order
+        if given is not before and isinstance(given, FlyPath):
+            routes[number], paths[number] = route, flown
+            longest_s = max(longest_s, flown.end_s - state.t_s)
+        elif vehicle.idle and allowed(setting.fence, flown):
+            blocked = True  # its air is claimed, which passes: nothing is in vain yet
+        elif vehicle.idle and setting.member is not None and is_over_pad(vehicle):
+            state = _to_gate(setting, state, vehicle)
+    vain_s = 0.0 if blocked else memory.vain_s
+    memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
+    return state, memory, blocked
+
+
+def _nowhere(path: Trajectory | None) -> bool:
+    """Whether a path leads nowhere, but for a step to its end."""
+    return path is None or path.length_m < STEP_M
+
+
+# --- what grows, what is given up --------------------------------------------------------------
+def give_up_rest(setting: Setting, state: State) -> State:
+    """Nobody can decide what is left: what is known of it counts, and it is told."""
+    tree = state.tree
+    if tree is None:
+        open_ = open_cells(setting, state)
+        return replace(state, exhausted=True, surveyed=True, undecided=open_)
+    given_up: set[Cell] = set()
+    left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
+    while left:
+        cell = left.pop()
+        if tree.has_looked(cell):
+            continue
+        given_up.add(cell)
+        roi = [near for near in cell.neighbours() if near in state.belief.roi]
+        left.extend(near for near in roi if near not in tree)
+        tree = tree.looked(cell, roi)
+    tree = grown(tree, state.belief, list(tree.vertices))
+    return replace(state, tree=tree, undecided=state.undecided | given_up)

@@ -1,0 +1,276 @@
+"""Searching high and mapping low: who changes its layer, and what is plain from on high.
+
+With `search.altitude_m` lanes are flown in layers of their own above all those from which the map
+is made, so wide that few of them see the box. What such a frame (an *overview*) shows is coarse, so
+its votes are kept apart (`State.overview`). A cell is *plain* when the overview has decided it and
+all eight around it alike: then its votes count as any others, and nobody flies there again. All
+else, which is what lies along outlines, is looked at from below. If each vote is wrong with
+probability e, independently of the others, three of five are with 10 e^3 at most: a patch or a hole
+of a single cell is taken for plain ground so often, which is the chance of any verdict. Amid nine
+cells that are alike in truth, all nine have to be wrong at once.
+
+A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed. If
+the mission says how fast the autopilot climbs and descends, it does so on its way: at take-off it
+climbs only as far as the way to its first lane leaves to be climbed, and who has no lanes left
+flies to what has to be mapped while it comes down.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Container
+from dataclasses import dataclass, replace
+from typing import Final
+
+from missions.flight.airspace.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
+from missions.flight.setting import Setting
+from missions.flight.state import Column, Phase, State, VehicleState
+from missions.mapping.belief import Belief, FrameId
+from missions.mission.energy import CLIMB_SPEED_M_S
+from missions.orders import FlyTo, Order
+from missions.units import Cell
+
+ASK_S = 12.0
+"""So long a member waits for the air that it has asked for..."""
+SLOW_TIMES = 2.0
+"""... and so many times as long as it should take it has it at least."""
+OVER_PAD_M = 1.0
+"""A vehicle that is nearer to its pad is in the column over it."""
+ON_THE_WAY: Final = 0.8
+"""So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Either:
+    """Cells that one or the other holds."""
+
+    one: Container[Cell]
+    other: Container[Cell]
+
+    def __contains__(self, cell: object) -> bool:
+        return cell in self.one or cell in self.other
+
+
+def searched(setting: Setting, state: State) -> Container[Cell]:
+    """The cells that any frame has judged, from on high or from below."""
+    low = state.belief.open_ballots
+    return Either(state.overview.open_ballots, low) if setting.searches_high else low
+
+
+def layer_of(setting: Setting, vehicle: VehicleState) -> float:
+    """The altitude that a vehicle works in: with lanes to fly that of the search."""
+    mission, index = setting.mission, vehicle.vehicle - 1
+    high_m = mission.search_altitude_m(index)
+    return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
+
+
+def in_layer(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether a vehicle is where it works, or will be by the time it has to."""
+    if not setting.searches_high:
+        return True
+    layer_m = layer_of(setting, vehicle)
+    if vehicle.cruise_altitude_m != layer_m:
+        return False
+    if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M:
+        return True
+    if setting.member is not None:  # others are asked for a column, not for a way
+        return False
+    flight = setting.mission.flight
+    if not vehicle.lanes:  # its frames count as soon as they are taken from low enough
+        return flight.descent_m_s is not None and vehicle.level_m > layer_m
+    rise_m = layer_m - vehicle.level_m
+    return 0.0 < rise_m <= climbed_on_the_way_m(setting, state, vehicle)
+
+
+def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
+    """How far a vehicle climbs on its way to its first lane, while it flies as fast as it may.
+
+    0 where the mission does not say how fast the autopilot climbs (`flight.climb_m_s`), and for a
+    member of a fleet, which has promised the others to keep to its layer.
+    """
+    climb_m_s = setting.mission.flight.climb_m_s
+    if climb_m_s is None or not vehicle.lanes or setting.member is not None:
+        return 0.0
+    lanes_s = setting.lane_time_s(state.t_s)
+    start = setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
+    return climb_m_s * vehicle.position.distance_to(start) / setting.energy.speed_m_s
+
+
+def take_off_height_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
+    """How high a vehicle climbs over its pad, above it; the rest is climbed on the way.
+
+    Never lower than the layer from which it maps.
+    """
+    if not setting.searches_high:
+        return vehicle.cruise_height_m
+    low_m = setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
+    sure_m = ON_THE_WAY * climbed_on_the_way_m(setting, state, vehicle)
+    return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
+
+
+def at_map_height(setting: Setting, vehicle: VehicleState) -> VehicleState:
+    """A vehicle as it will be once it maps."""
+    if not setting.searches_high:
+        return vehicle
+    return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
+
+
+def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    """Have a vehicle climb or descend to where it works; None where it is there.
+
+    While the air is not free it stays where it is, and tries again.
+    """
+    if in_layer(setting, state, vehicle):
+        return None
+    if setting.member is not None and not is_over_pad(vehicle):
+        return _change_among_others(setting, state, vehicle)
+    moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
+    if moved != vehicle and in_layer(setting, state, moved):  # on the way
+        return hold(state, moved)
+    for spot in (vehicle.position, *spots_around(setting, vehicle)):
+        route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
+        order: Order = FlyTo(route, None, stop=True, height_m=moved.cruise_height_m)
+        if is_clear(setting, state, moved, order):
+            return state.with_vehicle(replace(moved, order=order, at_target=False))
+    return hold(state, vehicle)
+
+
+def is_over_pad(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is in the column over its pad."""
+    return vehicle.position.distance_to(vehicle.pad) <= OVER_PAD_M
+
+
+def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
+    way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+    order = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
+    return state.with_vehicle(replace(vehicle, order=order, at_target=False))
+
+
+def strays_from_layer(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is in a layer that may be another's, and not over its pad."""
+    off_m = abs(vehicle.level_m - vehicle.cruise_altitude_m)
+    return off_m > OFF_LAYER_M and not is_over_pad(vehicle)
+
+
+def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Have a vehicle climb or descend where it is, before it goes anywhere.
+
+    It has been stopped on its way between two layers. While the air of that way is still its own it
+    goes on. Else it asks for the way to the nearer of its two layers; it goes without an answer
+    where nobody can be asked, as it is in somebody's layer already.
+    """
+    layer_m = vehicle.cruise_altitude_m
+    if not _has_air(state, vehicle, layer_m):
+        own_m = (layer_m, *_own_layers_m(setting, vehicle))
+        layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
+        vehicle, granted = _air_asked_for(state, vehicle, layer_m)
+        if granted is None:
+            return hold(state, vehicle)
+    moved = replace(vehicle, cruise_altitude_m=layer_m)
+    order = FlyTo((vehicle.position,), None, stop=True, height_m=moved.cruise_height_m)
+    return state.with_vehicle(replace(moved, order=order, at_target=False))
+
+
+def _own_layers_m(setting: Setting, vehicle: VehicleState) -> list[float]:
+    mission, index = setting.mission, vehicle.vehicle - 1
+    return [own for own in (mission.altitude_m(index), mission.search_altitude_m(index)) if own]
+
+
+def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """The same for a member of a fleet: its column crosses the layers of others.
+
+    It asks them for that air, and has it once all have promised to keep out of it. Who is out of
+    contact cannot be asked: then it goes where the air is nobody else's anyway, over its pad.
+    """
+    layer_m = layer_of(setting, vehicle)
+    vehicle, granted = _air_asked_for(state, vehicle, layer_m)
+    if granted is None:
+        return hold(state, vehicle)
+    if not granted or vehicle.asks is None:
+        return over_own_pad(setting, state, replace(vehicle, asks=None))
+    moved = replace(vehicle, cruise_altitude_m=layer_m)
+    order: Order = FlyTo((vehicle.asks.place,), None, stop=True, height_m=moved.cruise_height_m)
+    return state.with_vehicle(replace(moved, order=order, at_target=False))
+
+
+def _has_air(state: State, vehicle: VehicleState, layer_m: float) -> bool:
+    """Whether all have promised the air from here to a layer, for long enough."""
+    asks, change_s = vehicle.asks, abs(vehicle.level_m - layer_m) / CLIMB_SPEED_M_S
+    if asks is None or asks.place.distance_to(vehicle.position) > OVER_PAD_M:
+        return False
+    holds = asks.low_m - OFF_LAYER_M <= layer_m <= asks.high_m + OFF_LAYER_M
+    return holds and vehicle.leased_until_s >= state.t_s + SLOW_TIMES * change_s
+
+
+def _air_asked_for(
+    state: State, vehicle: VehicleState, layer_m: float
+) -> tuple[VehicleState, bool | None]:
+    """A vehicle that asks for the air from here to a layer; whether it has it, None while it waits.
+
+    It has not where somebody cannot be asked, or does not answer in time.
+    """
+    if _has_air(state, vehicle, layer_m):
+        return vehicle, True
+    asks = vehicle.asks
+    if asks is not None and (
+        asks.place.distance_to(vehicle.position) > OVER_PAD_M
+        or vehicle.leased_until_s > -math.inf
+        or state.t_s >= asks.until_s
+    ):
+        asks = None  # blown away, or interrupted: that air is another, or was its own too briefly
+    others = [v for v in state.vehicles.values() if not state.is_ours(v.vehicle)]
+    nobody_to_ask = any(v.phase in (Phase.APART, Phase.OFFLINE, Phase.YIELDED) for v in others)
+    waited_s = 0.0 if asks is None else state.t_s - asks.asked_s
+    if nobody_to_ask or waited_s > ASK_S:
+        return vehicle, False
+    if asks is None:
+        low_m, high_m = sorted((vehicle.level_m, layer_m))
+        change_s = (high_m - low_m) / CLIMB_SPEED_M_S
+        until_s = round(state.t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
+        asks = Column(vehicle.position, low_m, high_m, state.t_s, until_s)
+        vehicle = replace(vehicle, leased_until_s=-math.inf)  # that was for other air
+    return replace(vehicle, asks=asks), None
+
+
+# --- what is plain -----------------------------------------------------------------------------
+def with_plain(
+    belief: Belief,
+    before: Belief,
+    overview: Belief,
+    box: Container[Cell],
+    fresh: Collection[Cell],
+) -> Belief:
+    """A belief with the votes of cells that have become plain, after `fresh` got votes from above.
+
+    `before` is the overview without these. What was decided from below stays as it is. Beyond the
+    `box` nobody searches: there a cell that no overview shows stands in the way of region only,
+    which may go on there.
+    """
+    found: dict[FrameId, dict[Cell, bool]] = {}
+    decided = (cell for cell in fresh if overview.verdict(cell) is not before.verdict(cell))
+    for cell in sorted({near for one in decided for near in _around(one)}):
+        if belief.verdict(cell) is None and _is_plain(overview, box, cell):
+            for frame, vote in overview.open_ballots[cell]:
+                found.setdefault(frame, {})[cell] = vote
+    for frame, votes in sorted(found.items()):
+        belief = belief.with_frame(None, frame, votes)
+    return belief
+
+
+def _is_plain(overview: Belief, box: Container[Cell], cell: Cell) -> bool:
+    verdict = overview.verdict(cell)
+    if verdict is None:
+        return False
+    for near in _around(cell):
+        other = overview.verdict(near)
+        unseen = near not in overview.open_ballots and near not in box
+        if other is not verdict and not (unseen and not verdict):
+            return False
+    return True
+
+
+def _around(cell: Cell) -> list[Cell]:
+    """A cell and the eight around it."""
+    steps = (-1, 0, 1)
+    return [Cell(cell.east + east, cell.north + north) for east in steps for north in steps]

@@ -1,0 +1,1 @@
+"""A vehicle alone, or as a member of a fleet."""

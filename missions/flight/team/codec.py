@@ -1,0 +1,321 @@
+"""What members of a fleet say to each other, as bytes: who is where, who knows what, and facts.
+
+A message is one datagram. A fact is told as the rectangle in which its cells lie, which of them
+they are, and what is decided of each; a batch of facts is deflated. Times are whole milliseconds of
+mission time, places half metres, and those of who maps what 4 m.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, get_args
+
+from missions.fleet_events import Fact, Part
+from missions.flight.team.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
+from missions.flight.team.knowledge import MOST_RUNS, Holding
+from missions.units import Cell, GridPoint
+
+Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
+DOES: Final[tuple[Does, ...]] = get_args(Does)
+STEP_M: Final = 0.5
+PART_M: Final = 4.0
+"""Places to see something from are told to such steps: a step of up to 250 m is one byte."""
+MOST_BYTES: Final = 1 << 20
+_MOST: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """Where a member's vehicle is, and what it is about to do."""
+
+    does: Does
+    position: GridPoint
+    height_m: float
+    charge: float
+    """Of its battery, 0 to 1."""
+    layer_m: float
+    lanes: tuple[int, ...] = ()
+    path: tuple[GridPoint, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Facts of one member, numbered from `first` on."""
+
+    origin: int
+    first: int
+    facts: tuple[Fact, ...]
+
+
+Order = Literal["recall", "pause", "continue"]
+ORDERS: Final[tuple[Order, ...]] = get_args(Order)
+
+
+class Ask(NamedTuple):
+    """The air above and below a place that a member asks for; its questions are numbered."""
+
+    number: int
+    place: GridPoint
+    low_m: float
+    high_m: float
+    until_s: float
+
+
+class Word(NamedTuple):
+    """What an operator has ordered; of those for the same vehicles the one with the highest stamp
+    holds. Every member repeats it."""
+
+    stamp: int
+    vehicle: int
+    """0: for all of them."""
+    order: Order
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One datagram: what a member says at a time."""
+
+    t_s: float
+    """Mission time of the sender."""
+    presence: Presence | None = None
+    """None of a member without a vehicle."""
+    have: dict[int, Holding] = field(default_factory=dict)
+    """Which facts of each member the sender knows."""
+    batches: tuple[Batch, ...] = ()
+    words: tuple[Word, ...] = ()
+    begun: bool = False
+    """Whether the sender's clock is that of the fleet, and moves no more."""
+    ask: Ask | None = None
+    promised: dict[int, int] = field(default_factory=dict)
+    """Whose air the sender keeps out of, by vehicle: the number of the question."""
+    parts: tuple[Part, ...] = ()
+    """Who is to map what, as the sender has laid it out."""
+
+
+def encode(message: Message) -> bytes:
+    """The bytes of a message. Raises ValueError for what cannot be said: a negative count.
+
+    >>> here = Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0)
+    >>> said = Message(12.5, here, {1: Holding(7)})
+    >>> len(encode(said)), decode(encode(said)) == said
+    (16, True)
+    """
+    out = Writer()
+    out.signed(_ms(message.t_s))
+    does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
+    flags = 4 * bool(message.parts) + 2 * (message.ask is not None) + message.begun
+    out.count(8 * does + flags)
+    if message.presence is not None:
+        _put_presence(out, message.presence)
+    out.count(len(message.have))
+    for origin, holding in sorted(message.have.items()):
+        out.count(origin)
+        _put_holding(out, holding)
+    out.count(len(message.words))
+    for word in message.words:
+        out.count(word.stamp)
+        out.count(word.vehicle)
+        out.count(ORDERS.index(word.order))
+    if message.ask is not None:
+        _put_ask(out, message.ask)
+    out.count(len(message.promised))
+    for vehicle, number in sorted(message.promised.items()):
+        out.count(vehicle)
+        out.count(number)
+    if message.parts:
+        _put_parts(out, message.parts)
+    for batch in message.batches:
+        out.count(batch.origin)
+        out.count(batch.first)
+        out.raw(deflated(facts_to_bytes(batch.facts)))
+    return out.data
+
+
+def decode(data: bytes) -> Message:
+    """The inverse of `encode`. Raises `BytesError` for anything else."""
+    inp = Reader(data)
+    t_s = inp.signed() / 1000
+    does, flags = divmod(inp.count(), 8)
+    if does > len(DOES):
+        raise BytesError("nobody does that")
+    presence = _presence(inp, DOES[does - 1]) if does else None
+    have = {inp.count(): _holding(inp) for _ in range(_few(inp.count()))}
+    words = tuple(_word(inp) for _ in range(_few(inp.count())))
+    ask = _ask(inp) if flags & 2 else None
+    promised = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
+    parts = _parts(inp) if flags & 4 else ()
+    batches = []
+    while not inp.at_end:
+        origin, first = inp.count(), inp.count()
+        batches.append(Batch(origin, first, bytes_to_facts(inflated(inp.raw(), MOST_BYTES))))
+    return Message(
+        t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised, parts
+    )
+
+
+def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
+    """Facts as bytes, each told by what it differs in from the one before."""
+    out = Writer()
+    t_ms, anchor = 0, Cell(0, 0)
+    for fact in facts:
+        now_ms = _ms(fact.t_s)
+        out.signed(now_ms - t_ms)
+        cells = [cell for cell, _ in fact.votes]
+        west, south = min(c.east for c in cells), min(c.north for c in cells)
+        columns = max(c.east for c in cells) - west + 1
+        rows = max(c.north for c in cells) - south + 1
+        out.count(4 * columns + 2 * fact.seen + fact.overview)
+        out.count(rows)
+        out.signed(west - anchor.east)
+        out.signed(south - anchor.north)
+        says = dict(fact.votes)
+        inside = [Cell(west + i, south + j) for j in range(rows) for i in range(columns)]
+        out.flags([cell in says for cell in inside])
+        if not fact.seen:
+            out.flags([says[cell] for cell in inside if cell in says])
+        t_ms, anchor = now_ms, Cell(west, south)
+    return out.data
+
+
+def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
+    """The inverse of `facts_to_bytes`. Raises `BytesError`."""
+    inp = Reader(data)
+    t_ms, west, south = 0, 0, 0
+    facts = []
+    while not inp.at_end:
+        t_ms += inp.signed()
+        columns, kind = divmod(inp.count(), 4)
+        rows = inp.count()
+        if not 0 < columns * rows <= MOST_CELLS:
+            raise BytesError("no fact is of so many cells")
+        west += inp.signed()
+        south += inp.signed()
+        shown = inp.flags(columns * rows)
+        cells = [
+            Cell(west + k % columns, south + k // columns) for k, told in enumerate(shown) if told
+        ]
+        if t_ms < 0 or not cells:
+            raise BytesError("a fact of nothing")
+        seen = bool(kind & 2)
+        says = [False] * len(cells) if seen else inp.flags(len(cells))
+        votes = tuple(sorted(zip(cells, says, strict=True)))
+        facts.append(Fact(t_ms / 1000, votes, bool(kind & 1), seen))
+    return tuple(facts)
+
+
+def _put_presence(out: Writer, presence: Presence) -> None:
+    east, north = _steps(presence.position)
+    out.signed(east)
+    out.signed(north)
+    out.signed(round(presence.height_m / STEP_M))
+    out.count(round(100 * min(max(presence.charge, 0.0), 1.0)))
+    out.count(max(round(presence.layer_m / STEP_M), 0))
+    out.count(len(presence.lanes))
+    for lane in presence.lanes:
+        out.count(lane)
+    out.count(len(presence.path))
+    for place in presence.path:
+        there_east, there_north = _steps(place)
+        out.signed(there_east - east)
+        out.signed(there_north - north)
+        east, north = there_east, there_north
+
+
+def _presence(inp: Reader, does: Does) -> Presence:
+    east, north = inp.signed(), inp.signed()
+    position = GridPoint(east * STEP_M, north * STEP_M)
+    height_m, charge, layer_m = inp.signed() * STEP_M, inp.count() / 100, inp.count() * STEP_M
+    if charge > 1.0:
+        raise BytesError("no battery is fuller than full")
+    lanes = tuple(inp.count() for _ in range(_few(inp.count())))
+    path = []
+    for _ in range(_few(inp.count())):
+        east, north = east + inp.signed(), north + inp.signed()
+        path.append(GridPoint(east * STEP_M, north * STEP_M))
+    return Presence(does, position, height_m, charge, layer_m, lanes, tuple(path))
+
+
+def _put_holding(out: Writer, holding: Holding) -> None:
+    out.count((MOST_RUNS + 1) * holding.upto + len(holding.beyond))
+    end = holding.upto
+    for first, after in holding.beyond:
+        out.count(first - end)
+        out.count(after - first)
+        end = after
+
+
+def _holding(inp: Reader) -> Holding:
+    upto, runs = divmod(inp.count(), MOST_RUNS + 1)
+    beyond, end = [], upto
+    for _ in range(runs):
+        gap, length = inp.count(), inp.count()
+        if gap == 0 or length == 0:
+            raise BytesError("runs that are none")
+        beyond.append((end + gap, end + gap + length))
+        end += gap + length
+    return Holding(upto, tuple(beyond))
+
+
+def _put_ask(out: Writer, ask: Ask) -> None:
+    out.count(ask.number)
+    for steps in _steps(ask.place):
+        out.signed(steps)
+    out.signed(math.floor(ask.low_m / STEP_M))
+    out.signed(math.ceil(ask.high_m / STEP_M))
+    out.count(math.ceil(ask.until_s))
+
+
+def _ask(inp: Reader) -> Ask:
+    number, east, north = inp.count(), inp.signed(), inp.signed()
+    low_m, high_m = inp.signed() * STEP_M, inp.signed() * STEP_M
+    return Ask(number, GridPoint(east * STEP_M, north * STEP_M), low_m, high_m, float(inp.count()))
+
+
+def _put_parts(out: Writer, parts: Sequence[Part]) -> None:
+    out.count(len(parts))
+    east, north = 0, 0
+    for part in parts:
+        out.count(part.vehicle)
+        out.count(len(part.places))
+        for place in part.places:
+            there_east, there_north = round(place.east_m / PART_M), round(place.north_m / PART_M)
+            out.signed(there_east - east)
+            out.signed(there_north - north)
+            east, north = there_east, there_north
+
+
+def _parts(inp: Reader) -> tuple[Part, ...]:
+    parts = []
+    east, north = 0, 0
+    for _ in range(_few(inp.count())):
+        vehicle, places = inp.count(), []
+        for _ in range(_few(inp.count())):
+            east, north = east + inp.signed(), north + inp.signed()
+            places.append(GridPoint(east * PART_M, north * PART_M))
+        parts.append(Part(vehicle, tuple(places)))
+    if not parts:
+        raise BytesError("a share-out among nobody")
+    return tuple(parts)
+
+
+def _word(inp: Reader) -> Word:
+    stamp, vehicle, order = inp.count(), inp.count(), inp.count()
+    if order >= len(ORDERS):
+        raise BytesError("nobody orders that")
+    return Word(stamp, vehicle, ORDERS[order])
+
+
+def _few(number: int) -> int:
+    if number > _MOST:
+        raise BytesError("nobody says so much")
+    return number
+
+
+def _ms(t_s: float) -> int:
+    return round(t_s * 1000)
+
+
+def _steps(place: GridPoint) -> tuple[int, int]:
+    return round(place.east_m / STEP_M), round(place.north_m / STEP_M)

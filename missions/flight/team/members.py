@@ -1,0 +1,182 @@
+"""What members of a fleet tell each other: a reducer for each, that commands one vehicle.
+
+Each member runs the same rules on what it knows: its own events, and what it has heard. Another's
+vehicle stands in the state as its member tells it (`Heard`). Who maps what is laid out by one of
+those who hear each other (`missions.flight.team.work_shares`), and nobody is obeyed in anything
+else. A member out of contact (`Apart`) goes on with its own share, leaves to others what they were
+to do for as long as that should take them, and then does what they have left. What others have
+decided (`Shared`) counts as votes for what is done next; the map of the results is made of all
+facts (`missions.flight.joined_map`).
+
+That nobody meets anybody does not hang on any of this: `missions.geo.columns`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.flight.airspace.deconfliction import clear_of
+from missions.flight.setting import Setting
+from missions.flight.sightings import frame_seen
+from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
+from missions.flight.team.lane_numbers import lane_number
+from missions.flight.team.own_cells import as_frames
+from missions.flight.team.work_shares import back_from_lanes_s, held_until_s
+from missions.geo.trajectory import rounded_path
+from missions.orders import FlyPath
+
+LEAST_STEP_M: Final = 1.0
+"""Places of a path that lie nearer to each other are one."""
+_PHASES: Final = {
+    "stands": Phase.GROUNDED,
+    "flies": Phase.AIRBORNE,
+    "returns": Phase.AIRBORNE,
+    "pilot": Phase.YIELDED,
+    "guarded": Phase.GUARDED,
+    "ended": Phase.FINISHED,
+    "down": Phase.DOWN,
+}
+ON_GROUND: Final = ("stands", "ended", "down")
+FLY_LANES: Final = ("stands", "flies", "returns")
+"""What they do who will fly the lanes that they hold; of others they may be taken."""
+
+
+def heard(setting: Setting, state: State, event: Heard) -> State:
+    """The state after another member has told what its vehicle does."""
+    before = state.vehicles[event.vehicle]
+    flies = event.does not in ON_GROUND
+    order = _path(setting, event) if event.does == "flies" else None
+    layer_m = event.layer_m or setting.mission.altitude_m(event.vehicle - 1)
+    vehicle = replace(
+        before,
+        phase=_PHASES[event.does],
+        cruise_altitude_m=layer_m,
+        tracked_s=event.t_s,
+        home=event.home,
+        position=event.position,
+        height_m=event.height_m,
+        remaining_wh=event.remaining_wh,
+        order=order,
+        landed=not flies,
+        return_reason=ReturnReason.DONE if event.does == "returns" else None,
+        returns_by_itself=event.does == "guarded",
+        on_lane=order is not None and bool(event.lanes),
+        candidate=None,
+        back_s=event.t_s if before.phase is Phase.APART else before.back_s,
+    )
+    return _share_lanes(setting, state.with_vehicle(vehicle), event)
+
+
+def apart(setting: Setting, state: State, event: Apart) -> State:
+    """The state without word of another member: what it holds may be taken when it should be done,
+    and ours is."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
+        return state
+    until_s = round(held_until_s(setting, state, vehicle, event.t_s), 1)
+    due_s = float("-inf")
+    if vehicle.lanes:
+        due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1)
+    gone = replace(
+        vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s, due_s=due_s
+    )
+    return state.with_vehicle(gone)
+
+
+def allotted(state: State, event: Allotted) -> State:
+    """The state after another member has laid out who is to map what."""
+    parts = {part.vehicle: part.places for part in event.parts}
+    return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
+
+
+def asked(state: State, event: Asked) -> State:
+    """The state with air closed to ours that another has asked for, or open again."""
+    closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
+    if event.until_s > event.t_s:
+        closed[event.vehicle] = Column(
+            event.place, event.low_m, event.high_m, event.t_s, event.until_s
+        )
+    return replace(state, closed=closed)
+
+
+def leased(state: State, event: Leased) -> State:
+    """The state in which the air that ours asked for is its own for a time."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.asks is None or vehicle.asks.place != event.place:
+        return state
+    return state.with_vehicle(replace(vehicle, leased_until_s=event.until_s))
+
+
+def may_close(setting: Setting, state: State, column: Column) -> bool:
+    """Whether ours can promise to keep out of a column until it is open again.
+
+    Either it stands, or it is out of it, and its next seconds do not lead into it.
+    """
+    return all(ours.landed or clear_of(setting, state, ours, column) for ours in state.ours)
+
+
+def shared(setting: Setting, state: State, event: Shared) -> State:
+    """The state after what another member's frames have decided."""
+    votes = setting.mission.votes
+    state = replace(state, shared_s=event.t_s)
+    for fact in event.frames:
+        if fact.seen:
+            state = replace(state, shown=state.shown.union(cell for cell, _ in fact.votes))
+            continue
+        for seen in as_frames(event.vehicle, fact, votes.frames, votes.positive):
+            state = frame_seen(setting, state, seen)
+    return state
+
+
+def _path(setting: Setting, event: Heard) -> FlyPath | None:
+    """The path that another flies, as nearly as its places tell it; None where it has none."""
+    places = [event.position]
+    for place in event.path:
+        if place.distance_to(places[-1]) >= LEAST_STEP_M:
+            places.append(place)
+    if len(places) < 2:
+        return None
+    mission = setting.mission
+    path = rounded_path(places, event.t_s, speed_m_s=mission.flight.speed_m_s)
+    return FlyPath(path, event.height_m, None, mission.camera.interval_s)
+
+
+def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
+    """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
+
+    Of two who hold the same lane the one keeps it in whose order it stands earlier, at a tie the
+    one that flies, and then the one with the lower number; nobody leaves the lane that it is on.
+    They may see it differently for a moment: then both fly it, or neither has it, and whoever is
+    done first takes it up. Who cannot fly its lanes any more leaves them to whoever has taken them
+    up.
+    """
+    if event.does not in FLY_LANES:
+        taken = {lane_number(setting, lane) for ours in state.ours for lane in ours.lanes}
+        left = tuple(number for number in event.lanes if number not in taken)
+        event = replace(event, lanes=left)
+    theirs = {number: place for place, number in enumerate(event.lanes)}
+    known = {lane_number(setting, lane): lane for lane in state.vehicles[event.vehicle].lanes}
+    held = tuple(
+        known.get(number, setting.lanes[number])
+        for number in event.lanes
+        if number < len(setting.lanes)
+    )
+    state = state.with_vehicle(replace(state.vehicles[event.vehicle], lanes=held))
+    they_stand = event.does != "flies"
+    for ours in state.ours:
+        kept, stands = [], ours.landed or ours.return_reason is not None
+        for place, lane in enumerate(ours.lanes):
+            their_place = theirs.get(-1 if (n := lane_number(setting, lane)) is None else n)
+            mine = (-1 if ours.on_lane and place == 0 else place, stands, ours.vehicle)
+            if their_place is None or mine < (their_place, they_stand, event.vehicle):
+                kept.append(lane)
+        if len(kept) < len(ours.lanes):
+            # what was seen was seen of the first lane; on its path it comes to the others
+            same = kept[:1] == list(ours.lanes[:1])
+            seen_m = ours.lane_seen_m if same else ()
+            on_lane = ours.on_lane and bool(kept)
+            ours = replace(ours, lanes=tuple(kept), on_lane=on_lane, lane_seen_m=seen_m)
+            state = state.with_vehicle(ours)
+    return state

@@ -1,0 +1,82 @@
+"""Coming to rest along a path that is flown without stopping."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+from missions.geo.trajectory import Piece, Trajectory
+
+ARC_BRAKE_M_S2: Final = 1.0
+"""On an arc most of what a vehicle can do goes into the turn."""
+_TINY_S: Final = 1e-6
+
+
+def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
+    """The path that follows `path` until `t_s` and comes to rest along it.
+
+    It begins at `t_s`. Where `path` itself is slower, it is as slow; `brake_m_s2` is above 0.
+
+    >>> from missions.geo.trajectory import rounded_path
+    >>> from missions.units import GridPoint
+    >>> path = rounded_path([GridPoint(0, 0), GridPoint(90, 0)], 0.0, speed_m_s=6.0)
+    >>> stop = braked(path, 6.0, brake_m_s2=2.0)
+    >>> round(stop.end_s - 6.0, 3), round(stop.at(stop.end_s).east_m - path.at(6.0).east_m, 3)
+    (3.0, 9.0)
+    """
+    pieces: list[Piece] = []
+    now_s, speed = max(t_s, path.begin_s), -1.0
+    for piece in path.pieces:
+        into_s = max(0.0, max(t_s, path.begin_s) - piece.begin_s)
+        if into_s >= piece.duration_s:
+            continue
+        if speed < 0.0:
+            speed = max(0.0, piece.speed_m_s + piece.accel_m_s2 * into_s)
+        here = piece.after(into_s)
+        heading = piece.heading_rad + piece.curvature_1_m * piece.way_m(into_s)
+        left_m = piece.length_m - piece.way_m(into_s)
+        slows = ARC_BRAKE_M_S2 if piece.curvature_1_m else brake_m_s2
+        stop_m = speed * speed / (2.0 * slows)
+        end = 0.0 if stop_m <= left_m else math.sqrt(speed * speed - 2.0 * slows * left_m)
+        duration_s = (speed - end) / slows
+        if duration_s > _TINY_S:
+            pieces.append(
+                Piece(
+                    now_s, duration_s, here.east_m, here.north_m, heading,
+                    piece.curvature_1_m, speed, -slows,
+                )
+            )  # fmt: skip
+            now_s += duration_s
+        speed = end
+        if end == 0.0:
+            break
+    if not pieces:
+        at = path.at(max(t_s, path.begin_s))
+        drift_east, drift_north = path.drift_m_s
+        east_m, north_m = at.east_m - drift_east * t_s, at.north_m - drift_north * t_s
+        pieces.append(Piece(now_s, 0.0, east_m, north_m, 0.0, 0.0, 0.0, 0.0))
+    return Trajectory(pieces[0].begin_s, now_s, tuple(pieces), path.drift_m_s)
+
+
+def cut_short(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
+    """A path from its beginning to where `braked` comes to rest that begins to brake at `t_s`.
+
+    `t_s` lies after the beginning.
+
+    >>> from missions.geo.trajectory import rounded_path
+    >>> from missions.units import GridPoint
+    >>> path = rounded_path([GridPoint(0, 0), GridPoint(90, 0)], 0.0, speed_m_s=6.0)
+    >>> short = cut_short(path, 6.0, brake_m_s2=2.0)
+    >>> short.begin_s, round(short.end_s, 3), round(short.at(short.end_s).east_m, 3)
+    (0.0, 9.0, 36.0)
+    >>> short.at(5.0) == path.at(5.0)
+    True
+    """
+    stop = braked(path, t_s, brake_m_s2)
+    before = [
+        replace(piece, duration_s=min(piece.duration_s, t_s - piece.begin_s))
+        for piece in path.pieces
+        if piece.begin_s < t_s
+    ]
+    return Trajectory(path.begin_s, stop.end_s, (*before, *stop.pieces), path.drift_m_s)

@@ -1,0 +1,295 @@
+"""The arena: robots without noise on a ROI whose cells are given, and the explorer that leads them.
+
+A robot that arrives at a vertex looks from it and so learns which neighbours are ROI; then it
+decides. Robots that arrive at the same instant look first and decide together. On a resting ROI at
+unit speed the instants are the rounds of the synchronous model of Sung and Tokekar, section 4.1.
+
+With shared communication there is one tree for all. When robots talk only where they meet (the
+paper's assumption), each has a tree of its own, and those that stand at one vertex join theirs.
+Over a radio (`radio`) they besides tell each other what it lets through. Those that
+hear each other at once know the same and decide together. With a delay, or a limit to what can be
+told, everybody decides from what has reached it, and together only with those at its vertex.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from missions.errors import StrategyError
+from missions.lab.arena.minds import Mind, look
+from missions.lab.arena.radio import Links, Radio
+from missions.mapping.tree import Tree
+from missions.planning.stepwise import Decision, Explorer, Situation
+from missions.planning.stepwise.interface import refuse_impossible
+from missions.planning.stepwise.metric import Metric
+from missions.units import Cell
+
+_SAME_INSTANT = 1e-9
+
+
+class Comms(StrEnum):
+    """Who knows what the others saw."""
+
+    SHARED = "shared"
+    MEETING = "meeting"
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """A move: who, when and from where to where."""
+
+    robot: int
+    start_t: float
+    end_t: float
+    start: Cell
+    end: Cell
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What came out: when the last robot was done, what all know together, and every move."""
+
+    makespan: float
+    tree: Tree
+    legs: tuple[Leg, ...]
+    at: Mapping[int, Cell]
+
+
+Team = Callable[[float, Tree], Collection[int]]
+"""Who takes part at an instant: from the time and what is known."""
+
+
+def run(
+    explorer: Explorer,
+    roi: Collection[Cell],
+    start: Cell,
+    robots: int,
+    *,
+    metric: Metric | None = None,
+    comms: Comms | Links = Comms.SHARED,
+    tree: Tree | None = None,
+    team: Team | None = None,
+    limit: float | None = None,
+) -> Run:
+    """Explore a ROI to the end and come home.
+
+    Args:
+        explorer: the strategy.
+        roi: the cells of the ROI; those that `start` does not reach stay unknown.
+        start: where all robots are at first; they are named 0, 1, ...
+        robots: how many.
+        metric: what a move costs, by default 1.
+        comms: who knows what the others saw, or the radio by which they tell each other.
+        tree: what is known beforehand, by default nothing but the start.
+        team: who takes part, by default everybody. Who is left out stays at the vertex that it
+            reaches and is not told to the explorer, as a vehicle that failed; back again it goes
+            on.
+        limit: the time after which the run is given up, by default plenty.
+
+    Raises:
+        StrategyError: a strategy that jumps, never ends, or leaves everybody waiting.
+
+    >>> from missions.planning.stepwise import EXPLORERS
+    >>> run(EXPLORERS["rdfs"], {Cell(0, 0), Cell(1, 0), Cell(2, 0)}, Cell(0, 0), 1).makespan
+    4.0
+    """
+    metric = metric if metric is not None else Metric()
+    known = look(tree if tree is not None else Tree.rooted(start), start, roi)
+    slowest = 1.0 / (metric.speed - metric.drift_speed) + metric.look
+    radio = Radio(comms, known.vertices.keys() | set(roi)) if isinstance(comms, Links) else None
+    arena = _Arena(explorer, roi, metric, comms, team, radio)
+    arena.minds = dict.fromkeys(
+        range(robots), Mind(known, dict.fromkeys(range(robots), (0.0, start)))
+    )
+    arena.at = dict.fromkeys(range(robots), start)
+    arena.ready = set(range(robots))
+    limit = limit if limit is not None else slowest * 50 * (len(roi) + 1) * patience_of(explorer)
+    arena.play(limit)
+    makespan = max((leg.end_t for leg in arena.legs), default=0.0)
+    return Run(makespan, arena.everything(), tuple(arena.legs), arena.at)
+
+
+def patience_of(explorer: Explorer) -> float:
+    """How much longer than others a strategy may take that has no map."""
+    return float(getattr(explorer, "patience", 1.0))
+
+
+@dataclass(slots=True)
+class _Arena:
+    explorer: Explorer
+    roi: Collection[Cell]
+    metric: Metric
+    comms: Comms | Links
+    team: Team | None
+    radio: Radio | None
+    t: float = 0.0
+    minds: dict[int, Mind] = field(default_factory=dict)
+    at: dict[int, Cell] = field(default_factory=dict)
+    ready: set[int] = field(default_factory=set)
+    flying: dict[int, Leg] = field(default_factory=dict)
+    legs: list[Leg] = field(default_factory=list)
+    told: dict[int, Mind] = field(default_factory=dict)
+    """From what each robot decided last, where it did not move then."""
+
+    def play(self, limit: float) -> None:
+        """Instant after instant, until everybody is done."""
+        self._hear()
+        anew = True
+        while True:
+            present = self._present()
+            moved = self._decide(present, anew=anew)
+            if self.radio is not None and self.radio.links.delay:
+                self.radio.tell(self.minds)
+            if not self.flying:
+                if all(self.minds[r].done(self.at[r]) for r in self.at):
+                    return
+                if not moved and self.team is None and self.radio is None:
+                    raise StrategyError(
+                        f"{self.explorer.name}: everybody waits at t = {self.t:g}, and ROI cells "
+                        "are left"
+                    )
+                if self.radio is None:
+                    self.t += 1.0  # for those who come back
+            if self.flying or self.radio is not None:
+                anew = self._arrive()
+            if self.t > limit:
+                raise StrategyError(
+                    f"{self.explorer.name}: not done after {limit:g}; it does not come to an end"
+                )
+
+    def everything(self) -> Tree:
+        """What all know together."""
+        minds = list(self.minds.values())
+        all_of_it = minds[0]
+        for mind in minds[1:]:
+            all_of_it = all_of_it.meet(mind)
+        return all_of_it.tree
+
+    def _present(self) -> set[int]:
+        if self.team is None:
+            return set(self.at)
+        return set(self.team(self.t, self.everything()))
+
+    def _decide(self, present: set[int], *, anew: bool) -> bool:
+        """Ask the explorer for everybody who is at a vertex and has something to do; unless `anew`,
+        only those who have heard something since."""
+        moved = False
+        for group in self._groups(self.ready & present):
+            mind = self.minds[group[0]]
+            asked = tuple(r for r in group if not mind.done(self.at[r]))
+            if not asked or not (anew or any(self.minds[r] is not self.told.get(r) for r in group)):
+                continue
+            at = {r: mind.heard[r][1] for r in sorted(mind.heard) if r in present}
+            situation = Situation(mind.tree, at, asked, mind.memory, self.metric)
+            decision = self.explorer.decide(situation)
+            refuse_impossible(self.explorer.name, situation, decision)
+            moved |= self._go(mind, group, decision)
+            self.told.update((r, self.minds[r]) for r in group)
+        return moved
+
+    def _groups(self, ready: Iterable[int]) -> list[list[int]]:
+        """Those who decide together: all, those who hear each other, or those at one vertex."""
+        ordered = sorted(ready)
+        if self.comms is Comms.SHARED:
+            return [ordered] if ordered else []
+        together: dict[object, list[int]] = {}
+        for robot in ordered:
+            key = () if self.radio is None else self.radio.together(robot)
+            together.setdefault(key or self.at[robot], []).append(robot)
+        return list(together.values())
+
+    def _audience(self, here: Sequence[int]) -> Iterable[int]:
+        """Who knows at once what those at one vertex, or who decide together, see and do."""
+        if self.comms is Comms.SHARED:
+            return self.minds
+        return here if self.radio is None else self.radio.together(here[0]) or here
+
+    def _go(self, mind: Mind, group: list[int], decision: Decision) -> bool:
+        heard = dict(mind.heard)
+        moves = {r: cell for r, cell in decision.moves.items() if cell is not None}
+        for robot, cell in moves.items():
+            start = self.at[robot]
+            heard[robot] = (self.t, cell)
+            leg_t = self.metric.leg(start, cell)
+            if self.metric.look and not mind.tree.has_looked(cell):
+                leg_t += self.metric.look
+            leg = Leg(robot, self.t, self.t + leg_t, start, cell)
+            self.flying[robot] = leg
+            self.legs.append(leg)
+            self.ready.discard(robot)
+        after = replace(mind, heard=heard, memory=decision.memory)
+        for robot in self._audience(group):
+            self.minds[robot] = after
+        if self.radio is not None:
+            self.radio.tell_places(group[0], self.minds)
+        return bool(moves)
+
+    def _arrive(self) -> bool:
+        """Let time pass until somebody arrives; who arrives looks, and tells who is there. With a
+        radio until the next whole unit of time at most. Returns whether anybody has arrived."""
+        self.t = self._next_instant()
+        arrived = sorted(r for r, leg in self.flying.items() if leg.end_t <= self.t + _SAME_INSTANT)
+        for robot in arrived:
+            self.at[robot] = self.flying.pop(robot).end
+            self.ready.add(robot)
+        if self.comms is Comms.MEETING:
+            self._meet({self.at[r] for r in arrived})
+        self._hear()
+        for cell in self._in_order(arrived):
+            here = sorted(r for r in self.ready if self.at[r] == cell)
+            mind = self.minds[here[0]]
+            if not mind.tree.has_looked(cell):
+                looked = 0 if self.radio is None else mind.looked | self.radio.bit(cell)
+                seen = replace(mind, tree=look(mind.tree, cell, self.roi), looked=looked)
+                for robot in self._audience(here):
+                    self.minds[robot] = seen
+        if self.radio is not None and not self.radio.links.delay:
+            self.radio.tell(self.minds)
+            self._meet({self.at[r] for r in self.ready})
+        return bool(arrived)
+
+    def _next_instant(self) -> float:
+        arrival_t = min((leg.end_t for leg in self.flying.values()), default=math.inf)
+        if self.radio is None:
+            return arrival_t
+        unit_t = math.floor(self.t + _SAME_INSTANT) + 1.0
+        return arrival_t if arrival_t <= unit_t + _SAME_INSTANT else unit_t
+
+    def _hear(self) -> None:
+        """Let be known what the radio brings at this instant."""
+        if self.radio is None:
+            return
+        places = {r: (float(cell.east), float(cell.north)) for r, cell in self.at.items()}
+        for robot, leg in self.flying.items():
+            flown = min((self.t - leg.start_t) / self.metric.leg(leg.start, leg.end), 1.0)
+            east, north = leg.end.east - leg.start.east, leg.end.north - leg.start.north
+            places[robot] = (leg.start.east + flown * east, leg.start.north + flown * north)
+        self.radio.tune(self.t, places, {r: self.at[r] for r in self.ready})
+        self._meet({self.at[r] for r in self.ready})
+        self.radio.hear(self.minds, {r for r in self.ready if self.minds[r].done(self.at[r])})
+        self._meet({self.at[r] for r in self.ready})
+
+    def _in_order(self, arrived: list[int]) -> list[Cell]:
+        """The cells of those who arrived, by depth, at one depth the outermost first: who is first
+        makes a cell that two see their child, and depth must not hang on the numbers of the robots.
+        """
+        root = self.minds[0].tree.root
+        depth = {self.at[r]: self.minds[r].tree.vertices[self.at[r]].depth for r in arrived}
+
+        def rank(cell: Cell) -> tuple[int, int, Cell]:
+            away = (cell.east - root.east) ** 2 + (cell.north - root.north) ** 2
+            return depth[cell], -away, cell
+
+        return sorted(depth, key=rank)
+
+    def _meet(self, places: set[Cell]) -> None:
+        for place in sorted(places):
+            here = sorted(r for r in self.ready if self.at[r] == place)
+            mind = self.minds[here[0]]
+            for robot in here[1:]:
+                mind = mind.meet(self.minds[robot])
+            for robot in here:
+                self.minds[robot] = mind

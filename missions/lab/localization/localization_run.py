@@ -1,0 +1,96 @@
+"""A robot that does not know where it is, on a grid, without errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions.lab.localization.candidates import candidates_after, first_candidates
+from missions.lab.localization.extent import Extent
+from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.homing import Moves
+from missions.lab.localization.localization_planner import Planner
+from missions.lab.localization.methods import Method
+from missions.units import Cell
+
+
+@dataclass(frozen=True, slots=True)
+class Localized:
+    """How a localization ended."""
+
+    cell: Cell
+    """Where the robot is."""
+    answer: Cell | None
+    """Where it says it is; None if it gave up."""
+    moves: int
+    confidence: float
+    """How sure it is of that, 0 to 1."""
+
+    @property
+    def right(self) -> bool:
+        """Whether it is where it says it is."""
+        return self.answer == self.cell
+
+
+def longest_walk(known: GridMap) -> int:
+    """Moves after which a random walk is given up: 32 times what it needs in the mean to visit all
+    cells at most, 2 |E| (n - 1); it is not done by then in one of 65,000 cases at most."""
+    return 64 * known.edges * max(known.size - 1, 1)
+
+
+def localize(
+    known: GridMap,
+    start: Cell,
+    method: Method,
+    rng: np.random.Generator,
+    planner: Planner | None = None,
+) -> Localized:
+    """Put a robot into a cell, and let it find out which one it is.
+
+    Args:
+        known: the grid.
+        start: an unobstructed cell of it.
+        method: how it moves.
+        rng: random numbers, for a method that needs them.
+        planner: the map. With it the robot ends as soon as one cell fits all that it has sensed;
+            without it, when it has seen the width and the height of the grid.
+
+    Raises:
+        KeyError: the start is not on the map.
+
+    >>> from missions.lab.localization.methods import METHODS
+    >>> row = GridMap.of({Cell(i, 0) for i in range(6)})
+    >>> done = localize(row, Cell(2, 0), METHODS["homing"], np.random.default_rng(1))
+    >>> done.moves, done.right
+    (7, True)
+    """
+    here = known.index[start]
+    patterns, steps = known.patterns, known.steps
+    been = Extent(known.width, known.height)
+    fitting = first_candidates(known, patterns[here]) if planner is not None else ()
+    limit = longest_walk(known) if method.bound is None else method.bound(known.size)
+    walk, seen, moves = method.start(patterns[here], planner, rng), None, 0
+    while True:
+        if len(fitting) == 1:
+            return Localized(known.cells[here], known.cells[fitting[0]], moves, 1.0)
+        if planner is None and (place := been.place) is not None:
+            told = Cell(known.west + place[0], known.south + place[1])
+            return Localized(known.cells[here], told, moves, 1.0)
+        direction = None if moves >= limit else _next(walk, seen)
+        if direction is None:
+            return Localized(known.cells[here], None, moves, 0.0)
+        here = steps[direction][here]
+        moves += 1
+        been.moved(direction)
+        seen = patterns[here]
+        if planner is not None:
+            fitting = candidates_after(known, fitting, direction, seen)
+
+
+def _next(walk: Moves, seen: int | None) -> int | None:
+    """The next move; None when the method has no more."""
+    try:
+        return next(walk) if seen is None else walk.send(seen)
+    except StopIteration:
+        return None

@@ -1,0 +1,143 @@
+"""What must hold between the values of a mission file, and a reader that checks it all.
+
+`missions.mission.schema` looks at one value at a time; here they are held against each
+other: names against what there is, a vehicle against the others, places against each other and the
+fence (`missions.mission.places`), wind, camera and battery against what is to be flown
+(`missions.mission.flyable`). Every fault is a line that names the file, the key, the value
+and the remedy, and all faults are reported at once.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections import ChainMap
+from collections.abc import Collection, Iterator
+from typing import Any, Final
+
+from missions.errors import MissionFileError
+from missions.geo.grid import Grid
+from missions.mission import flyable, leapfrog_checks, places, terrain_checks
+from missions.mission.prior_places import prior_faults
+from missions.mission.schema import Mission, parse_fields
+from missions.planning.stepwise import EXPLORERS
+from missions.planning.sweep.strategies import ON_PATHS
+
+STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
+"""All strategies by name, those that fly paths first; with those that register later."""
+FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
+"""Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
+DETECTORS = ("threshold", "paved")
+
+
+def parse_mission(
+    text: str,
+    source: str,
+    *,
+    strategies: Collection[str] = STRATEGIES,
+    detectors: Collection[str] = DETECTORS,
+) -> Mission:
+    """A mission that can be flown, from the text of a mission file.
+
+    Args:
+        text: TOML.
+        source: what to call the file in messages.
+        strategies: names that `strategy` may have.
+        detectors: names that `detector.name` may have.
+
+    Raises:
+        MissionFileError: with a line for each fault.
+    """
+    mission = parse_fields(text, source)
+    check(mission, source, strategies=strategies, detectors=detectors)
+    return mission
+
+
+def check(
+    mission: Mission,
+    source: str,
+    *,
+    strategies: Collection[str] = STRATEGIES,
+    detectors: Collection[str] = DETECTORS,
+) -> None:
+    """Raise `MissionFileError`, with a line for each fault, for a mission that cannot be flown.
+
+    Places come first: while one of them is not a place near the start, or a polygon is not a
+    polygon, lengths and areas mean nothing, and the geometry is not looked at.
+    """
+    where = list(places.positions_near(mission))
+    # how high the ground is depends on where the fence is
+    placeless = bool(where) and mission.surveyed is not None
+    faults = [
+        *_names(mission, strategies, detectors),
+        *(() if placeless else flyable.values(mission)),
+        *_speeds(mission),
+        *_team(mission),
+        *leapfrog_checks.faults(mission),
+        *_moving_ground(mission),
+    ]
+    if not where:
+        grid = Grid.at(mission.home, mission.grid.cell_m)
+        where = list(places.polygons(mission, grid)) or [
+            *places.inside_fence(mission, grid),
+            *places.homes_apart(mission, grid),
+            *prior_faults(mission, grid),
+        ]
+        if not where:
+            faults += terrain_checks.faults(mission, grid)
+            where = list(flyable.search(mission, grid))
+    if faults or where:
+        raise MissionFileError("\n".join(f"{source}: {fault}" for fault in [*where, *faults]))
+
+
+def _moving_ground(mission: Mission) -> Iterator[str]:
+    """A region that drifts is ground that moves: by it satellites would seem to lie."""
+    if mission.navigation.watches and mission.drift.speed_m_s > 0.0:
+        key = "watch = true" if mission.navigation.watch else 'gnss_loss = "map"'
+        yield (
+            f"navigation.{key} does not go with drift.speed_m_s = {mission.drift.speed_m_s:g}: a "
+            "vehicle finds its way by pictures of ground that stands still; take gnss_loss = "
+            '"rtl" or "land", and leave watch out'
+        )
+
+
+# --- single values ---------------------------------------------------------------------------
+def _names(
+    mission: Mission, strategies: Collection[str], detectors: Collection[str]
+) -> Iterator[str]:
+    for key, name, known in (
+        ("strategy", mission.strategy, strategies),
+        ("detector.name", mission.detector.name, detectors),
+    ):
+        if name not in known:
+            near = difflib.get_close_matches(name, list(known), n=1)
+            guess = f"did you mean {near[0]!r}? " if near else ""
+            yield f"{key} = {name!r}: unknown; {guess}known: {', '.join(sorted(known))}"
+    if mission.search.find == "all" and mission.strategy != "swath":
+        yield (
+            f'search.find = "all" is for strategy = "swath", not {mission.strategy!r}; '
+            'leave it out, or set strategy = "swath"'
+        )
+
+
+def _speeds(mission: Mission) -> Iterator[str]:
+    if mission.drift.speed_m_s >= mission.flight.speed_m_s:
+        yield (
+            f"drift.speed_m_s = {mission.drift.speed_m_s:g}: the region must drift slower than "
+            f"the vehicles fly; raise flight.speed_m_s ({mission.flight.speed_m_s:g})"
+        )
+
+
+def _team(mission: Mission) -> Iterator[str]:
+    team, vehicles = mission.team, mission.vehicles
+    if len(vehicles) > 1 and team.layer_m <= team.separation_m:
+        yield (
+            f"team.layer_m = {team.layer_m:g}: layers must lie further apart than "
+            f"team.separation_m ({team.separation_m:g}), for what vehicles waver in height"
+        )
+    seen: dict[str, int] = {}
+    for i, vehicle in enumerate(vehicles):
+        if vehicle.url is not None and (first := seen.setdefault(vehicle.url, i)) != i:
+            yield (
+                f"vehicles[{i}].url = {vehicle.url!r}: also the URL of vehicles[{first}]; "
+                "give every vehicle its own"
+            )

@@ -1,0 +1,92 @@
+"""What a mission needs so that each of its vehicles can have a service of its own."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+from missions.errors import MissionFileError
+from missions.geo.columns import PAD_M, column_radius_m
+from missions.geo.grid import Grid
+from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.launch_pads import homes
+from missions.mission.schema import Mission, VehicleSection
+from missions.mission.sections.fields import AUTO
+from missions.units import GridPoint
+
+STRATEGIES = ("swath", "survey")
+
+
+def check_fleet(mission: Mission, source: str) -> None:
+    """Raise `MissionFileError` for a mission that members cannot fly each by its own service."""
+    if mission.strategy not in STRATEGIES:
+        raise MissionFileError(
+            f"{source}: strategy = {mission.strategy!r} needs one service for all vehicles; with "
+            f"a service on each aircraft set it to {' or '.join(map(repr, STRATEGIES))}"
+        )
+    if (lowest_m := mission.altitude_m(0)) < LEAST_HEIGHT_M:
+        raise MissionFileError(
+            f"{source}: with a service on each aircraft everybody has a layer of its own; of "
+            f"{len(mission.vehicles)} that lie team.layer_m = {mission.team.layer_m:g} apart the "
+            f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles"
+        )
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    pads = [grid.fixed(place) for place in homes(mission)]
+    least_m = _least_apart_m(mission)
+    for (i, one), (j, other) in itertools.combinations(enumerate(pads, start=1), 2):
+        if one.distance_to(other) < least_m:
+            raise MissionFileError(
+                f"{source}: the pads of vehicles {i} and {j} are {one.distance_to(other):.1f} m "
+                f"apart; with a service on each aircraft they need {least_m:.0f} m, for each "
+                "keeps the air over its pad to itself: set vehicles[].home"
+            )
+
+
+def with_vehicles(mission: Mission, count: int) -> Mission:
+    """Return the mission with so many vehicles: its first ones, and more without an entry."""
+    spare = tuple(VehicleSection() for _ in range(count - len(mission.vehicles)))
+    return mission.model_copy(update={"vehicles": (mission.vehicles + spare)[:count]})
+
+
+def with_own_air(mission: Mission) -> Mission:
+    """A mission as a fleet flies it: with pads apart, and a layer of its own for everybody.
+
+    Vehicles that share a layer (`vehicles.layer`, `search.layer_m`) are known to one service, which
+    keeps them apart in it; members of a fleet that do not hear each other cannot. Their layers lie
+    below the highest one of the mission.
+    """
+    return _with_own_layers(with_pads_apart(mission))
+
+
+def _with_own_layers(mission: Mission) -> Mission:
+    last, apart_m = len(mission.vehicles) - 1, mission.team.layer_m
+    changes: dict[str, object] = {}
+    if mission.layer_number(last) != last:
+        vehicles = tuple(v.model_copy(update={"layer": None}) for v in mission.vehicles)
+        changes["vehicles"] = vehicles
+        if mission.flight.altitude_m != AUTO:
+            lowest_m = round(mission.altitude_m(last) - last * apart_m, 6)
+            changes["flight"] = mission.flight.model_copy(update={"altitude_m": lowest_m})
+    search_m = mission.search.layer_m
+    if mission.search.altitude_m is not None and search_m is not None and search_m < apart_m:
+        changes["search"] = mission.search.model_copy(update={"layer_m": None})
+    return mission.model_copy(update=changes)
+
+
+def with_pads_apart(mission: Mission) -> Mission:
+    """A mission whose vehicles without a home stand in a row as far apart as a fleet's have to."""
+    grid, gap_m = (
+        Grid.at(mission.home, mission.grid.cell_m),
+        math.ceil(_least_apart_m(mission) + 1.0),
+    )
+    placed = []
+    for k, vehicle in enumerate(mission.vehicles):
+        if k and vehicle.home is None:  # the first stands at the start
+            place = grid.position(GridPoint(float(k * gap_m), 0.0))
+            vehicle = vehicle.model_copy(update={"home": (place.lat_deg, place.lon_deg)})
+        placed.append(vehicle)
+    return mission.model_copy(update={"vehicles": tuple(placed)})
+
+
+def _least_apart_m(mission: Mission) -> float:
+    return column_radius_m(mission.team.separation_m) + mission.fence.margin_m + PAD_M

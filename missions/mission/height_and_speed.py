@@ -1,0 +1,246 @@
+"""How high and how fast a vehicle may fly while it takes pictures that are to be evidence.
+
+The higher, the more ground a picture shows and the fewer pixels a cell has: the detector needs
+`camera.pixels_per_cell`, and the law a ceiling (`fence.ceiling_m`). Both are of the highest layer.
+
+Two things limit the speed. While the shutter is open the picture moves over the sensor
+(`camera.max_blur_px`). And a cell is wholly in the picture only while the vehicle flies as far as
+the picture is longer than the cell: on this way it needs `votes.frames` frames,
+`camera.interval_s` apart. Both limits are of the speed against the ground that is judged, so a
+region that drifts towards the vehicle takes its own speed from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from missions.geo.footprint import Footprint
+from missions.mission.schema import Mission
+from missions.mission.sections.fields import AUTO
+from missions.planning.sweep.strategies import LEAPFROG
+
+LEAST_HEIGHT_M = 3.0
+"""The least height of a layer above the pad of its vehicle."""
+CLIMB_M_S = 1.2
+"""Uphill and downhill: an ArduCopter and a PX4 descend at 1.5 m/s by their own parameters."""
+
+
+# --- height ----------------------------------------------------------------------------------
+def altitude_reason(mission: Mission) -> str:
+    """What the layers are as high as they are for: the key of the mission file that says so."""
+    if mission.flight.altitude_m != AUTO:
+        return "flight.altitude_m"
+    fine_m = mission.camera.optics.height_m(mission.grid.cell_m, mission.camera.pixels_per_cell)
+    room_m = mission.fence.ceiling_m - mission.highest_ground_m
+    return "camera.pixels_per_cell" if fine_m <= room_m else "fence.ceiling_m"
+
+
+def layer_faults(mission: Mission) -> Iterator[str]:
+    """Layers that are too high or too low, whatever the camera."""
+    last = mission.layer_number(len(mission.vehicles) - 1)
+    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(len(mission.vehicles) - 1)
+    ceiling_m, team = mission.fence.ceiling_m, mission.team
+    if mission.flight.altitude_m == AUTO:
+        if lowest_m < LEAST_HEIGHT_M:
+            yield (
+                f'flight.altitude_m = "auto": {altitude_reason(mission)} sets the highest layer to '
+                f"{top_m:g} m{_over_hills(mission)}; {last} layers of team.layer_m = "
+                f"{team.layer_m:g} below it the lowest is at {lowest_m:g} m, and "
+                f"{LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles, or raise what sets it"
+            )
+    elif top_m > ceiling_m - mission.highest_ground_m:
+        layers = f", {last} layers of {team.layer_m:g} m above it," if last else ""
+        yield (
+            f"flight.altitude_m = {lowest_m:g}: the highest layer{layers} is at {top_m:g} m"
+            f"{_over_hills(mission)}, above fence.ceiling_m = {ceiling_m:g}; fly lower, or raise "
+            "the ceiling if you may"
+        )
+
+
+def search_layer_faults(mission: Mission) -> Iterator[str]:
+    """Layers of the search that are not above all those of the map, or too high."""
+    lowest_m, last = mission.search_altitude_m(0), len(mission.vehicles) - 1
+    if lowest_m is None:
+        return
+    given = mission.search.altitude_m
+    named = "search.altitude_m = " + (f'"{AUTO}"' if given == AUTO else f"{given:g}")
+    if mission.search.find != "all":
+        yield f'{named}: is for search.find = "all"; set that, or leave this out'
+        return
+    if mission.flight.height_above == "ground":
+        yield f'{named}: is above flat ground; leave it out, or set flight.height_above = "home"'
+        return
+    top_m, map_m = mission.search_altitude_m(last) or lowest_m, mission.altitude_m(last)
+    if lowest_m < map_m + mission.team.layer_m - 1e-6:
+        yield (
+            f"{named}: the lowest layer of the search is at {lowest_m:g} m, and has to be "
+            f"team.layer_m = {mission.team.layer_m:g} above the highest of the map, {map_m:g} m; "
+            "search higher (search.altitude_m, or a lower search.pixels_per_cell), map lower, or "
+            "leave it out"
+        )
+    if top_m > mission.fence.ceiling_m - mission.highest_ground_m:
+        yield (
+            f"{named}: the highest layer of the search is at {top_m:g} m{_over_hills(mission)}, "
+            f"above fence.ceiling_m = {mission.fence.ceiling_m:g}; search lower, or raise the "
+            "ceiling if you may"
+        )
+
+
+def _over_hills(mission: Mission) -> str:
+    """What is added to a layer above the ground where that is highest."""
+    if mission.highest_ground_m <= 0.0:
+        return ""
+    return f" above ground that rises {mission.highest_ground_m:.1f} m above the start"
+
+
+def footprint_over(mission: Mission, height_m: float) -> Footprint:
+    """What a level picture shows for certain from `height_m` above the ground, along either side.
+
+    On a slope it shows less uphill: it is shortened for the steepest slope in the fence.
+    """
+    across_m, along_m = mission.camera.optics.footprint(height_m)
+    if mission.ground is None or mission.relief is None:
+        return Footprint(across_m, along_m)
+    rise = mission.relief.steepest / (2.0 * height_m)
+    return Footprint(across_m / (1.0 + rise * across_m), along_m / (1.0 + rise * along_m))
+
+
+# --- speed -----------------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class SpeedLimits:
+    """The limits of the speed over ground at one height, all in m/s and at least 0."""
+
+    flight_m_s: float
+    """What the mission file allows: `flight.speed_m_s`."""
+    blur_m_s: float
+    """Above this a picture is blurred by more than `camera.max_blur_px`."""
+    frames_m_s: float
+    """Above this a cell that is flown over may be wholly in fewer than `votes.frames` frames."""
+    headway_m_s: float
+    """What `flight.max_airspeed_m_s` leaves against `wind.speed_m_s`: faster no path is held."""
+    climb_m_s: float = math.inf
+    """Above this the steepest ground would be followed faster than vehicles climb and descend."""
+
+    @property
+    def least_m_s(self) -> float:
+        """The lowest of them."""
+        pictures_m_s = min(self.blur_m_s, self.frames_m_s)
+        return min(self.flight_m_s, pictures_m_s, self.headway_m_s, self.climb_m_s)
+
+    @property
+    def reason(self) -> str:
+        """Which one that is, by the key of the mission file that sets it."""
+        if self.least_m_s == self.flight_m_s:
+            return "flight.speed_m_s"
+        if self.least_m_s == self.headway_m_s:
+            return "flight.max_airspeed_m_s, less wind.speed_m_s"
+        if self.least_m_s == self.climb_m_s:
+            return "the steepest ground"
+        return "camera.max_blur_px" if self.least_m_s == self.blur_m_s else "votes.frames"
+
+
+def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
+    """What limits the speed of a vehicle that takes pictures from `height_m` above the ground.
+
+    The number of frames is reckoned for the worst direction of flight along a side of the picture,
+    which is the one along its shorter side, and for any moment at which the first frame may be
+    taken: a way of k intervals holds at least k frames.
+    """
+    camera, drift_m_s = mission.camera, mission.drift.speed_m_s
+    blur_m = camera.max_blur_px * camera.optics.gsd_m(height_m)
+    side_m = footprint_over(mission, height_m).short_m - 2.0 * camera.pose_error_m
+    seen_s = mission.votes.frames * camera.interval_s
+    return SpeedLimits(
+        mission.flight.speed_m_s,
+        max(blur_m / camera.exposure_s - drift_m_s, 0.0),
+        max((side_m - mission.grid.cell_m) / seen_s - drift_m_s, 0.0),
+        headway_m_s(mission, mission.wind.speed_m_s),
+        _climb_limit_m_s(mission),
+    )
+
+
+def _climb_limit_m_s(mission: Mission) -> float:
+    relief = None if mission.ground is None else mission.relief
+    return math.inf if relief is None or relief.steepest <= 0.0 else CLIMB_M_S / relief.steepest
+
+
+def headway_m_s(mission: Mission, wind_m_s: float) -> float:
+    """How fast the airframe still flies over ground, at least 0, straight against a wind."""
+    return max(mission.flight.max_airspeed_m_s - wind_m_s, 0.0)
+
+
+def speed_limit_m_s(mission: Mission, height_m: float) -> float:
+    """How fast a vehicle may fly at `height_m` above the ground and still judge what it flies over.
+
+    Straight over a cell, along a side of the picture, it has all its `votes.frames` frames, none of
+    them blurred too much. At least 0; 0 where no speed does (the picture shows no cell whole).
+    """
+    return speed_limits(mission, height_m).least_m_s
+
+
+def blur_px(mission: Mission, height_m: float, speed_m_s: float) -> float:
+    """By how many pixels a picture is blurred that is taken at a speed over ground."""
+    camera = mission.camera
+    return speed_m_s * camera.exposure_s / camera.optics.gsd_m(height_m)
+
+
+# --- both ------------------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """What follows from the height of a vehicle's layer."""
+
+    altitude_m: float
+    """Above the start."""
+    footprint: Footprint
+    """What a level picture shows."""
+    gsd_m: float
+    """Metres of ground to a pixel."""
+    pixels_per_cell: float
+    speeds: SpeedLimits
+
+
+def layers(mission: Mission) -> tuple[Layer, ...]:
+    """The layer of each vehicle, from the lowest, from which the map is made."""
+    return tuple(_layer(mission, mission.altitude_m(k)) for k in range(len(mission.vehicles)))
+
+
+def search_layers(mission: Mission) -> tuple[Layer, ...]:
+    """The layers of the search, where it has its own."""
+    heights = [mission.search_altitude_m(k) for k in range(len(mission.vehicles))]
+    return tuple(_layer(mission, height_m) for height_m in heights if height_m is not None)
+
+
+def _layer(mission: Mission, height_m: float) -> Layer:
+    optics = mission.camera.optics
+    return Layer(
+        height_m,
+        optics.footprint(height_m),
+        optics.gsd_m(height_m),
+        optics.pixels_per_cell(height_m, mission.grid.cell_m),
+        speed_limits(mission, height_m),
+    )
+
+
+def picture_warnings(mission: Mission) -> Iterator[str]:
+    """Pictures that will be coarse, or blurred in a search, which is flown at full speed."""
+    # of a leapfrog only the lower one maps
+    mapping = 1 if mission.strategy == LEAPFROG.name else len(mission.vehicles)
+    lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(mapping - 1)
+    camera, cell_m, speed_m_s = mission.camera, mission.grid.cell_m, mission.flight.speed_m_s
+    pixels = camera.optics.pixels_per_cell(top_m, cell_m)
+    if pixels < camera.pixels_per_cell:
+        yield (
+            f"camera.pixels_per_cell = {camera.pixels_per_cell:g}: from the highest layer, "
+            f"{top_m:g} m, a cell of {cell_m:g} m has {pixels:.1f} pixels; fly lower, or lower "
+            "this if the detector does with fewer"
+        )
+    blurred_px = blur_px(mission, lowest_m, speed_m_s)
+    if blurred_px > camera.max_blur_px:
+        yield (
+            f"flight.speed_m_s = {speed_m_s:g}: from {lowest_m:g} m a picture of "
+            f"camera.exposure_s = {camera.exposure_s:g} is blurred by {blurred_px:.1f} px, more "
+            f"than camera.max_blur_px = {camera.max_blur_px:g}; fly slower or expose for a shorter "
+            "time"
+        )

@@ -1,0 +1,203 @@
+"""Where a mission's places lie: near the start, in polygons that are polygons, inside the fence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pyproj
+import shapely
+from shapely.geometry import Point, Polygon
+from shapely.validation import explain_validity
+
+from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
+from missions.geo.grid import Grid
+from missions.mission.launch_pads import homes
+from missions.mission.schema import Mission, positions
+from missions.mission.sections.fields import Vertex
+from missions.units import GridPoint, LatLon
+
+FARTHEST_M = 50_000.0
+"""No place of a mission lies farther from its start: nothing here flies that far."""
+
+FAR_M = 2000.0
+"""A home this far from the box is asked about: nobody sees a vehicle from there."""
+
+_SMALLEST_AREA_M2 = 0.01
+_TOUCH_M = 0.01
+"""A box may share an edge with the fence: decimals in the file are coarser than this."""
+
+
+def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
+    """Every ring of the file with its key."""
+    yield "search.box", mission.search.box
+    yield "fence.polygon", mission.fence.polygon
+    for i, hole in enumerate(mission.fence.holes):
+        yield f"fence.holes[{i}]", hole
+    for i, place in enumerate(mission.search.prior):
+        if place.polygon is not None:
+            yield f"search.prior[{i}].polygon", place.polygon
+        for k, hole in enumerate(place.holes):
+            yield f"search.prior[{i}].holes[{k}]", hole
+    for i, region in enumerate(mission.sim.roi):
+        yield f"sim.roi[{i}].polygon", region.polygon
+        for k, hole in enumerate(region.holes):
+            yield f"sim.roi[{i}].holes[{k}]", hole
+
+
+def positions_near(mission: Mission) -> Iterator[str]:
+    """Positions that no mission from this start can reach: one fault a key."""
+    lat_deg, lon_deg = mission.start.position
+    if not SOUTH_LIMIT_DEG <= lat_deg <= NORTH_LIMIT_DEG:
+        yield _polar("start.position", (lat_deg, lon_deg))
+        return
+    geod = pyproj.Geod(ellps="WGS84")
+    named = list(_rings(mission))
+    named += [
+        (f"vehicles[{i}].home", (vehicle.home,))
+        for i, vehicle in enumerate(mission.vehicles)
+        if vehicle.home is not None
+    ]
+    named += [
+        (f"search.prior[{i}].position", (place.position,))
+        for i, place in enumerate(mission.search.prior)
+        if place.position is not None
+    ]
+    for key, ring in named:
+        for vertex in ring:
+            if not SOUTH_LIMIT_DEG <= vertex[0] <= NORTH_LIMIT_DEG:
+                yield _polar(key, vertex)
+                break
+            away_m = geod.inv(lon_deg, lat_deg, vertex[1], vertex[0])[2]
+            if away_m > FARTHEST_M:
+                yield (
+                    f"{key} = {_show(vertex)}: {away_m / 1000:.0f} km from start.position "
+                    f"{_show((lat_deg, lon_deg))}; positions are [latitude, longitude]: are "
+                    "latitude and longitude swapped?"
+                )
+                break
+
+
+def _polar(key: str, vertex: Vertex) -> str:
+    return (
+        f"{key} = {_show(vertex)}: latitude {vertex[0]:g} is outside 80 S to 84 N, where UTM is "
+        "defined; positions are [latitude, longitude]: are latitude and longitude swapped?"
+    )
+
+
+def _show(vertex: Vertex) -> str:
+    return f"[{vertex[0]:.6g}, {vertex[1]:.6g}]"
+
+
+def drawn(ring: tuple[Vertex, ...], grid: Grid) -> Polygon:
+    """A ring of the file as a polygon in ground metres."""
+    return Polygon([grid.fixed(place) for place in positions(ring)])
+
+
+def polygons(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Rings that cross themselves or have no area."""
+    for key, ring in _rings(mission):
+        polygon = drawn(ring, grid)
+        if not polygon.is_valid and (polygon.area > 0 or len(set(ring)) > 3):
+            yield (
+                f"{key}: crosses or touches itself{_where(polygon, grid)}; list the "
+                "corners in order, once around"
+            )
+        elif polygon.area < _SMALLEST_AREA_M2:
+            yield f"{key}: has no area; it needs three corners that are not in a line"
+
+
+def _where(polygon: Polygon, grid: Grid) -> str:
+    """The place of the crossing in degrees, when GEOS names one."""
+    _, bracket, coordinates = explain_validity(polygon).partition("[")
+    if not bracket:
+        return ""
+    east, north = (float(part) for part in coordinates.rstrip("]").split()[:2])
+    place = grid.position(GridPoint(east, north))
+    return f" near [{place.lat_deg:.6f}, {place.lon_deg:.6f}]"
+
+
+# --- inside the fence ------------------------------------------------------------------------
+def inside_fence(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Box, homes and the holes of a simulated region that do not lie where they must."""
+    polygon = drawn(mission.fence.polygon, grid)
+    holes = [drawn(hole, grid) for hole in mission.fence.holes]
+    box = drawn(mission.search.box, grid)
+    outside = box.difference(polygon.buffer(_TOUCH_M))
+    if not outside.is_empty:
+        beyond_m = max(polygon.distance(Point(xy)) for xy in shapely.get_coordinates(outside))
+        yield (
+            f"search.box: not inside fence.polygon (up to {beyond_m:.1f} m outside); shrink the "
+            "box or widen the fence"
+        )
+    for i, hole in enumerate(holes):
+        if hole.buffer(_TOUCH_M).contains(box):
+            yield f"search.box: lies wholly in fence.holes[{i}]; move the box or drop the hole"
+    margin_m = mission.fence.margin_m
+    for i, place in enumerate(homes(mission)):
+        key = home_key(mission, i)
+        yield from _standing(key, Point(grid.fixed(place)), place, polygon, holes, margin_m)
+    for i, region in enumerate(mission.sim.roi):
+        shell = drawn(region.polygon, grid).buffer(_TOUCH_M)
+        for k, ring in enumerate(region.holes):
+            if not shell.contains(drawn(ring, grid)):
+                yield (
+                    f"sim.roi[{i}].holes[{k}]: not inside sim.roi[{i}].polygon; a hole is cut "
+                    "out of its polygon"
+                )
+
+
+def home_key(mission: Mission, vehicle: int) -> str:
+    """What the file calls the home of a vehicle (from 0)."""
+    if mission.vehicles[vehicle].home is not None:
+        return f"vehicles[{vehicle}].home"
+    return "start.position" if vehicle == 0 else f"vehicles[{vehicle}] (in the row from the start)"
+
+
+def _standing(
+    key: str,
+    point: Point,
+    place: LatLon,
+    polygon: Polygon,
+    holes: list[Polygon],
+    margin_m: float,
+) -> Iterator[str]:
+    """A home must lie inside, and as far inside as legs are planned."""
+    shown = f"{key} = {_show((place.lat_deg, place.lon_deg))}"
+    if not polygon.contains(point):
+        yield f"{shown}: outside fence.polygon; move it or widen the fence"
+        return
+    for i, hole in enumerate(holes):
+        if hole.intersects(point):
+            yield f"{shown}: inside fence.holes[{i}]; move it or shrink the hole"
+            return
+    gap_m = min(ring.exterior.distance(point) for ring in (polygon, *holes))
+    if gap_m < margin_m:
+        yield (
+            f"{shown}: {gap_m:.1f} m from the fence, nearer than fence.margin_m "
+            f"({margin_m:g}); move it, widen the fence or lower the margin"
+        )
+
+
+def homes_apart(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Vehicles take off and land side by side, so their homes keep the separation too."""
+    points = [grid.fixed(place) for place in homes(mission)]
+    for i, point in enumerate(points):
+        for k in range(i):
+            gap_m = point.distance_to(points[k])
+            if gap_m < mission.team.separation_m:
+                yield (
+                    f"{home_key(mission, i)}: {gap_m:.1f} m from {home_key(mission, k)}, nearer "
+                    f"than team.separation_m ({mission.team.separation_m:g}); move one of them"
+                )
+
+
+def far_homes(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Homes so far from the box that somebody has perhaps mistaken the place."""
+    box = drawn(mission.search.box, grid)
+    for i, place in enumerate(homes(mission)):
+        away_m = float(box.distance(Point(grid.fixed(place))))
+        if away_m > FAR_M:
+            yield (
+                f"{home_key(mission, i)} = {_show((place.lat_deg, place.lon_deg))}: "
+                f"{away_m / 1000:.1f} km from search.box; is that the place?"
+            )

@@ -1,0 +1,399 @@
+"""The mission file: TOML in, a checked `Mission` out.
+
+Pydantic guards the edge where people write: unknown keys are errors, and every message names
+the file, the key, the value and what was expected (`missions.mission.messages`). Checks
+that need geometry (a box outside the fence, a polygon that crosses itself, a camera that sees
+too little) are in `missions.mission.checks`; `parse_mission` runs both. Defaults are the
+field values of Sung and Tokekar, section 7: 4 m cells, 12 m altitude, intensity 150, 7
+dilations, 5 frames, 3 votes.
+
+Positions are written `[latitude, longitude]` in degrees, as in a QGroundControl plan.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from missions.errors import MissionFileError
+from missions.geo.footprint import Optics
+from missions.geo.terrain import Relief, Terrain
+from missions.mission.messages import explain
+from missions.mission.sections.detector_section import DetectorSection
+from missions.mission.sections.fields import (
+    AUTO,
+    Altitude,
+    Count,
+    NotNegative,
+    Number,
+    Positive,
+    Ring,
+    Section,
+    TagDictionary,
+    Vertex,
+)
+from missions.mission.sections.search_sections import Drift, Search, Team, Votes, Wind
+from missions.mission.sections.sim_section import Sim
+from missions.mission.sections.terrain_section import TerrainSection, relief_in, terrain_in
+from missions.units import LatLon
+
+HostName = Annotated[
+    str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
+]
+
+
+MAX_VEHICLES = 50
+
+
+def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
+    """The vertices of a ring as positions.
+
+    >>> positions(((48.0, 11.0),))
+    (LatLon(lat_deg=48.0, lon_deg=11.0),)
+    """
+    return tuple(LatLon(lat, lon) for lat, lon in ring)
+
+
+LONGEST_NAME = 100
+_RESERVED = frozenset('<>:"/\\|?*')
+
+
+def _file_name(name: str) -> str:
+    """A name that can be the name of a folder, on every system that people copy results to."""
+    fault = ""
+    if not name or not name.strip("."):
+        fault = "must not be empty or only dots"
+    elif len(name) > LONGEST_NAME:
+        fault = f"at most {LONGEST_NAME} letters; this has {len(name):,}"
+    elif found := sorted(set(name) & _RESERVED):
+        fault = f"results go into a folder of this name: leave out {' '.join(found)}"
+    elif not name.isprintable():
+        fault = "results go into a folder of this name: leave out control characters"
+    elif name != name.strip() or name.endswith("."):
+        fault = "must not begin or end with a space, or end with a dot"
+    if fault:
+        raise PydanticCustomError("file_name", "{fault}", {"fault": fault})
+    return name
+
+
+class Start(Section):
+    """Where the first vehicle stands: home, and the centre of cell (0, 0)."""
+
+    position: Vertex
+    amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
+
+
+class Fence(Section):
+    """The geofence: stay inside `polygon`, outside of every hole."""
+
+    polygon: Ring
+    holes: tuple[Ring, ...] = ()
+    margin_m: NotNegative = 2.0
+    """Legs are planned this far inside of the fence."""
+    ceiling_m: Annotated[Number, Field(gt=0, le=1000)] = 120.0
+    """No layer is higher above the start; the default is the limit of most countries."""
+
+
+class GridSection(Section):
+    """The grid."""
+
+    cell_m: Positive = 4.0
+
+
+class Flight(Section):
+    """How the vehicles fly. `speed_m_s` is over ground."""
+
+    altitude_m: Altitude = 12.0
+    """Of the lowest layer, above the start. "auto": so that the highest layer is as high as
+    `camera.pixels_per_cell` and `fence.ceiling_m` allow (`Mission.altitude_m`)."""
+    height_above: Literal["home", "ground"] = "home"
+    """What `altitude_m` is above: the start, or the ground below (`terrain`)."""
+    speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
+    settle_m_s: Positive = 0.5
+    """A frame is taken once the vehicle is slower than this."""
+    max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
+    """What the airframe can hold against the wind."""
+    accel_m_s2: Annotated[Number, Field(ge=0.5, le=5)] = 2.0
+    """Along and across paths that are flown without stopping."""
+    climb_m_s: Annotated[Number, Field(ge=0.5, le=10)] | None = None
+    """What the autopilot is set to climb at: ArduPilot's WPNAV_SPEED_UP, PX4's MPC_Z_V_AUTO_UP.
+    Without it the way is reckoned at 1.5 m/s, less than either climbs at by default."""
+    descent_m_s: Annotated[Number, Field(ge=0.5, le=5)] | None = None
+    """What the autopilot is set to descend at, down to 10 m: WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN.
+    Without it a whole landing is reckoned at the 0.5 m/s of its end."""
+
+
+class CameraSection(Section):
+    """The camera. `fixed` tilts with the airframe, `gimbal` holds it straight down."""
+
+    hfov_deg: Annotated[Number, Field(gt=1, lt=170)] = 80.0
+    width_px: Annotated[Count, Field(ge=16, le=20000)] = 640
+    height_px: Annotated[Count, Field(ge=16, le=20000)] = 480
+    mounting: Literal["fixed", "gimbal"] = "fixed"
+    yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
+    """Bearing of the picture's upper edge relative to the nose."""
+    pitch_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
+    roll_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
+    """The plate under the aircraft that it is bolted to: by so much it looks forward (pitch) and to
+    the left (roll) of straight down. For a camera that does not tell its attitude."""
+    latency_s: Annotated[Number, Field(ge=-1, le=10)] = 0.0
+    """From the exposure until a picture of a stream or a folder is there."""
+    interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
+    """Time between two frames of a cell."""
+    pixels_per_cell: Positive = 80.0
+    """How many pixels the edge of a cell must have for the detector, from the highest layer."""
+    pose_error_m: NotNegative = 0.5
+    """How far off its place on the ground the rim of a picture may be. Frames that judge all they
+    show (`detector.view`) leave out the cells that come nearer than this to the rim."""
+    exposure_s: Annotated[Number, Field(gt=0, le=1)] = 0.002
+    """How long the shutter is open; the default is 1/500 s, for daylight."""
+    max_blur_px: Positive = 1.5
+    """What the motion of the vehicle may blur a picture by that still is evidence: it spreads the
+    border of the ROI over so many pixels, which the detector's dilations must be well above."""
+    hosts: tuple[HostName, ...] = ()
+    """From where pictures may be fetched, besides the host at the other end of the link."""
+    calibration: Annotated[str, Field(strict=True, min_length=1, max_length=4096)] | None = None
+    """OpenCV's calibration of the camera, a file beside the mission file. It is for recorded
+    pictures (`uavmap replay`, `uavmap look`); a flight reckons with `hfov_deg`."""
+    noiseless: bool = False
+    """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
+
+    @property
+    def optics(self) -> Optics:
+        """The pinhole that is reckoned with."""
+        return Optics(math.radians(self.hfov_deg), self.width_px, self.height_px)
+
+
+class Battery(Section):
+    """The battery: what it holds and what must be left of it at touch-down."""
+
+    capacity_wh: Positive = 60.0
+    hover_power_w: Positive = 300.0
+    reserve: Annotated[Number, Field(ge=0, lt=1)] = 0.15
+
+    @property
+    def endurance_s(self) -> float:
+        """Hovering time from full to empty in still air."""
+        return self.capacity_wh * 3600.0 / self.hover_power_w
+
+
+class NavigationSection(Section):
+    """What happens when satellites do not say where a vehicle is, or do not tell the truth."""
+
+    gnss_loss: Literal["map", "leapfrog", "rtl", "land"] = "rtl"
+    """Lost in flight: go on by the map that its own pictures make, or by what two vehicles see of
+    each other (strategy "leapfrog"); return or land by the autopilot. The autopilot's own failsafe
+    has the last word."""
+    watch: Annotated[bool, Field(strict=True)] | None = None
+    """Whether pictures are held against each other and against positions, so that a position that
+    lies is noticed. Left out: with `gnss_loss = "map"`."""
+    tolerated_m: Positive = 0.6
+    """So far satellites and pictures may disagree beyond what chance explains."""
+    tag_m: Annotated[Number, Field(gt=0, le=5)] = 0.4
+    """Side of the black square of the marker on the mapper's top (strategy "leapfrog")."""
+    tag_dictionary: TagDictionary = "DICT_4X4_50"
+    """Of OpenCV's ArUco module; the marker's number is that of its vehicle, 1."""
+
+    @property
+    def watches(self) -> bool:
+        """Whether positions are held against pictures."""
+        return self.gnss_loss == "map" if self.watch is None else self.watch
+
+
+class VehicleSection(Section):
+    """One vehicle: where to reach it, its camera, and where it stands if not at the start."""
+
+    url: str | None = None
+    camera: str | None = None
+    """As `uavmap fly --camera`; not for a simulated flight, whose cameras are simulated, too."""
+    home: Vertex | None = None
+    layer: Annotated[Count, Field(ge=0)] | None = None
+    """Its layer, from 0, the lowest. Without it each vehicle has its own, in their order. Vehicles
+    that share one wait where they would come near each other: for those that work far apart."""
+
+
+class Mission(Section):
+    """A whole mission file.
+
+    Examples of keys and defaults are in the shipped missions (`missions/shipped`).
+    """
+
+    name: Annotated[str, AfterValidator(_file_name)] = "mission"
+    strategy: str = "rdfs"
+    start: Start
+    search: Search
+    fence: Fence
+    grid: GridSection = GridSection()
+    flight: Flight = Flight()
+    camera: CameraSection = CameraSection()
+    detector: DetectorSection = DetectorSection()
+    votes: Votes = Votes()
+    battery: Battery = Battery()
+    wind: Wind = Wind()
+    drift: Drift = Drift()
+    team: Team = Team()
+    navigation: NavigationSection = NavigationSection()
+    vehicles: Annotated[
+        tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)
+    ] = (VehicleSection(),)
+    terrain: TerrainSection | None = None
+    sim: Sim = Sim()
+
+    @property
+    def by_evidence(self) -> bool:
+        """Whether cells of recorded pictures are decided by evidence; flights count votes."""
+        if self.votes.recorded is None:
+            return self.detector.view == "all"
+        return self.votes.recorded == "evidence"
+
+    @property
+    def surveyed(self) -> Terrain | None:
+        """The ground as far as it is known, whether it is followed or not."""
+        if self.terrain is None or self.terrain.dem is None:
+            return None
+        return terrain_in(self.terrain.dem)
+
+    @property
+    def ground(self) -> Terrain | None:
+        """The ground above which layers are; None: above the start, the ground being flat."""
+        return self.surveyed if self.flight.height_above == "ground" else None
+
+    @property
+    def relief(self) -> Relief | None:
+        """Of the known ground inside the fence."""
+        if self.terrain is None or self.terrain.dem is None:
+            return None
+        return relief_in(self.terrain.dem, self.start.position, self.fence.polygon)
+
+    @property
+    def highest_ground_m(self) -> float:
+        """The highest ground in the fence above the start, at least 0; 0 where it is not followed.
+
+        Ceilings and return heights are above home, so they need so much more than a layer. An
+        autopilot returns straight, also over what lies between two arms of the fence.
+        """
+        crossed = self._crossed
+        return 0.0 if crossed is None else max(crossed.highest_m, 0.0)
+
+    @property
+    def ground_span_m(self) -> float:
+        """From the lowest ground to that highest; 0 where it is not followed."""
+        crossed = self._crossed
+        return 0.0 if crossed is None else self.highest_ground_m - min(crossed.lowest_m, 0.0)
+
+    @property
+    def _crossed(self) -> Relief | None:
+        """The relief of what straight ways in the fence cross, where ground is followed."""
+        if self.ground is None or self.terrain is None or self.terrain.dem is None:
+            return None
+        return relief_in(self.terrain.dem, self.start.position, self.fence.polygon, hull=True)
+
+    @property
+    def home(self) -> LatLon:
+        """The start."""
+        return LatLon(*self.start.position)
+
+    def search_altitude_m(self, vehicle: int) -> float | None:
+        """The layer from which a vehicle (from 0, the lowest) searches; None: from that of the map.
+
+        "auto" as in `altitude_m`, with the pixels of a suspicion.
+        """
+        if self.search.altitude_m is None:
+            return None
+        apart_m = self.team.layer_m if self.search.layer_m is None else self.search.layer_m
+        return self._layer_m(self.search.altitude_m, self.search.pixels_per_cell, vehicle, apart_m)
+
+    def top_altitude_m(self, vehicle: int) -> float:
+        """The highest layer that a vehicle (from 0) flies in."""
+        return max(self.altitude_m(vehicle), self.search_altitude_m(vehicle) or 0.0)
+
+    @property
+    def overview_above_m(self) -> float | None:
+        """From this height on a frame is one of the search alone; None where there is none."""
+        low_m = self.search_altitude_m(0)
+        return None if low_m is None else (self.altitude_m(len(self.vehicles) - 1) + low_m) / 2.0
+
+    def altitude_m(self, vehicle: int) -> float:
+        """The layer of a vehicle (from 0) above home, or above the ground.
+
+        With `flight.altitude_m = "auto"` the highest layer is at the greatest height, in tenths of
+        a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
+        others lie below it. A checked mission has room for all of them.
+        """
+        apart_m = self.team.layer_m
+        return self._layer_m(self.flight.altitude_m, self.camera.pixels_per_cell, vehicle, apart_m)
+
+    def _layer_m(
+        self,
+        lowest_m: float | Literal["auto"],
+        pixels_per_cell: float,
+        vehicle: int,
+        layer_m: float,
+    ) -> float:
+        if lowest_m == AUTO:
+            fine_m = self.camera.optics.height_m(self.grid.cell_m, pixels_per_cell)
+            room_m = self.fence.ceiling_m - self.highest_ground_m
+            top_m = math.floor(min(fine_m, room_m) * 10.0 + 1e-9) / 10.0
+            above = self.layer_number(len(self.vehicles) - 1) - self.layer_number(vehicle)
+            return round(top_m - above * layer_m, 6)
+        return lowest_m + self.layer_number(vehicle) * layer_m
+
+    def layer_number(self, vehicle: int) -> int:
+        """In which layer a vehicle (from 0) flies, from 0, the lowest."""
+        if vehicle >= len(self.vehicles):
+            return vehicle
+        layer = self.vehicles[vehicle].layer
+        return vehicle if layer is None else layer
+
+    @model_validator(mode="after")
+    def _layers_in_order(self) -> Mission:
+        numbers = [vehicle.layer for vehicle in self.vehicles]
+        if all(number is None for number in numbers):
+            return self
+        steps = list(zip([0, *numbers], numbers, strict=False))
+        if any(b is None or a is None or b - a not in (0, 1) for a, b in steps) or numbers[0] != 0:
+            raise ValueError(
+                "vehicles.layer: give all vehicles one or none; the first has 0, each other one "
+                "that of the vehicle before it, or the next"
+            )
+        return self
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """The tables of a mission file. Raises `MissionFileError` where it is not TOML."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MissionFileError(f"{source}: not a TOML file: {error}") from None
+
+
+def parse_fields(text: str, source: str) -> Mission:
+    """A mission whose single values are right; `missions.mission.checks` looks at the whole.
+
+    Raises `MissionFileError` with a line a fault, each naming the file, the key, the value and
+    what was expected.
+
+    >>> parse_fields("grid.cell_m = 0", "x.toml")
+    Traceback (most recent call last):
+    missions.errors.MissionFileError: x.toml: start: missing; add it...
+    """
+    return mission_of_tables(parse_toml(text, source), source)
+
+
+def mission_of_tables(tables: Mapping[str, Any], source: str) -> Mission:
+    """Make a mission of the tables of its file. Raises `MissionFileError` as `parse_fields`."""
+    try:
+        return Mission.model_validate(tables)
+    except ValidationError as error:
+        lines = [f"{source}: {fault}" for fault in explain(error, Mission)]
+        raise MissionFileError("\n".join(lines)) from None

@@ -1,0 +1,150 @@
+"""The tables of a mission file that only the simulator reads: the true region, what goes wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from missions.mission.sections.fields import (
+    Count,
+    NotNegative,
+    Number,
+    Positive,
+    Ring,
+    Section,
+    Share,
+    TagDictionary,
+)
+
+
+class SimRegion(Section):
+    """One piece of the true ROI, for the simulator only."""
+
+    polygon: Ring
+    holes: tuple[Ring, ...] = ()
+
+
+class SimFault(Section):
+    """Something that goes wrong in the simulation; the kinds are those of `sitl.faults.faults`."""
+
+    vehicle: Annotated[Count, Field(ge=1, le=50)] = 1
+    """Which vehicle, from 1; nothing happens where it does not fly."""
+    at_s: NotNegative
+    """When, on the mission's time."""
+    for_s: Positive | None = None
+    """How long; without it, to the end."""
+    kind: Literal[
+        "gps", "gps_glitch", "gps_drift", "battery_sag", "battery_cell", "compass", "wind_gust",
+        "motor", "camera_stall", "camera_black", "camera_corrupt", "reject", "rc", "link",
+        "companion_reboot",
+    ]  # fmt: skip
+    metres: Number | None = None
+    m_s: Number | None = None
+    volts: Number | None = None
+    deg: Number | None = None
+    toward_deg: Number | None = None
+    from_deg: Number | None = None
+    share: Share | None = None
+    command: Annotated[Count, Field(ge=0, le=65535)] | None = None
+    result: Annotated[Count, Field(ge=1, le=255)] | None = None
+    loss: Share | None = None
+    duplicate: Share | None = None
+    reorder: Share | None = None
+    corrupt: Share | None = None
+    delay_s: Annotated[Number, Field(ge=0, le=3600)] | None = None
+    jitter_s: Annotated[Number, Field(ge=0, le=3600)] | None = None
+    silent: bool | None = None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The kind's own numbers, as far as they are given."""
+        everywhere = {"vehicle", "at_s", "for_s", "kind"}
+        return self.model_dump(exclude=everywhere, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _fitting_values(self) -> SimFault:
+        needed, possible = _FAULT_VALUES.get(self.kind, ((), ()))
+        given = set(self.values)
+        if missing := [key for key in needed if key not in given]:
+            raise ValueError(f"kind = {self.kind!r} needs {', '.join(missing)}")
+        if foreign := sorted(given - {*needed, *possible}):
+            raise ValueError(f"kind = {self.kind!r} has no {', '.join(foreign)}")
+        if self.kind == "link" and not given:
+            raise ValueError(f"kind = 'link' needs one of {', '.join(possible)}")
+        if self.kind == "battery_cell" and self.for_s is not None:
+            raise ValueError("kind = 'battery_cell' has no for_s: a dead cell stays dead")
+        return self
+
+
+# of a kind of fault: the keys it needs, and those it may have besides
+_FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "gps_glitch": (("metres",), ("toward_deg",)),
+    "gps_drift": (("m_s",), ("toward_deg",)),
+    "battery_sag": (("volts",), ()),
+    "compass": (("deg",), ()),
+    "wind_gust": (("m_s",), ("from_deg",)),
+    "motor": ((), ("share",)),
+    "reject": (("command",), ("result",)),
+    "link": ((), ("loss", "duplicate", "reorder", "corrupt", "delay_s", "jitter_s", "silent")),
+}
+
+
+class SimTerrain(Section):
+    """Ground that is not level: a slope, and smooth hills on it."""
+
+    slope_percent: Annotated[Number, Field(ge=0, le=60)] = 0.0
+    rises_toward_deg: Number = 0.0
+    """The true bearing that the slope rises towards."""
+    hills_m: Annotated[Number, Field(ge=0, le=300)] = 0.0
+    """From the deepest valley to the highest top at most."""
+    hills_length_m: Annotated[Number, Field(ge=20, le=10000)] = 150.0
+    """From one hill to the next, at least."""
+    seed: Annotated[Count, Field(ge=0)] = 0
+    """Which hills."""
+
+
+class SimQuirks(Section):
+    """What real aircraft do that a client would rather not know of; see `sitl.quirks`."""
+
+    camera: Literal["component", "autopilot", "none"] = "component"
+    camera_clock_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
+    camera_tells_pose: bool = True
+    clock_ppm: Annotated[Number, Field(ge=-200_000, le=200_000)] = 0.0
+    home_moves_m: Annotated[Number, Field(ge=0, le=20)] = 1.5
+
+
+class Sim(Section):
+    """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
+
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Whose behaviour the simulated vehicles have."""
+    roi: tuple[SimRegion, ...] = ()
+    roi_intensity: Annotated[Count, Field(ge=0, le=255)] = 85
+    ground_intensity: Annotated[Count, Field(ge=0, le=255)] = 190
+    texture: NotNegative = 14.0
+    sensor_noise: NotNegative = 4.0
+    illumination: Annotated[Number, Field(ge=0, lt=1)] = 0.08
+    gust_m_s: NotNegative = 0.5
+    gps_sigma_m: NotNegative = 0.3
+    gps_tau_s: Positive = 60.0
+    optical_flow: bool = False
+    """Whether it flies on by optical flow where satellites are lost."""
+    odometry_drift: Annotated[Number, Field(ge=0, le=0.5)] = 0.02
+    """Share of the distance flown over ground that the position by optical flow errs by."""
+    swap_s: NotNegative = 60.0
+    """How long the ground crew needs for a battery swap."""
+    tag_m: Annotated[Number, Field(ge=0, le=5)] | None = None
+    """Side of the marker's black square on each vehicle's top, for a camera above; 0: none. Left
+    out: `navigation.tag_m` in a leapfrog, and none otherwise."""
+    tag_dictionary: TagDictionary | None = None
+    """Of OpenCV's ArUco module; a marker's number is that of its vehicle. Left out:
+    `navigation.tag_dictionary`."""
+    terrain: SimTerrain | None = None
+    """Without it the ground is that of `terrain.dem`, or level where there is none."""
+    quirks: SimQuirks = SimQuirks()
+    parameters: Mapping[str, Number] = Field(default_factory=dict)
+    """Of the simulated autopilot, by name: what its owner has set."""
+    faults: tuple[SimFault, ...] = ()
+    """What goes wrong, and when."""

@@ -1,0 +1,99 @@
+"""What a frame shows whole of a vehicle that does not stop, and how fast its paths are flown."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from missions.geo.grid import Grid
+from missions.mission.height_and_speed import footprint_over, headway_m_s, speed_limit_m_s
+from missions.mission.schema import Mission
+
+MOST_M_S: Final = 8.0
+"""Faster, a real ArduCopter leans by more than 22 degrees and follows a path worse."""
+TRACK_ERROR_M: Final = 0.3
+"""How far a vehicle is from its path nearly always, besides the error of its position."""
+G_M_S2: Final = 9.81
+DRAG_1_S: Final = 0.25
+"""Thrust by speed through the air of a quadcopter near 6 m/s, m/s^2 for each m/s."""
+MOST_LEVEL_M_S: Final = 10.0
+"""... of a camera in a gimbal, which does not lean along, and looks from high up."""
+LEAST_M_S: Final = 0.3
+"""What cannot be mapped at this speed is not mapped without stopping."""
+
+
+def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> float:
+    """How fast a path is flown from a height, in the frame of the region, m/s.
+
+    `wind_m_s` is the wind that was measured; that of the mission file counts where it is stronger.
+    """
+    held = mission.camera.mounting == "gimbal"
+    most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
+    return max(LEAST_M_S, min(most_m_s, speed_limit_m_s(mission, height_m)))
+
+
+def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:
+    """How far east and north of the middle of a level picture the centre of a cell may lie.
+
+    The wide side of the picture is across the track of lanes: of lanes along east (`east_ahead`)
+    it points north. What the camera is turned by on the airframe (`camera.yaw_deg`) turns it too.
+    """
+    footprint = footprint_over(mission, height_m)
+    margin_m = mission.camera.pose_error_m + TRACK_ERROR_M
+    turn = math.radians(mission.camera.yaw_deg)
+    cos, sin = abs(math.cos(turn)), abs(math.sin(turn))
+    reach_m = mission.grid.cell_m / 2.0 * (cos + sin) + margin_m
+    across_m = footprint.across_m / 2.0 - reach_m
+    along_m = footprint.along_m / 2.0 - reach_m
+    if sin > 1e-6 and cos > 1e-6:  # the square that fits whatever the turn
+        across_m = along_m = min(across_m, along_m) / (cos + sin)
+    elif sin > cos:
+        across_m, along_m = along_m, across_m
+    return (along_m, across_m) if east_ahead else (across_m, along_m)
+
+
+def wind_toward(mission: Mission, grid: Grid) -> tuple[float, float]:
+    """The wind of the mission file along the grid's axes: where it blows to, east and north."""
+    toward = math.radians(mission.wind.from_deg) + math.pi - grid.convergence_rad
+    return mission.wind.speed_m_s * math.sin(toward), mission.wind.speed_m_s * math.cos(toward)
+
+
+def reaches_m(
+    mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool
+) -> tuple[float, float]:
+    """How far to either side of a lane the centre of a cell may lie, to be shown whole.
+
+    To the west and to the east of lanes along north, to the south and to the north of lanes along
+    east. A camera that tilts with the airframe looks aside as far as the vehicle leans against the
+    wind: the edge of the picture on the windward side comes nearer. What is given is shown both
+    in calm air and in the wind of the mission.
+    """
+    halves = seen_whole_m(mission, height_m, east_ahead=east_ahead)
+    level_m = halves[1] if east_ahead else halves[0]
+    if mission.camera.mounting != "fixed":
+        return level_m, level_m
+    blows_m_s = wind_toward(mission, grid)[1 if east_ahead else 0]
+    lean_rad = math.atan(DRAG_1_S * abs(blows_m_s) / G_M_S2)
+    margin_m = mission.grid.cell_m / 2.0 + mission.camera.pose_error_m + TRACK_ERROR_M
+    edge_rad = math.atan((level_m + margin_m) / height_m)
+    windward_m = height_m * math.tan(edge_rad - lean_rad) - margin_m
+    return (windward_m, level_m) if blows_m_s > 0.0 else (level_m, windward_m)
+
+
+def rows_across(mission: Mission, grid: Grid, vehicle: int = 0, *, east_ahead: bool) -> int:
+    """How many rows of cells a lane decides, from the layer in which a vehicle (from 0) searches.
+
+    That of the first is the lowest.
+    """
+    reaches = reaches_m(mission, grid, mission.top_altitude_m(vehicle), east_ahead=east_ahead)
+    return max(1, math.floor(max(sum(reaches), 0.0) / mission.grid.cell_m) + 1)
+
+
+def beside_rows_m(mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool) -> float:
+    """How far to windward of the middle of its rows a lane is flown: to the east, or to the north.
+
+    So the rows are in the picture whether the wind of the mission blows or not.
+    """
+    low_m, high_m = reaches_m(mission, grid, height_m, east_ahead=east_ahead)
+    most_m = max(low_m, high_m, 0.0)
+    return min(max((low_m - high_m) / 2.0, -most_m), most_m)

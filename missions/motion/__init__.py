@@ -1,1 +1,0 @@
-"""How a vehicle moves along a planned path: exact functions of mission time."""

@@ -1,0 +1,137 @@
+"""Known cells as arrays: neighbours, what is unobserved round them, steps and ways between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.routes import Floats, Ints
+
+Picture = NDArray[np.int8]
+"""Cells row by row: 0 not known to be ROI, or one of the following."""
+UNLOOKED, LOOKED, IMAGINED = 1, 2, 3
+
+
+@kernel
+def unobserved(picture: Picture, width: int, cell: int) -> bool:
+    """Whether nobody can say of a cell if it is ROI: not known, and next to none that was looked
+    from."""
+    return bool(
+        picture[cell] == 0
+        and picture[cell + width] != LOOKED
+        and picture[cell + 1] != LOOKED
+        and picture[cell - width] != LOOKED
+        and picture[cell - 1] != LOOKED
+    )
+
+
+@kernel
+def is_compact(picture: Picture, width: int) -> bool:
+    """Whether of the 2 x 2 squares with three cells of ROI at least a third is ROI altogether."""
+    known = np.flatnonzero(picture)
+    whole, torn = 0, 0
+    for i in range(known.size):
+        for up in (-width, width):
+            for right in (-1, 1):  # the known cell's square, and the corner across
+                cell = int(known[i])
+                if picture[cell + up] != 0 and picture[cell + right] != 0:
+                    across = cell + up + right
+                    if picture[across] != 0:
+                        whole += 1
+                    elif not unobserved(picture, width, across):
+                        torn += 4  # a whole square is met from each of its four cells
+    return 2 * whole >= torn
+
+
+@kernel
+def imagine(picture: Picture, width: int) -> None:
+    """Add the nooks to the picture, as if they were ROI: unobserved cells with at least two
+    neighbours that are in it. Not where the ROI has not been compact so far."""
+    if not is_compact(picture, width):
+        return
+    unlooked = np.flatnonzero(picture == UNLOOKED)
+    for i in range(unlooked.size):
+        for side in range(4):
+            there = int(unlooked[i]) + (width, 1, -width, -1)[side]
+            beside = 0
+            for step in (width, 1, -width, -1):
+                if picture[there + step] != 0:
+                    beside += 1
+            if beside > 1 and unobserved(picture, width, there):
+                picture[there] = IMAGINED
+
+
+@kernel
+def survey(picture: Picture, width: int) -> tuple[Ints, Ints, Ints]:
+    """The known cells, their four neighbours' numbers (-1: none), and how many of the neighbours of
+    each unlooked or imagined cell are unobserved.
+
+    The outer three rows and columns of the picture are empty.
+    """
+    cells = np.flatnonzero(picture).astype(np.int32)
+    number = np.full(picture.size, -1, np.int32)
+    for i in range(cells.size):
+        number[cells[i]] = i
+    near = np.empty((cells.size, 4), np.int32)
+    unseen = np.zeros(cells.size, np.int32)
+    for i in range(cells.size):
+        for side in range(4):
+            there = cells[i] + (width, 1, -width, -1)[side]
+            near[i, side] = number[there]
+            if picture[cells[i]] != LOOKED and unobserved(picture, width, there):
+                unseen[i] += 1
+    return cells, near, unseen
+
+
+@kernel
+def spread(near: Ints, starts: Ints) -> Ints:
+    """Steps from each of `starts` to every cell, (starts, cells); -1 where it is not reached."""
+    distance = np.full((starts.size, near.shape[0]), -1, np.int32)
+    queue = np.empty(near.shape[0], np.int32)
+    for s in range(starts.size):
+        steps = distance[s]
+        steps[starts[s]] = 0
+        queue[0] = starts[s]
+        head, tail = 0, 1
+        while head < tail:
+            here = queue[head]
+            head += 1
+            for side in range(4):
+                there = near[here, side]
+                if there >= 0 and steps[there] < 0:
+                    steps[there] = steps[here] + 1
+                    queue[tail] = there
+                    tail += 1
+    return distance
+
+
+@kernel
+def step_on(near: Ints, steps: Ints, fresh: NDArray[np.bool_], start: int) -> int:
+    """The neighbour of `start` on a shortest way to where `steps` is 0, of those ways the one that
+    leads over the most `fresh` cells; of equal ones the last in the order N, E, S, W."""
+    gain: Floats = np.full(steps.size, -1.0)
+    queue = np.empty(steps.size, np.int32)
+    queue[0] = start
+    gain[start] = 0.0
+    head, tail = 0, 1
+    while head < tail:  # all cells on shortest ways, the start first
+        here = queue[head]
+        head += 1
+        for side in range(4):
+            there = near[here, side]
+            if there >= 0 and steps[there] == steps[here] - 1 and gain[there] < 0.0:
+                gain[there] = 0.0
+                queue[tail] = there
+                tail += 1
+    best_side = 0
+    for k in range(tail - 1, -1, -1):  # added up from the goal
+        here = queue[k]
+        best = 0.0
+        for side in range(4):
+            there = near[here, side]
+            if there >= 0 and steps[there] == steps[here] - 1 and gain[there] >= best:
+                best = gain[there]
+                best_side = side
+        gain[here] = best + (1.0 if fresh[here] else 0.0)
+    return int(near[start, best_side])

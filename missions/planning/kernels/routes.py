@@ -1,0 +1,371 @@
+"""Routes of a team through sites: cheapest insertion and local search over a matrix of leg costs.
+
+Sites are numbered: 0 .. K-1 the nodes to visit, K .. K+R-1 the robots, K+R home. A route leads from
+its robot through its nodes and home; its length is the sum of its legs and of its nodes' loads.
+Minimised is the sum of (length + 1)^6 over the robots: nearly the longest, yet never blind to the
+others; and a part of the same of the tours that would end up longer, as more is found behind a
+node. So what is uncertain comes early on a route. `routes` has a row of nodes for each robot,
+`counts` says how many of a row are meant, `costs` what each route costs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.planning.kernels.jit import kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+NEAR, ONE_FAR = 8, 8
+"""How many nodes and robots are near a node; one attempt in so many takes any other instead."""
+
+
+@kernel
+def draw(state: int) -> int:
+    """The next state of a small congruential generator; its upper bits, `state >> 8`, are drawn."""
+    return (state * 1103515245 + 12345) & 0x7FFFFFFF
+
+
+@kernel
+def sixth(length: float) -> float:
+    """What a tour of a length costs: (length + 1)^6."""
+    square = (length + 1.0) * (length + 1.0)
+    return square * square * square
+
+
+@kernel
+def price(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    share: float,
+    route: Ints,
+    count: int,
+    robot: int,
+) -> float:
+    """What the route of a robot costs."""
+    last, home = loads.size + robot, legs.shape[0] - 1
+    length, cost = 0.0, 0.0
+    for place in range(count):
+        node = route[place]
+        length += legs[last, node]
+        if behind[node] > 0.0:
+            cost += share * sixth(length + legs[home, node] + behind[node])
+        length += loads[node]
+        last = node
+    return cost + sixth(length + legs[last, home])
+
+
+@kernel
+def insert(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    share: float,
+    routes: Ints,
+    counts: Ints,
+    costs: Floats,
+    node: int,
+) -> None:
+    """Put a node where it costs least."""
+    trial = np.empty(loads.size + 1, np.int32)
+    best, best_robot, best_place = np.inf, 0, 0
+    for robot in range(counts.size):
+        count = counts[robot]
+        trial[1 : count + 1] = routes[robot, :count]
+        for place in range(count + 1):
+            trial[place] = node
+            cost = price(legs, loads, behind, share, trial, count + 1, robot) - costs[robot]
+            if cost < best:
+                best, best_robot, best_place = cost, robot, place
+            if place < count:
+                trial[place] = trial[place + 1]
+    for place in range(counts[best_robot], best_place, -1):
+        routes[best_robot, place] = routes[best_robot, place - 1]
+    routes[best_robot, best_place] = node
+    counts[best_robot] += 1
+    costs[best_robot] += best
+
+
+@kernel
+def _without(route: Ints, count: int, i: int, many: int, out: Ints) -> int:
+    """Copy a route without its nodes i .. i+many-1."""
+    out[:i] = route[:i]
+    out[i : count - many] = route[i + many : count]
+    return count - many
+
+
+@kernel
+def _spliced(
+    route: Ints, count: int, j: int, piece: Ints, many: int, turned: bool, out: Ints
+) -> int:
+    """Copy a route with a piece of `many` nodes put before its place j, perhaps turned round."""
+    out[:j] = route[:j]
+    for place in range(many):
+        out[j + place] = piece[many - 1 - place] if turned else piece[place]
+    out[j + many : count + many] = route[j:count]
+    return count + many
+
+
+@kernel
+def _crossed(left: Ints, i: int, right: Ints, j: int, count: int, out: Ints) -> int:
+    """Copy the first i nodes of one route and what comes from place j of another."""
+    out[:i] = left[:i]
+    out[i : i + count - j] = right[j:count]
+    return i + count - j
+
+
+@kernel
+def _reversed(route: Ints, count: int, i: int, j: int, out: Ints) -> int:
+    """Copy a route with its nodes i .. j turned round."""
+    for place in range(count):
+        out[place] = route[i + j - place] if i <= place <= j else route[place]
+    return count
+
+
+@kernel
+def _take(
+    routes: Ints, counts: Ints, robot: int, trial: Ints, count: int, owner: Ints, place_of: Ints
+) -> None:
+    counts[robot] = count
+    for place in range(count):
+        node = trial[place]
+        routes[robot, place] = node
+        owner[node] = robot
+        place_of[node] = place
+
+
+@kernel
+def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
+    """For each node the `many` nearest of the other nodes and the `starts` robots, nearest first.
+
+    `many` is less than `nodes + starts`.
+    """
+    found = np.zeros((nodes, many), np.int32)
+    cost = np.empty(many)
+    for node in range(nodes):
+        cost[:] = np.inf
+        for other in range(nodes + starts):
+            if other == node or legs[node, other] >= cost[many - 1]:
+                continue
+            place = many - 1
+            while place > 0 and cost[place - 1] > legs[node, other]:
+                cost[place] = cost[place - 1]
+                found[node, place] = found[node, place - 1]
+                place -= 1
+            cost[place] = legs[node, other]
+            found[node, place] = other
+    return found
+
+
+@kernel
+def attempt(near: Ints, starts: int, state: int) -> tuple[int, int, bool, int, bool, float, int]:
+    """What the local search tries next: bring a node beside another one or a robot, by relocating
+    up to so many nodes, perhaps turned round, or else by turning or swapping pieces; the part of
+    the heat that it may cost; and the generator's next state."""
+    nodes = near.shape[0]
+    state = draw(state)
+    node = (state >> 8) % nodes
+    state = draw(state)
+    relocates = (state >> 8) % 10 < 6
+    state = draw(state)
+    other = (state >> 8) % (nodes + starts)
+    state = draw(state)
+    if (state >> 8) % ONE_FAR != 0:
+        state = draw(state)
+        other = near[node, (state >> 8) % near.shape[1]]
+    state = draw(state)
+    many, turned = 1 + (state >> 8) % 4, (state >> 16) % 2 == 1
+    state = draw(state)
+    return node, other, relocates, many, turned, (state >> 8) / 8388608.0, state
+
+
+@kernel
+def improve(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    share: float,
+    routes: Ints,
+    counts: Ints,
+    costs: Floats,
+    moves: int,
+    heat: float,
+    state: int,
+) -> None:
+    """Local search in place, `moves` attempts, from the generator's `state`.
+
+    A move brings a node beside another, mostly one of the nearest: it relocates up to four nodes,
+    either way round, turns a piece of a route round, or swaps the tails of two. It is accepted
+    where it makes the whole dearer by less than a random part of `heat` times the whole, which
+    cools down to nothing after four fifths of the attempts.
+    """
+    nodes = loads.size
+    owner, place_of = np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
+    a, b, c = np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes, np.int32)
+    for robot in range(counts.size):
+        _take(routes, counts, robot, routes[robot].copy(), counts[robot], owner, place_of)
+    near = nearest(legs, nodes, counts.size, min(NEAR, nodes + counts.size - 1))
+    total = costs.sum()
+    for move in range(moves):
+        node, other, relocates, many, turned, warmth, state = attempt(near, counts.size, state)
+        warmth *= heat * (1.0 - 1.25 * move / moves)
+        allowed = warmth * total if warmth > 0.0 else -1e-9 * total
+        mine, i = owner[node], place_of[node]
+        theirs, j = other - nodes, 0
+        if other < nodes:
+            theirs, j = owner[other], place_of[other] + 1
+            if turned and relocates:
+                j -= 1  # so that the node comes beside the other
+        count, other_count = counts[mine], counts[theirs]
+        left, right = 0, 0
+        if relocates:
+            many = min(many, count - i)
+            if mine == theirs and i <= j <= i + many:
+                continue
+            piece = routes[mine, i : i + many]
+            left = _without(routes[mine], count, i, many, a)
+            if mine == theirs:
+                c[:left] = a[:left]
+                left = _spliced(c, left, j - many if j > i else j, piece, many, turned, a)
+            else:
+                right = _spliced(routes[theirs], other_count, j, piece, many, turned, b)
+        elif mine != theirs:
+            left = _crossed(routes[mine], i, routes[theirs], j, other_count, a)
+            right = _crossed(routes[theirs], j, routes[mine], i, count, b)
+        elif min(i + 1, j) < max(i, j - 1):
+            left = _reversed(routes[mine], count, min(i + 1, j), max(i, j - 1), a)
+        else:
+            continue
+        cost, other_cost = price(legs, loads, behind, share, a, left, mine), 0.0
+        gain = cost - costs[mine]
+        if mine != theirs:
+            other_cost = price(legs, loads, behind, share, b, right, theirs)
+            gain += other_cost - costs[theirs]
+        if gain < allowed:
+            total += gain
+            costs[mine] = cost
+            _take(routes, counts, mine, a, left, owner, place_of)
+            if mine != theirs:
+                costs[theirs] = other_cost
+                _take(routes, counts, theirs, b, right, owner, place_of)
+
+
+@kernel
+def improve_alone(
+    legs: Floats, route: Ints, length: float, moves: int, heat: float, state: int
+) -> None:
+    """`improve` for a single robot, in place: with `behind` 0 everywhere the shortest route is the
+    cheapest, and how much an attempt saves shows in the few legs that it changes.
+
+    `route` holds all nodes; `length` is the route's with the loads of its nodes.
+    """
+    nodes = route.size
+    way = np.empty(nodes + 2, np.int32)  # from the robot through the nodes home
+    way[0], way[1 : nodes + 1], way[nodes + 1] = nodes, route, nodes + 1
+    place_of = np.empty(nodes + 1, np.int32)
+    place_of[way[: nodes + 1]] = np.arange(nodes + 1)
+    near = nearest(legs, nodes, 1, min(NEAR, nodes))
+    for move in range(moves):
+        node, other, relocates, many, turned, warmth, state = attempt(near, 1, state)
+        warmth *= heat * (1.0 - 1.25 * move / moves)
+        i, j = place_of[node], place_of[other] + 1
+        last = min(i + many - 1, nodes)
+        allowed = (length + 1.0) * warmth / 6.0 if warmth > 0.0 else -1e-9 * (length + 1.0)
+        if relocates:  # the nodes at i .. last to between j - 1 and j
+            if turned and j > 1:
+                j -= 1  # so that the node comes beside the other
+            if i <= j <= last + 1:
+                continue
+            left, right = (last, i) if turned else (i, last)
+            gain = (
+                legs[way[i - 1], way[last + 1]]
+                - legs[way[i - 1], way[i]]
+                - legs[way[last], way[last + 1]]
+                + legs[way[j - 1], way[left]]
+                + legs[way[right], way[j]]
+                - legs[way[j - 1], way[j]]
+            )
+            begin, end = min(i, j), max(last + 1, j)
+            if gain < allowed:
+                if turned:
+                    way[i : last + 1] = way[i : last + 1][::-1].copy()
+                if j > last:
+                    _rotate(way, i, last + 1, j)
+                else:
+                    _rotate(way, j, i, last + 1)
+        else:  # the piece between the two turned round
+            first, last = min(i + 1, j), max(i, j - 1)
+            if first >= last:
+                continue
+            gain = (
+                legs[way[first - 1], way[last]]
+                + legs[way[first], way[last + 1]]
+                - legs[way[first - 1], way[first]]
+                - legs[way[last], way[last + 1]]
+            )
+            begin, end = first, last + 1
+            if gain < allowed:
+                way[first : last + 1] = way[first : last + 1][::-1].copy()
+        if gain < allowed:
+            length += gain
+            for place in range(begin, end):
+                place_of[way[place]] = place
+    route[:] = way[1 : nodes + 1]
+
+
+@kernel
+def _rotate(way: Ints, start: int, middle: int, end: int) -> None:
+    """Swap the neighbouring pieces start .. middle-1 and middle .. end-1."""
+    piece = way[start:middle].copy()
+    way[start : start + end - middle] = way[middle:end].copy()
+    way[start + end - middle : end] = piece
+
+
+@kernel
+def arrange(
+    legs: Floats,
+    loads: Floats,
+    behind: Floats,
+    share: float,
+    last: Ints,
+    last_counts: Ints,
+    moves: int,
+    heat: float,
+    state: int,
+) -> tuple[Ints, Ints]:
+    """Routes through all nodes, and how many nodes each has.
+
+    Args:
+        legs: cost from site to site, (K+R+1, K+R+1), symmetric.
+        loads: what a node costs besides, (K,).
+        behind: how much longer a tour might get by what lies behind a node, (K,); 0 where nothing
+            does.
+        share: how much a tour that goes on behind a node counts, beside the tour as it is known.
+        last: routes to start from, (R, any); nodes that they lack are put where they cost least.
+        last_counts: how many nodes of each row of `last` are meant, (R,).
+        moves: attempts of the local search.
+        heat: how much dearer an attempt may make the whole at first, as a fraction.
+        state: of the generator of random numbers, 0 .. 2^31 - 1.
+    """
+    nodes, robots = loads.size, last_counts.size
+    routes = np.zeros((robots, nodes), np.int32)
+    counts = last_counts.copy()
+    costs = np.zeros(robots, np.float64)
+    placed = np.zeros(nodes, np.bool_)
+    for robot in range(robots):
+        for place in range(counts[robot]):
+            routes[robot, place] = last[robot, place]
+            placed[last[robot, place]] = True
+        costs[robot] = price(legs, loads, behind, share, routes[robot], counts[robot], robot)
+    for node in range(nodes):
+        if not placed[node]:
+            insert(legs, loads, behind, share, routes, counts, costs, node)
+    if nodes > 1 and robots == 1 and not behind.any():
+        length = costs[0] ** (1.0 / 6.0) - 1.0
+        improve_alone(legs, routes[0], length, moves, heat, state)
+    elif nodes > 1:
+        improve(legs, loads, behind, share, routes, counts, costs, moves, heat, state)
+    return routes, counts

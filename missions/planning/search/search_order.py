@@ -1,0 +1,271 @@
+"""In which order and direction lanes are flown so that the region is seen soonest.
+
+The expected time to the first sighting is the sum over all lanes of the probability that the lane
+shows the region times the time when it does. That is the minimum latency problem (Blum et al.,
+"The minimum latency problem", STOC 1994), with lanes for customers. Few lanes are ordered exactly,
+by a program over their subsets; more by a local search over one sequence of lanes and vehicles,
+from the plain order and from a greedy one: turning a part of the sequence round, and moving a
+short part elsewhere. Everybody takes off at once; swaps of batteries do not count.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from missions.planning.search.lanes import share_out
+from missions.planning.search.prior import LikelyLane
+from missions.units import GridPoint
+
+EXACT_LANES: Final = 9
+EXACT_VEHICLES: Final = 8
+"""So many lanes and vehicles are ordered exactly, in a tenth of a second."""
+LONGEST_MOVED: Final = 3
+_MOST_ROUNDS: Final = 50
+_MOVES: Final = 2000
+_LEAST_REACH: Final = 20
+_GAIN_S: Final = 1e-9
+
+Block = tuple[LikelyLane, ...]
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast lanes and the ways between them are flown."""
+
+    speed_m_s: float
+    pause_s: float
+    """What every lane, and every way to one, takes besides: braking, turning, speeding up."""
+
+    def leg_s(self, distance_m: float) -> float:
+        """The time for a lane, or for the way to one."""
+        return distance_m / self.speed_m_s + self.pause_s
+
+
+def expected_s(blocks: Sequence[Block], homes: Sequence[GridPoint], pace: Pace) -> float:
+    """The expected time to the first sighting, seconds from being at height over the homes.
+
+    `blocks` holds the lanes of each vehicle in their order, `homes` where each begins.
+
+    >>> lane = LikelyLane((GridPoint(10, 0), GridPoint(30, 0)), 1.0, 5.0)
+    >>> expected_s([(lane,)], [GridPoint(0, 0)], Pace(5.0, 1.0))
+    4.0
+    """
+    total_s = 0.0
+    for block, at in zip(blocks, homes, strict=True):
+        t_s = 0.0
+        for likely in block:
+            t_s += pace.leg_s(at.distance_to(likely.lane[0]))
+            total_s += likely.probability * (t_s + likely.middle_m / pace.speed_m_s)
+            t_s += pace.leg_s(likely.length_m)
+            at = likely.lane[1]
+    return total_s
+
+
+def plain_blocks(likely: Sequence[LikelyLane], vehicles: int) -> tuple[Block, ...]:
+    """The lanes as they are shared out without a prior."""
+    rest = iter(likely)
+    shared = share_out([lane.lane for lane in likely], vehicles)
+    return tuple(tuple(itertools.islice(rest, len(block))) for block in shared)
+
+
+def soonest(
+    likely: Sequence[LikelyLane], homes: Sequence[GridPoint], pace: Pace
+) -> tuple[Block, ...]:
+    """The lanes of each vehicle, in the order and direction that show the region soonest.
+
+    Never later than `plain_blocks`. Ways between lanes are straight, whatever lies between.
+
+    >>> lanes = [LikelyLane((GridPoint(0, y), GridPoint(40, y)), p, 20.0)
+    ...          for y, p in ((0, 0.1), (12, 0.1), (24, 0.8))]
+    >>> [lane.lane[0].north_m for lane in soonest(lanes, [GridPoint(0, 12)], Pace(5.0, 0.0))[0]]
+    [24, 12, 0]
+    """
+    plain = plain_blocks(likely, len(homes))
+    found = [plain]  # a rounding must not make it worse
+    if len(likely) <= EXACT_LANES and len(homes) <= EXACT_VEHICLES:
+        found.append(_exact(likely, homes, pace))
+    else:
+        tours = _Tours(likely, homes, pace)
+        for tour in (tours.of(plain), tours.greedy()):
+            found.append(tours.blocks(tours.improved(tour)))
+    return min(found, key=lambda blocks: expected_s(blocks, homes, pace))
+
+
+# --- few lanes: exact ----------------------------------------------------------------------------
+def _exact(
+    likely: Sequence[LikelyLane], homes: Sequence[GridPoint], pace: Pace
+) -> tuple[Block, ...]:
+    """The best of all, by a program over subsets.
+
+    While a vehicle flies, the clock of all the probability that it has not seen yet runs; so what
+    a set of lanes costs from a place does not depend on what was flown before.
+    """
+    ways = [(lane, lane.turned) for lane in likely]
+    everything = (1 << len(likely)) - 1
+    weight = [
+        sum(lane.probability for i, lane in enumerate(likely) if mask >> i & 1)
+        for mask in range(everything + 1)
+    ]
+
+    @functools.cache
+    def best(mask: int, at: GridPoint) -> tuple[float, Block]:
+        found: tuple[float, Block] = (0.0, ())
+        for i, way in enumerate(itertools.chain.from_iterable(ways)):
+            lane = i // 2
+            if not mask >> lane & 1:
+                continue
+            rest = mask & ~(1 << lane)
+            left_s, block = best(rest, way.lane[1])
+            cost_s = (
+                pace.leg_s(at.distance_to(way.lane[0])) * weight[mask]
+                + way.probability * way.middle_m / pace.speed_m_s
+                + pace.leg_s(way.length_m) * weight[rest]
+                + left_s
+            )
+            if not found[1] or cost_s < found[0] - _GAIN_S:
+                found = (cost_s, (way, *block))
+        return found
+
+    @functools.cache
+    def shared(mask: int, vehicle: int) -> tuple[float, tuple[Block, ...]]:
+        if vehicle == len(homes) - 1:
+            cost_s, block = best(mask, homes[vehicle])
+            return cost_s, (block,)
+        found: tuple[float, tuple[Block, ...]] | None = None
+        mine = mask
+        while True:
+            cost_s, block = best(mine, homes[vehicle])
+            others_s, others = shared(mask & ~mine, vehicle + 1)
+            if found is None or cost_s + others_s < found[0] - _GAIN_S:
+                found = (cost_s + others_s, (block, *others))
+            if mine == 0:
+                return found
+            mine = (mine - 1) & mask
+
+    return shared(everything, 0)[1]
+
+
+# --- many lanes: a local search ------------------------------------------------------------------
+class _Tours:
+    """Sequences of numbers: 2 i is lane i, 2 i + 1 the same turned, from 2 n on a vehicle.
+
+    A vehicle flies the lanes that follow its number. A batch of sequences has the shape (k, m).
+    """
+
+    def __init__(
+        self, likely: Sequence[LikelyLane], homes: Sequence[GridPoint], pace: Pace
+    ) -> None:
+        self._ways = [way for lane in likely for way in (lane, lane.turned)]
+        self._vehicles = len(homes)
+        # how long a part is turned, and how far one is moved: of many lanes not every move is tried
+        self._reach = max(_LEAST_REACH, _MOVES // (len(likely) + len(homes)))
+        starts = np.asarray([*(way.lane[0] for way in self._ways), *homes], float)
+        ends = np.asarray([*(way.lane[1] for way in self._ways), *homes], float)
+        legs_m = np.hypot(*np.moveaxis(ends[:, None, :] - starts[None, :, :], 2, 0))
+        # to a number from the one before it; to a vehicle there is no way
+        self._leg_s: Floats = legs_m / pace.speed_m_s + pace.pause_s
+        self._leg_s[:, len(self._ways) :] = 0.0
+        none = [0.0] * len(homes)
+        self._lane_s = np.asarray([*(pace.leg_s(way.length_m) for way in self._ways), *none])
+        self._weight = np.asarray([*(way.probability for way in self._ways), *none])
+        self._middle_s = np.asarray([*(way.middle_m / pace.speed_m_s for way in self._ways), *none])
+
+    def of(self, blocks: Sequence[Block]) -> Ints:
+        """The sequence of lanes that are flown in these blocks, in their own direction."""
+        numbers = iter(range(0, len(self._ways), 2))
+        tour: list[int] = []
+        for vehicle, block in enumerate(blocks):
+            tour.extend([len(self._ways) + vehicle, *itertools.islice(numbers, len(block))])
+        return np.asarray(tour, np.intp)
+
+    def blocks(self, tour: Ints) -> tuple[Block, ...]:
+        """The lanes of each vehicle."""
+        found: list[list[LikelyLane]] = [[] for _ in range(self._vehicles)]
+        vehicle = 0
+        for number in tour:
+            if number >= len(self._ways):
+                vehicle = int(number) - len(self._ways)
+            else:
+                found[vehicle].append(self._ways[number])
+        return tuple(tuple(block) for block in found)
+
+    def costs_s(self, tours: Ints) -> Floats:
+        """The expected time to the first sighting of each sequence of a batch."""
+        before, after = tours[:, :-1], tours[:, 1:]
+        took_s = self._lane_s[before] + self._leg_s[before, after]
+        begun_s = np.cumsum(took_s, axis=1)  # of each number but the first
+        first = np.where(after >= len(self._ways), begun_s, 0.0)
+        begun_s -= np.maximum.accumulate(first, axis=1)  # every vehicle has its own clock
+        costs: Floats = np.sum(self._weight[after] * (begun_s + self._middle_s[after]), axis=1)
+        return costs
+
+    def greedy(self) -> Ints:
+        """Whoever is free first flies the lane with the most probability a second."""
+        free_s = np.zeros(self._vehicles)
+        at = [len(self._ways) + vehicle for vehicle in range(self._vehicles)]
+        tours = [[number] for number in at]
+        left = np.arange(len(self._ways))
+        while len(left):
+            vehicle = int(np.argmin(free_s))
+            took_s = self._leg_s[at[vehicle], left] + self._lane_s[left]
+            chosen = int(np.argmax(self._weight[left] / took_s))
+            free_s[vehicle] += took_s[chosen]
+            at[vehicle] = int(left[chosen])
+            tours[vehicle].append(at[vehicle])
+            left = left[left // 2 != at[vehicle] // 2]
+        return np.asarray([*itertools.chain.from_iterable(tours)], np.intp)
+
+    def improved(self, tour: Ints) -> Ints:
+        """The sequence after moves that help, place after place, until none does."""
+        cost_s = float(self.costs_s(tour[None, :])[0])
+        for _ in range(_MOST_ROUNDS):
+            before_s = cost_s
+            for place, moves in itertools.product(range(1, len(tour)), (self._turned, self._moved)):
+                batch = moves(tour, place)
+                costs_s = self.costs_s(batch)
+                best = int(costs_s.argmin())
+                if costs_s[best] < cost_s - _GAIN_S:
+                    tour, cost_s = batch[best], float(costs_s[best])
+            if cost_s == before_s:
+                break
+        return tour
+
+    def _flipped(self, part: Ints) -> Ints:
+        """A part of a sequence from its end to its beginning, its lanes turned."""
+        back = part[::-1]
+        return np.where(back < len(self._ways), back ^ 1, back)
+
+    def _turned(self, tour: Ints, place: int) -> Ints:
+        """With the part from a place on turned round."""
+        ends = range(place + 1, min(len(tour), place + self._reach) + 1)
+        batch = np.repeat(tour[None, :], len(ends), axis=0)
+        for row, end in zip(batch, ends, strict=True):
+            row[place:end] = self._flipped(row[place:end])
+        return batch
+
+    def _moved(self, tour: Ints, place: int) -> Ints:
+        """With a short part at a place moved elsewhere, as it is or turned round.
+
+        The first vehicle stays first. Moved nowhere, it is the sequence itself.
+        """
+        found = [tour]
+        for length in range(1, min(LONGEST_MOVED, len(tour) - place) + 1):
+            part = tour[place : place + length]
+            rest = np.delete(tour, slice(place, place + length))
+            for way in (part, self._flipped(part)):
+                found.extend(
+                    np.concatenate((rest[:to], way, rest[to:]))
+                    for to in range(
+                        max(1, place - self._reach), min(len(rest), place + self._reach) + 1
+                    )
+                )
+        return np.asarray(found, np.intp)

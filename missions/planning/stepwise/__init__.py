@@ -1,0 +1,34 @@
+"""The strategies by name: those of the core, and whatever registers itself.
+
+A strategy of one's own is an object that keeps to `interface.Explorer`. `register` makes it known
+by its name to missions, simulations and commands; `missions.lab.strategies` does so when imported.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from missions.errors import StrategyError
+from missions.planning.stepwise.horizon import Horizon
+from missions.planning.stepwise.interface import Decision, Explorer, Memory, Situation
+from missions.planning.stepwise.rdfs import Rdfs
+
+EXPLORERS: Final[dict[str, Explorer]] = {}
+
+
+def register(*explorers: Explorer) -> None:
+    """Add strategies to `EXPLORERS`.
+
+    Raises:
+        StrategyError: another strategy has this name.
+    """
+    for explorer in explorers:
+        if EXPLORERS.setdefault(explorer.name, explorer) != explorer:
+            raise StrategyError(
+                f"{explorer.name}: another strategy has this name; choose a new one"
+            )
+
+
+register(Rdfs(), Horizon())
+
+__all__ = ["EXPLORERS", "Decision", "Explorer", "Memory", "Situation", "register"]

@@ -1,0 +1,133 @@
+"""Algorithm 1 of Sung and Tokekar: multi-robot recursive depth-first search.
+
+The listing leaves open which unfinished child a robot takes. Here: an unexplored child first,
+then the child with the fewest robots below it; two children share a group as equally as possible,
+three do so through a dummy vertex. With this rule the bound of Lemma 1, in the form
+2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)), holds.
+
+Two more choices leave the bound alone and shorten the mean. Of equal children the one farthest from
+the root comes first, so a team spreads outwards and the tree stays shallow; ties in the order
+north, east, south, west. And once all is explored, a robot goes home by a shortest known way, which
+is never longer than the one up the tree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from missions.mapping.breadth_first import distances
+from missions.mapping.tree import Tree
+from missions.planning.stepwise.bounds import rdfs_bound_moves
+from missions.planning.stepwise.interface import Decision, Situation
+from missions.units import Cell
+
+Branch = tuple[Cell, ...]
+"""The children behind one edge of the binary tree: one, or several under a dummy vertex."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rdfs:
+    """Algorithm 1 with the child rule that keeps Lemma 1.
+
+    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
+    >>> Rdfs().decide(Situation(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, (1, 2))).moves
+    {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}
+    """
+
+    name: str = "rdfs"
+    guarantee: str = "T <= 2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)) moves"
+    source: str = "Sung and Tokekar, Algorithm 1, with the child rule that keeps Lemma 1"
+    when: str = "you want the tightest promise, or read the flight beside the paper"
+
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        """Lemma 1."""
+        return rdfs_bound_moves(cells, depth, robots)
+
+    def decide(self, situation: Situation) -> Decision:
+        """One robot after the other, each seeing where the last went."""
+        if situation.tree.is_explored(situation.tree.root):
+            return _homewards(situation)
+        after = dict(situation.at)
+        chosen: dict[int, Cell | None] = {}
+        for robot in situation.robots:
+            chosen[robot] = next_vertex = self._move(situation.tree, after, robot)
+            after[robot] = next_vertex or after[robot]
+        return Decision(chosen)
+
+    def _move(self, tree: Tree, at: Mapping[int, Cell], robot: int) -> Cell | None:
+        """One pass through the listing; the numbers are the lines of Algorithm 1."""
+        v = at[robot]
+        # 2-6, 8: the neighbours that are ROI are the children of v; explored ones are left out
+        # 9-13: a cell that would close a cycle never became a child (`Tree.looked`)
+        neighbours = _outermost_first(
+            tree, [w for w in tree.children(v) if not tree.is_explored(w)]
+        )
+        if not neighbours:  # 3-5, 22-23
+            return tree.parent(v)
+        robots = _robots_below(tree, at, robot, v)
+        branch = neighbours
+        while len(branch) > 1:  # 14
+            left, right = _binary(branch)  # 15-17: the dummy vertex
+            branch = min((left, right), key=lambda b: _rank(tree, robots, b))  # 18
+        return branch[0]  # 19, 21; the tree marks v as under exploration by itself
+
+
+def _homewards(situation: Situation) -> Decision:
+    """All is explored: home by shortest ways, which are remembered as long as they hold."""
+    tree, memory = situation.tree, situation.memory
+    if isinstance(memory, _Ways) and memory.cells == len(tree):
+        ways = memory
+    else:
+        ways = _Ways(len(tree), distances(tree, tree.root))
+    moves: dict[int, Cell | None] = {}
+    for robot in situation.robots:
+        v = situation.at[robot]
+        near = [w for w in v.neighbours() if w in ways.steps]
+        moves[robot] = None if v == tree.root else min(near, key=ways.steps.__getitem__)
+    return Decision(moves, ways)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """Steps to the root from every cell of a tree, which has so many."""
+
+    cells: int
+    steps: Mapping[Cell, int]
+
+
+def _outermost_first(tree: Tree, children: Sequence[Cell]) -> Branch:
+    """By distance from the root, the farthest first; stable."""
+    east, north = tree.root
+    return tuple(sorted(children, key=lambda w: -((w.east - east) ** 2 + (w.north - north) ** 2)))
+
+
+def _binary(branch: Branch) -> tuple[Branch, Branch]:
+    """Two branches of a binary tree, with a dummy vertex of edge length 0 above a pair."""
+    return (branch[:-2], branch[-2:]) if len(branch) > 2 else (branch[:1], branch[1:])
+
+
+def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool, int]:
+    """Smaller is better: nobody has been there yet, then the fewest robots.
+
+    A dummy vertex has been entered as soon as one of its children has.
+    """
+    entered = any(tree.has_looked(child) or robots.get(child, 0) for child in branch)
+    return (entered, sum(robots.get(child, 0) for child in branch))
+
+
+def _robots_below(tree: Tree, at: Mapping[int, Cell], robot: int, v: Cell) -> Mapping[Cell, int]:
+    """For every child of v the robots at or below it."""
+    depth = tree.vertices[v].depth
+    counts: dict[Cell, int] = {}
+    for other, where in at.items():
+        if other == robot:
+            continue
+        child: Cell | None = None
+        for cell in tree.path_up(where):
+            if tree.vertices[cell].depth <= depth:
+                if cell == v and child is not None:
+                    counts[child] = counts.get(child, 0) + 1
+                break
+            child = cell
+    return counts

@@ -1,0 +1,282 @@
+"""The sites of a team's routes: what is left to look at, where the robots are, and home."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.mapping.breadth_first import distances
+from missions.mapping.tree import Tree
+from missions.planning.stepwise.interface import Situation
+from missions.planning.stepwise.metric import Metric
+from missions.units import Cell
+
+MOVES, MOVES_EACH = 25000, 300
+"""Attempts of the local search at each step, at most: in all, and for each node."""
+TEAM_MOVES_TIMES_NODES_SQUARED = 4_000_000_000
+"""For a team they are fewer from 400 nodes on: there an attempt takes time with the number of
+nodes, and as many more decisions are made. 25,000 at 400 nodes, 4,000 at 1,000."""
+ATTEMPTS_PER_NODE_SINGLE, ATTEMPTS_PER_NODE_TEAM, ATTEMPTS_EXTRA = 200, 60, 30
+"""Attempts for each node: of one robot, where an attempt is quick; of a team, and how many more
+for each of its robots."""
+INITIAL_TEMPERATURE = 0.02
+"""How much dearer an attempt may make the whole at first."""
+SMALL_TEAM = 4
+"""Up to so many robots plan with nooks as if they were ROI: cells between known ones."""
+DEPTH, OCCUPIED = 0.85, 2.5
+"""A robot without a route follows to where it is deep, and not where others go."""
+_MARGIN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class FrontierCost:
+    """What the planner puts down for what it cannot see, in steps.
+
+    Tuned on grown ROIs of 120 and 500 cells, and in flight on ROIs of 300 and 400; other growths
+    have other optima, so the figures are round.
+    """
+
+    unseen: float
+    """What an unobserved cell adds to a tour on average."""
+    behind: float
+    """What an unobserved cell might well add to a tour."""
+    far: float
+    """What may lie behind any node with unobserved cells, in ways home from the farthest node: the
+    larger the ROI has become, the farther it may go on."""
+    share: float
+    """How much such a longer tour counts beside the tour as it is known."""
+
+
+FEW, MANY = FrontierCost(0.5, 3.5, 0.4, 0.15), FrontierCost(1.0, 4.0, 0.4, 0.3)
+"""Up to `SMALL_TEAM` robots, and more."""
+FLOWN = FrontierCost(0.0, 0.5, 0.0, 0.3)
+"""In straight flight, where a cell that was left behind is not far out of the way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The known cells as arrays."""
+
+    corner: Cell
+    width: int
+    picture: NDArray[np.int8]
+    cells: NDArray[np.int32]
+    near: NDArray[np.int32]
+    unseen: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, tree: Tree) -> Ground:
+        """The vertices of a tree."""
+        # numba takes a second to import, so the kernels are imported where they are needed
+        from missions.planning.kernels import ground as kernels  # noqa: PLC0415
+
+        count = len(tree)
+        cells = np.fromiter(chain.from_iterable(tree.vertices), np.int64, 2 * count)
+        east, north = cells[0::2], cells[1::2]
+        looked = np.fromiter((v.looked for v in tree.vertices.values()), np.bool_, count)
+        corner = Cell(int(east.min()) - _MARGIN, int(north.min()) - _MARGIN)
+        width = int(east.max()) - corner.east + _MARGIN + 1
+        height = int(north.max()) - corner.north + _MARGIN + 1
+        picture = np.zeros(width * height, np.int8)
+        flat = (north - corner.north) * width + east - corner.east
+        picture[flat] = np.where(looked, kernels.LOOKED, kernels.UNLOOKED)
+        numbers, near, unseen = kernels.survey(picture, width)
+        return cls(corner, width, picture, numbers, near, unseen)
+
+    def with_nooks(self) -> Ground:
+        """The nooks between the known cells besides."""
+        from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        picture = self.picture.copy()
+        kernels.imagine(picture, self.width)
+        cells, near, unseen = kernels.survey(picture, self.width)
+        return replace(self, picture=picture, cells=cells, near=near, unseen=unseen)
+
+    def number(self, cell: Cell) -> int:
+        """The number of a known cell."""
+        flat = (cell.north - self.corner.north) * self.width + cell.east - self.corner.east
+        return int(self.cells.searchsorted(flat))
+
+    def cells_of(self, numbers: NDArray[np.intp]) -> tuple[Cell, ...]:
+        """The inverse of `number`, for many."""
+        north, east = np.divmod(self.cells[numbers], self.width)
+        east, north = east + self.corner.east, north + self.corner.north
+        return tuple(map(Cell, east.tolist(), north.tolist()))
+
+    def steps_from(self, cell: Cell) -> NDArray[np.int32]:
+        """Steps from a cell to every other, by number."""
+        from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        steps: NDArray[np.int32] = kernels.spread(
+            self.near, np.array([self.number(cell)], np.int32)
+        )[0]
+        return steps
+
+    def towards(self, situation: Situation, start: Cell, goal: Cell) -> Cell:
+        """The next vertex on the way to a known or imagined goal.
+
+        Over the grid a neighbour; straight there where that is allowed, else the last vertex of a
+        shortest way over known cells that is reached straight.
+        """
+        if not situation.metric.straight:
+            return self._step(start, goal)
+        allowed = situation.metric.passable
+        if allowed is None or allowed(start, goal):
+            return goal
+        steps = distances(situation.tree, goal)
+        reached = cell = min(start.neighbours(), key=lambda near: steps.get(near, len(steps)))
+        while cell != goal:
+            cell = min(cell.neighbours(), key=lambda near: steps.get(near, len(steps)))
+            if allowed(start, cell):
+                reached = cell
+        return reached
+
+    def _step(self, start: Cell, goal: Cell) -> Cell:
+        from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        steps = self.steps_from(goal)
+        fresh = self.picture[self.cells] != kernels.LOOKED
+        number = kernels.step_on(self.near, steps, fresh, self.number(start))
+        return self.cells_of(np.array([number]))[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Sites:
+    """Nodes, robots and home, in this order, with what it costs to go from one to another.
+
+    Costs are in steps of one cell.
+    """
+
+    ground: Ground
+    metric: Metric
+    tree: Tree
+    places: Mapping[int, Cell]
+    """Where each robot's route begins."""
+    nodes: tuple[Cell, ...]
+    legs: NDArray[np.float64]
+    unseen: NDArray[np.int32]
+    """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
+
+    @classmethod
+    def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
+        """The nodes are the vertices that nobody has looked from or is bound for."""
+        from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
+
+        tree, metric = situation.tree, situation.metric
+        others = [ground.number(cell) for cell in (*places.values(), tree.root)]
+        open_to_all = ground.picture[ground.cells] != kernels.LOOKED
+        open_to_all[others] = False
+        free = np.flatnonzero(open_to_all)
+        nodes = ground.cells_of(free)
+        cells = (*nodes, *places.values(), tree.root)
+        numbers = np.array([*free.tolist(), *others], np.int32)
+        if metric.straight:
+            legs = _straight(metric, cells)
+        else:
+            steps = kernels.spread(ground.near, numbers)
+            # rows first, as the other two have them: kernels are compiled for each order anew
+            legs = steps[:, numbers].astype(np.float64, order="C")
+        return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
+
+    def routes(
+        self, last: Mapping[int, Sequence[Cell]], decisions: int
+    ) -> dict[int, tuple[Cell, ...]]:
+        """A route for every robot, the nodes in their order, improved from the last ones."""
+        from missions.planning.kernels import routes as kernels  # noqa: PLC0415, as above
+
+        index = {cell: node for node, cell in enumerate(self.nodes)}
+        rows = [[index.pop(c) for c in last.get(r, ()) if c in index] for r in self.places]
+        before = np.zeros((len(rows), max(map(len, rows))), np.int32)
+        for row, nodes in zip(before, rows, strict=True):
+            row[: len(nodes)] = nodes
+        loads, behind, share = self._outlays()
+        lengths = np.array([len(nodes) for nodes in rows], np.int32)
+        each = ATTEMPTS_PER_NODE_SINGLE
+        if len(self.places) > 1:
+            each = min(MOVES_EACH, ATTEMPTS_PER_NODE_TEAM + ATTEMPTS_EXTRA * len(self.places))
+        moves = min(MOVES, each * len(self.nodes))
+        if len(self.places) > 1 and self.nodes:
+            moves = min(moves, TEAM_MOVES_TIMES_NODES_SQUARED // len(self.nodes) ** 2)
+        seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
+        routes, counts = kernels.arrange(
+            self.legs, loads, behind, share, before, lengths, moves, INITIAL_TEMPERATURE, seed
+        )
+        return {
+            r: tuple(self.nodes[node] for node in route[:count])
+            for r, route, count in zip(self.places, routes, counts, strict=True)
+        }
+
+    def _outlays(self) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """The `loads`, `behind` and `share` of `missions.planning.kernels.routes.arrange`."""
+        frontier_cost = FLOWN
+        if not self.metric.straight:
+            frontier_cost = FEW if len(self.places) <= SMALL_TEAM else MANY
+        looks = self.metric.look / step_cost(self.metric)
+        count = len(self.nodes)
+        unseen = self.unseen[:count].astype(np.float64)
+        loads = looks + frontier_cost.unseen * (1.0 + looks) * unseen
+        if len(self.places) == 1:  # only a team can share what turns out longer
+            return loads, np.zeros(count), frontier_cost.share
+        farthest = max(self.legs[:count, -1].max(initial=0.0), 1.0)
+        behind = frontier_cost.behind * unseen + frontier_cost.far * farthest * (unseen > 0.0)
+        return loads, (1.0 + looks) * behind, frontier_cost.share
+
+    def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
+        """Where those who are asked go: along their routes, or, where these are empty, after the
+        others; somebody goes to a node as long as there is one."""
+        goals = {r: routes[r][0] for r in self.places if routes[r]}
+        idle = [r for r in asked if r not in goals]
+        if self.nodes and len(idle) == len(asked):
+            robot = idle.pop(0)
+            row = self.legs[self._site(robot), : len(self.nodes)]
+            goals[robot] = self.nodes[int(row.argmin())]
+        if idle:
+            goals.update(self._behind(idle, goals))
+        return {robot: goals[robot] for robot in asked}
+
+    def _site(self, robot: int) -> int:
+        return len(self.nodes) + list(self.places).index(robot)
+
+    def _behind(self, idle: Sequence[int], goals: Mapping[int, Cell]) -> dict[int, Cell]:
+        """Where robots without a route go: on a grid to the open frontier, best where it is deep
+        and near and nobody goes; with nothing open home. Who flies straight waits for news."""
+        cells = (*self.nodes, *self.places.values())
+        open_sites = np.flatnonzero(self.unseen[:-1])
+        if open_sites.size == 0:
+            return dict.fromkeys(idle, self.tree.root)
+        if self.metric.straight:
+            return {robot: self.places[robot] for robot in idle}
+        bound_for = list(goals.values())
+        taken = np.array([bound_for.count(cells[site]) for site in open_sites])
+        cost = self.legs[[self._site(robot) for robot in idle]][:, open_sites]
+        cost = cost - DEPTH * self.legs[-1, open_sites] + OCCUPIED * taken
+        found: dict[int, Cell] = {}
+        while len(found) < len(idle):  # the best pair of all, again and again
+            robot, site = np.unravel_index(cost.argmin(), cost.shape)
+            found[idle[int(robot)]] = cells[int(open_sites[site])]
+            cost[robot] = np.inf
+            cost[:, site] += OCCUPIED
+        return found
+
+
+def step_cost(metric: Metric) -> float:
+    """What a step of one cell adds to a closed tour, in the dearer of both directions."""
+    here = Cell(0, 0)
+    return metric.from_rest(max(metric.tour_leg(here, near) for near in here.neighbours()[:2]))
+
+
+def _straight(metric: Metric, cells: Sequence[Cell]) -> NDArray[np.float64]:
+    """`metric.tour_leg` between all cells, from rest to rest, in steps."""
+    at = np.array(cells, np.float64)
+    east = at[:, None, 0] - at[None, :, 0]
+    north = at[:, None, 1] - at[None, :, 1]
+    along = east * metric.drift_east + north * metric.drift_north
+    rest = metric.speed**2 - metric.drift_speed**2
+    legs: NDArray[np.float64] = np.sqrt(along**2 + rest * (east**2 + north**2)) / rest
+    ramp = metric.ramp
+    legs = np.where(legs < ramp, 2.0 * np.sqrt(legs * ramp), legs + ramp)
+    return legs / step_cost(metric)

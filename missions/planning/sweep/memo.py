@@ -1,0 +1,95 @@
+"""Plans that were made before: a journal that is folded again asks for the same ones.
+
+A plan is a pure function of its arguments, and costs some ten milliseconds; the fold of a flight
+needs hundreds, and several parts of the service fold the same journal. The memory is the flight's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import astuple
+from typing import Final
+
+from missions.planning.kernels.jit import COMPILED
+from missions.planning.sweep.chart import Known
+from missions.planning.sweep.plan_memo import PlanMemo
+from missions.planning.sweep.planned_team import Flyer, Tuning, Valued
+from missions.planning.sweep.sweep_planner import Plan, Planner
+from missions.planning.sweep.tours import KEEP_S, LEAST_WORK, Tours, Waypoints, lay_tours
+
+UNCOMPILED_MOVES: Final = 20
+"""Plain Python is a hundred times slower: plans are worse, and as safe."""
+
+
+def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued:
+    """What a frame of each cell is worth: `frames` votes of a cell count, `majority` elect it."""
+    if known.wanted is None or known.patches:
+        return planner.worth(known.chart, known.root, frames, majority, known.wanted)
+    return planner.worth_of_all(known.chart, known.wanted, frames, majority)
+
+
+def plan_once(
+    memo: PlanMemo,
+    tuning: Tuning,
+    known: Known,
+    team: Sequence[Flyer],
+    frames: int,
+    majority: int,
+    begin_s: float,
+    decision: int,
+    tours: Waypoints = (),
+) -> Plan:
+    """The plan for a team from `begin_s` on; `decision` seeds the search.
+
+    `tours` are other waypoints to begin with (`missions.planning.sweep.tours`).
+    """
+
+    def plan() -> Plan:
+        moves = tuning if COMPILED else Tuning(tuning.penalty_s, moves=UNCOMPILED_MOVES)
+        planner = Planner(moves)
+        worth = valued(planner, known, frames, majority)
+        next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]
+        return planner.plan(known.chart, team, worth, begin_s, decision, next_s, None, tours)
+
+    asked = (astuple(tuning), frames, majority, begin_s, decision, tours)
+    return memo.answer(_key("plan", known, team, *asked), plan)
+
+
+def tours_once(
+    memo: PlanMemo,
+    known: Known,
+    team: Sequence[Flyer],
+    delays_s: Sequence[float],
+    frames: int,
+    majority: int,
+    begin_s: float,
+    decision: int,
+    before: Waypoints,
+    least: int = LEAST_WORK,
+    keep_s: float = KEEP_S,
+) -> Tours | None:
+    """Tours of a team past all that is to be seen; None where that is less than `least` cells."""
+
+    def tours() -> Tours | None:
+        worth = valued(Planner(Tuning()), known, frames, majority)
+        return lay_tours(
+            known.chart, team, delays_s, worth, begin_s, decision, before, least, keep_s
+        )
+
+    asked = (tuple(delays_s), frames, majority, begin_s, decision, before, (least, keep_s))
+    return memo.answer(_key("tours", known, team, *asked), tours)
+
+
+def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> bytes:
+    made = hashlib.blake2b(digest_size=16)
+    chart = known.chart
+    if known.wanted is not None:
+        made.update(known.wanted.tobytes())
+    for array in (chart.yes, chart.no, chart.closed, chart.allowed):
+        made.update(array.tobytes())
+    made.update(repr((kind, *chart.grid, known.root, known.patches, *others)).encode())
+    for flyer in team:
+        made.update(repr((flyer.kinematics, flyer.place, flyer.end, flyer.path)).encode())
+        made.update(repr((flyer.route, flyer.blind_s)).encode())
+    return made.digest()

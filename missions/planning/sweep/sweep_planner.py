@@ -1,0 +1,255 @@
+"""The planner of flight without stopping: where a team flies next, again and again.
+
+A frame that a cell still needs has a worth in seconds (`missions.planning.kernels.worth.value`):
+much for *work*, cells next to the known region that are not decided, and little for cells beyond
+that may become work. A plan is a list of waypoints for each vehicle, from where it can leave its
+present path to its home; what it costs is the time of the exact motion (mostly that of the last
+vehicle) less the worth of the frames taken on the way. The plan of before is improved by annealing
+whenever something was seen, and flown unless the one under way is as good. Plans rest on
+provisional majorities; that a cell has too few votes for a verdict only makes it work.
+
+Lengths are metres in the frame of the region.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from missions.geo.trajectory import Trajectory
+from missions.planning.kernels import swath as kernels
+from missions.planning.kernels import worth as worths
+from missions.planning.sweep.chart import Chart, Flags
+from missions.planning.sweep.far_work import worth_the_way
+from missions.planning.sweep.paths import (
+    Buffers,
+    Floats,
+    Ints,
+    Route,
+    ahead,
+    geometry,
+    path_length_m,
+    path_of,
+    segments_of,
+    within,
+)
+from missions.planning.sweep.planned_team import Flyer, Tuning, Valued
+from missions.units import GridPoint
+
+_MOST_LEAD: Final = 24  # pieces of a lead-in
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What comes of it: paths that begin now, or None where the one under way is flown on."""
+
+    paths: tuple[Trajectory | None, ...]
+    routes: tuple[Route, ...]
+    work: int
+    """Cells that are needed and not decided."""
+    cost_s: float
+
+
+@dataclass(slots=True)
+class _Search:
+    """What the kernels search in: a team, how each may begin, and the waypoints of before."""
+
+    team: kernels.Team
+    ways: kernels.Ways
+    cells: kernels.Cells
+
+    @classmethod
+    def of(cls, rows: Floats, chart: Chart, valued: Valued, coming: Ints | None) -> _Search:
+        """Nobody has begun or has waypoints yet."""
+        count, begins = len(rows), kernels.LEADS
+        worth, need, _, _ = valued
+        cover = np.zeros_like(need) if coming is None else coming.copy()
+        return cls(
+            kernels.Team(
+                rows,
+                np.zeros((count, begins, 4)),
+                np.zeros((count, begins, _MOST_LEAD, kernels.PIECE)),
+                np.zeros((count, begins), np.int64),
+                np.zeros(count),
+            ),
+            kernels.Ways(
+                np.zeros((count, kernels.MOST_WAYPOINTS, 3)),
+                np.ones(count, np.int64),
+                np.full(count, begins - 1, np.int64),
+                np.zeros(count),
+            ),
+            kernels.Cells(worth, need, cover, chart.allowed, chart.fenced, chart.grid),
+        )
+
+
+class Planner:
+    """Plans for a team; holds buffers and what it weighs, nothing of what it has planned."""
+
+    def __init__(self, tuning: Tuning) -> None:
+        self.tuning = tuning
+        self._buffers = Buffers()
+
+    def worth(
+        self, chart: Chart, root: int, frames: int, majority: int, asked: Flags | None = None
+    ) -> tuple[Floats, Ints, Ints, int]:
+        """What a frame of each cell is worth: (worth, frames needed, cells with worth, work).
+
+        Of the region that hangs together with `root`, or with -1 of all patches of it; and of
+        cells with a 1 in `asked`, whatever they may be.
+        """
+        size = chart.columns * chart.rows
+        worth, chance = np.zeros(size), np.zeros(size)
+        need, queue = np.zeros(size, np.int64), np.zeros(size, np.int64)
+        member = np.zeros(size, np.uint8)
+        tuning = self.tuning
+        work, end = worths.value(
+            chart.yes, chart.no, majority, frames, root, chart.columns, chart.rows,
+            tuning.penalty_s, tuning.prize_s, tuning.rings, tuning.least_chance, chart.closed,
+            np.zeros(size, np.uint8) if asked is None else asked,
+            worth, need, member, queue, chance,
+        )  # fmt: skip
+        return worth, need, queue[:end].copy(), work
+
+    def worth_of_all(self, chart: Chart, wanted: Flags, frames: int, majority: int) -> Valued:
+        """The same where every cell with a 1 in `wanted` is work, whatever it may be."""
+        against = frames - majority + 1
+        need = np.minimum(majority - chart.yes, against - chart.no)
+        need = np.where((wanted == 1) & (chart.closed == 0) & (need > 0), need, 0)
+        worth = np.where(need > 0, self.tuning.penalty_s / np.maximum(need, 1), 0.0)
+        cells = np.flatnonzero(need).astype(np.int64)
+        return worth, need.astype(np.int64), cells, len(cells)
+
+    def plan(
+        self,
+        chart: Chart,
+        team: Sequence[Flyer],
+        valued: Valued,
+        begin_s: float,
+        seed: int,
+        next_frame_s: Sequence[float],
+        coming: Ints | None = None,
+        tours: Sequence[Sequence[tuple[float, float, float]]] = (),
+    ) -> Plan:
+        """Paths for a team that begin at `begin_s`, where the vehicles will be by then.
+
+        `coming` are frames by cell that were taken, or will be before then, and are not counted
+        yet. `tours` are waypoints for each vehicle, the end not among them, to begin another plan
+        with; the better one is taken. The same arguments give the same plan.
+        """
+        tuning = self.tuning
+        valued = worth_the_way(tuning, chart, team, valued)
+        rows = np.stack(
+            [f.kinematics.row(tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
+        )
+        search = _Search.of(rows, chart, valued, coming)
+        for k, flyer in enumerate(team):
+            self._warm(flyer, search, k, begin_s)
+        kept_s = self._cost_of_kept(team, search, begin_s)
+        cost_s = self._improve(search, valued, seed)
+        if tours:
+            other = _Search.of(rows, chart, valued, coming)
+            for k, (flyer, tour) in enumerate(zip(team, tours, strict=True)):
+                self._warm(flyer, other, k, begin_s, tour)
+            other_s = self._improve(other, valued, seed)
+            if other_s < cost_s:
+                search, cost_s = other, other_s
+        if cost_s > kept_s - tuning.keep_s:
+            kept = tuple(flyer.route or Route(()) for flyer in team)
+            return Plan((None,) * len(team), kept, valued[3], kept_s)
+        flown = [path_of(search.team, search.ways, k, begin_s) for k in range(len(team))]
+        return Plan(
+            tuple(path for path, _ in flown), tuple(route for _, route in flown), valued[3], cost_s
+        )
+
+    def _improve(self, search: _Search, valued: Valued, seed: int) -> float:
+        """Anneal the ways of a search; returns what they cost."""
+        tuning = self.tuning
+        random = np.array([seed % 2147483646 + 1], np.int64)
+        return kernels.improve(
+            search.team, search.ways, search.cells, valued[2], tuning.moves, tuning.hot_s,
+            tuning.cold_s, self._urgent, tuning.last_share, random,
+        )  # fmt: skip
+
+    @property
+    def _urgent(self) -> float:
+        """From what worth of a frame on a cell is work."""
+        return 0.1 * self.tuning.penalty_s
+
+    def _cost_of_kept(self, team: Sequence[Flyer], search: _Search, begin_s: float) -> float:
+        """What it costs to fly on as before; infinite where somebody has nothing to fly."""
+        seen_s, rest = 0.0, []
+        cells = search.cells._replace(cover=search.cells.cover.copy())
+        for k, flyer in enumerate(team):
+            if flyer.path is None or flyer.route is None:
+                return math.inf
+            segments, room, path = segments_of(flyer.path), self._buffers, flyer.path
+            rest.append(max(0.0, path.end_s - begin_s))
+            seen_s += kernels.worth_of_rest(
+                search.team.pars[k], segments, len(segments), path.end_s - path.begin_s,
+                begin_s - path.begin_s, cells, room.hits, room.times, self._urgent,
+            )  # fmt: skip
+        last = self.tuning.last_share
+        return last * max(rest) + (1.0 - last) * sum(rest) / len(rest) - seen_s
+
+    def _warm(
+        self,
+        flyer: Flyer,
+        search: _Search,
+        k: int,
+        begin_s: float,
+        tour: Sequence[tuple[float, float, float]] | None = None,
+    ) -> None:
+        """Fill in how a vehicle can begin, and the waypoints that are left, or those of a tour."""
+        tuning, begin, ways = self.tuning, search.team, search.ways
+        left: Sequence[tuple[float, float, float]] = ()
+        path, route = flyer.path, flyer.route
+        now = None if path is None else within(path, begin_s)
+        if path is None or now is None or now.speed_m_s < kernels.SLOW:
+            place = flyer.place if now is None else GridPoint(now.x_m, now.y_m)
+            begin.starts[k, :, 0], begin.starts[k, :, 1] = place
+            begin.n_leads[k, : kernels.LEADS - 1] = -1
+            if route is not None and path is not None:
+                along_m = path_length_m(path) if now is None else now.along_m
+                left = ahead(route, along_m + 0.5)
+        else:
+            speed = begin.v0[k] = now.speed_m_s
+            pieces = geometry(path, flyer.kinematics.speed_m_s)
+            slows = (speed, tuning.turn_wide_m_s, tuning.turn_m_s, 0.0)
+            for choice, slow in enumerate(slows):
+                begin.n_leads[k, choice] = kernels.lead_in(
+                    begin.pars[k], pieces, len(pieces), now.piece, now.into_m, speed, slow,
+                    begin.leads[k, choice], begin.starts[k, choice],
+                )  # fmt: skip
+            slow_lead = begin.leads[k, kernels.LEADS - 2, : begin.n_leads[k, kernels.LEADS - 2]]
+            if route is not None:
+                left = ahead(route, now.along_m + float(slow_lead[:, kernels.P_LENGTH].sum()))
+        if tour is None:
+            left = left[-(kernels.MOST_WAYPOINTS - 1) :]
+        else:  # what does not fit comes with a later plan
+            left = tour[: kernels.MOST_WAYPOINTS // 2]
+        points = [*left, (*flyer.end, tuning.cut_m)]
+        ways.points[k, : len(points)] = points
+        ways.counts[k] = len(points)
+        if begin.v0[k] > 0.0:
+            ways.choices[k] = self._quickest_begin(search, k)
+
+    def _quickest_begin(self, search: _Search, k: int) -> int:
+        """With which lead-in the waypoints of a vehicle are flown soonest."""
+        team, ways, room = search.team, search.ways, self._buffers
+        seconds = [
+            kernels.fly(
+                team.pars[k], team.starts[k], team.leads[k], team.n_leads[k], team.v0[k], choice,
+                ways.points[k], ways.counts[k], room.pieces, room.caps, room.segments, room.reached,
+            )[2]
+            for choice in range(kernels.LEADS)
+        ]  # fmt: skip
+        return seconds.index(min(seconds))
+
+
+def flyers(team: Mapping[int, Flyer]) -> tuple[Flyer, ...]:
+    """A team in the order of its numbers."""
+    return tuple(team[number] for number in sorted(team))

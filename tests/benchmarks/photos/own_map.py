@@ -1,0 +1,294 @@
+"""How well a vehicle knows where it is by its own pictures; prints a table.
+
+    python -m tests.benchmarks.photos.own_map                 all of it, 20 flights a row
+    python -m tests.benchmarks.photos.own_map --flights 3 --rows drift,lost
+
+A flight of five minutes over the shipped world `runway`, at 12 m and 6 m/s with five pictures a
+second: lanes, and then lanes across them. Its pictures are rendered once; told positions differ
+from flight to flight.
+
+    undisturbed   alarms, which are false
+    drift         satellites wander off by 0.1 m/s from some time on: error when that is noticed
+    jump          satellites leap by 5 m: seconds until that is noticed
+    lost          dead reckoning with 2 % from some time on for 200 s: error with and without
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from missions.navigation import ToldErrors
+from missions.units import LatLon, Pose
+from sitl.body.sensors import PositionError
+from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.render import render
+from sitl.scenario import Setup
+from sitl.world.world import World
+from uavmap.load.mission_source import load
+from uavmap.runner.simulation import setup_of
+from vision.camera import Camera
+from vision.look import Frame
+from vision.own_map.ground_match import Patch, patch
+from vision.own_map.map_position import OwnMap
+
+HEIGHT_M, SPEED_M_S, SECONDS = 12.0, 6.0, 300.0
+EVERY_S = 0.2
+LANE_M, LENGTH_M = 12.0, 100.0
+SIGMAS_PER_TOLERATED = 2.0
+ALARM_LEAST_M = 0.6
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A picture as the estimate sees it, and where it was truly taken."""
+
+    t_s: float
+    east_m: float
+    north_m: float
+    patch: Patch | None
+
+
+def corners() -> Iterator[tuple[float, float]]:
+    """Lanes to the north and south, and then across them, for ever."""
+    lanes = int(LENGTH_M // LANE_M)
+    while True:
+        for k in range(lanes):
+            ends = (0.0, LENGTH_M) if k % 2 == 0 else (LENGTH_M, 0.0)
+            yield from ((k * LANE_M, end) for end in ends)
+        for k in range(lanes):
+            ends = (LENGTH_M, 0.0) if k % 2 == 0 else (0.0, LENGTH_M)
+            yield from ((end, LENGTH_M - k * LANE_M) for end in ends)
+
+
+def way(seconds: float, every_s: float) -> Iterator[tuple[float, float, float, float]]:
+    """Time, east, north and heading."""
+    ends = corners()
+    here, t_s = next(ends), 0.0
+    left_m = 0.0
+    for there in ends:
+        way_m = math.dist(here, there)
+        heading = math.atan2(there[0] - here[0], there[1] - here[1])
+        along_m = left_m
+        while along_m < way_m:
+            share = along_m / way_m
+            yield (
+                t_s,
+                here[0] + share * (there[0] - here[0]),
+                here[1] + share * (there[1] - here[1]),
+                heading,
+            )
+            t_s += every_s
+            if t_s >= seconds:
+                return
+            along_m += SPEED_M_S * every_s
+        left_m, here = along_m - way_m, there
+
+
+@lru_cache
+def flight(
+    heading_bias_deg: float, height_bias: float, seed: int, every_s: float = EVERY_S,
+    attitude_deg: float = 0.3,
+) -> tuple[Taken, ...]:  # fmt: skip
+    """The pictures of a flight; what is told of heading and height is off by so much."""
+    mission = load("runway")
+    setup = setup_of(mission, seed)
+    world = _world(setup)
+    rng = np.random.default_rng(seed)
+    start = world.plane.to_plane(LatLon(37.19755, -80.57890))
+    spec = setup.camera
+    camera = Camera(math.radians(spec.hfov_deg), spec.width_px, spec.height_px)
+    taken, lean = [], np.zeros(2)
+    for k, (t_s, east_m, north_m, heading) in enumerate(way(SECONDS, every_s)):
+        lean += 0.2 * (rng.normal(0.0, math.radians(3.0), 2) - lean)
+        height_m = HEIGHT_M + 0.2 * math.sin(t_s / 7.0)
+        frame = _frame(
+            world, spec, camera, k, t_s, (east_m + start[0], north_m + start[1]), height_m,
+            (lean[0], lean[1], heading),
+            lean + rng.normal(0.0, math.radians(attitude_deg), 2),
+            heading + math.radians(heading_bias_deg),
+            height_m * (1.0 + height_bias) + rng.normal(0.0, 0.05),
+        )  # fmt: skip
+        taken.append(Taken(t_s, east_m, north_m, patch(frame, metres_per_pixel=0.2)))
+    return tuple(taken)
+
+
+def _world(setup: Setup) -> World:
+    (vehicle, *_) = setup.build()
+    return vehicle.world
+
+
+def _frame(
+    world: World, spec: CameraSpec, camera: Camera, k: int, t_s: float, at: tuple[float, float],
+    height_m: float, attitude: tuple[float, float, float], told_lean: np.ndarray,
+    told_heading: float, told_height_m: float,
+) -> Frame:  # fmt: skip
+    shot = Shot(at[0], at[1], height_m, spec.attitude(*attitude), t_s, k)
+    data = render(world, spec, shot)
+    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
+    told = spec.attitude(float(told_lean[0]), float(told_lean[1]), told_heading)
+    return Frame(image, Pose(LatLon(0.0, 0.0), told_height_m, told), t_s, camera)
+
+
+# --- what is told -------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Told:
+    """What goes wrong, and when; `kind` is none, drift, jump or lost."""
+
+    kind: str
+    begin_s: float
+    seed: int
+    gps_sigma_m: float
+
+
+def told_errors(told: Told, taken: tuple[Taken, ...]) -> np.ndarray:
+    """Error of the told position at each picture, shape (n, 2)."""
+    rng = np.random.default_rng([told.seed, 7])
+    noise = PositionError(np.random.default_rng([told.seed, 8]), told.gps_sigma_m, 60.0)
+    for _ in range(2000):
+        noise.step(0.1)
+    bearing = rng.uniform(0.0, math.tau)
+    toward = np.array([math.sin(bearing), math.cos(bearing)])
+    scale, turn = 0.02 * rng.choice([-1.0, 1.0]), 0.02 * rng.normal()
+    errors, reckoned, before = [], None, taken[0]
+    for shot in taken:
+        for _ in range(2):
+            noise.step((shot.t_s - before.t_s) / 2.0 if shot is not before else 0.1)
+        error = np.array([noise.east, noise.north])
+        since_s = shot.t_s - told.begin_s
+        if since_s >= 0.0 and told.kind == "drift":
+            error = error + 0.1 * since_s * toward
+        elif since_s >= 0.0 and told.kind == "jump":
+            error = error + 5.0 * toward
+        elif since_s >= 0.0 and told.kind == "lost":
+            step = np.array([shot.east_m - before.east_m, shot.north_m - before.north_m])
+            reckoned = error if reckoned is None else reckoned
+            across = np.array([-step[1], step[0]])
+            wander = rng.normal(0.0, 0.03 * math.sqrt(max(shot.t_s - before.t_s, 0.0)), 2)
+            reckoned = reckoned + scale * step + turn * across + wander
+            error = reckoned
+        errors.append(error)
+        before = shot
+    return np.array(errors)
+
+
+@dataclass
+class Outcome:
+    """Of one flight."""
+
+    alarm_s: float | None = None
+    alarm_error_m: float = math.nan
+    estimate_m: list[float] = field(default_factory=list)
+    told_m: list[float] = field(default_factory=list)
+    nees: list[float] = field(default_factory=list)
+    ms: list[float] = field(default_factory=list)
+    worst_lead: float = -math.inf
+
+
+def flown(told: Told, taken: tuple[Taken, ...], check_every: int = 5) -> Outcome:
+    """One flight; ends at an alarm."""
+    errors = told_errors(told, taken)
+    own = OwnMap(ToldErrors(satellites_m=max(0.3, told.gps_sigma_m), pointing_m=0.08))
+    tolerated_m = max(ALARM_LEAST_M, SIGMAS_PER_TOLERATED * told.gps_sigma_m)
+    out = Outcome()
+    for k, (shot, error) in enumerate(zip(taken, errors, strict=True)):
+        trusted = not (told.kind == "lost" and shot.t_s >= told.begin_s)
+        if told.kind == "lost" and shot.t_s >= told.begin_s + 200.0:
+            break
+        place = (shot.east_m + error[0], shot.north_m + error[1])
+        begin = time.process_time()
+        estimate = own.take(shot.t_s, shot.patch, place, trusted)
+        out.ms.append(1e3 * (time.process_time() - begin))
+        off = np.array(estimate.error_m) - error
+        out.estimate_m.append(float(np.hypot(*off)))
+        out.told_m.append(float(np.hypot(*error)))
+        out.nees.append(float(off @ off) / estimate.sigma_m**2 / 2.0)
+        if told.kind != "lost" and k % check_every == 0:
+            said = own.disagreement()
+            out.worst_lead = max(out.worst_lead, said.least_m - tolerated_m)
+            if said.wrong(tolerated_m):
+                out.alarm_s, out.alarm_error_m = shot.t_s, float(np.hypot(*error))
+                break
+    return out
+
+
+def _row(kind: str, sigma_m: float, bias: float, height: float, flights: int) -> str:
+    taken = flight(bias, height, 1)
+    begin = time.perf_counter()
+    outs = []
+    for seed in range(flights):
+        latest_s = 95.0 if kind == "lost" else 240.0
+        begin_s = float(np.random.default_rng([seed, 9]).uniform(40.0, latest_s))
+        outs.append((begin_s, flown(Told(kind, begin_s, seed, sigma_m), taken)))
+    ms = np.concatenate([o.ms for _, o in outs])
+    cost = f"; {np.mean(ms):.1f} ms, p95 {np.percentile(ms, 95):.1f} ({_since_s(begin):.0f} s)"
+    told = {"none": _undisturbed, "lost": _lost}.get(kind, _lied)
+    return f"{kind:6s} {sigma_m:4.1f} {bias:3.0f} {height:5.2f}  " + told(outs) + cost
+
+
+def _since_s(begin: float) -> float:
+    return time.perf_counter() - begin
+
+
+def _undisturbed(outs: list[tuple[float, Outcome]]) -> str:
+    alarms = sum(o.alarm_s is not None for _, o in outs)
+    nees = np.mean(np.concatenate([o.nees for _, o in outs]))
+    rms, told = (
+        np.sqrt(np.mean(np.square(np.concatenate(values))))
+        for values in ([o.estimate_m for _, o in outs], [o.told_m for _, o in outs])
+    )
+    lead = max(o.worst_lead for _, o in outs)
+    return f"alarms {alarms}, worst lead {lead:.2f}, rms {rms:.2f} told {told:.2f}, NEES {nees:.2f}"
+
+
+def _lost(outs: list[tuple[float, Outcome]]) -> str:
+    corrected, told, nees = (
+        np.concatenate([getattr(o, name)[-999:] for _, o in outs])
+        for name in ("estimate_m", "told_m", "nees")
+    )
+    texts = [
+        f"{name} p50 {np.median(v):.2f} p95 {np.percentile(v, 95):.2f} max {v.max():.2f}"
+        for name, v in (("corrected", corrected), ("told", told))
+    ]
+    return ", ".join((*texts, f"NEES {np.mean(nees):.2f}"))
+
+
+def _lied(outs: list[tuple[float, Outcome]]) -> str:
+    early = sum(o.alarm_s is not None and o.alarm_s < b for b, o in outs)
+    late = [
+        (o.alarm_s - b, o.alarm_error_m)
+        for b, o in outs
+        if o.alarm_s is not None and o.alarm_s >= b
+    ]
+    if not late:
+        return f"false {early}, found none"
+    seconds, at = (np.array(values) for values in zip(*late, strict=True))
+    return (
+        f"false {early}, found {len(late)}, after median {np.median(seconds):.1f} max "
+        f"{seconds.max():.1f} s, error there median {np.median(at):.2f} max {at.max():.2f} m"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("--flights", type=int, default=20)
+    parser.add_argument("--rows", default="none,drift,jump,lost")
+    parser.add_argument("--sigmas", default="0.3,1.5")
+    parser.add_argument("--biases", default="0,2")
+    args = parser.parse_args()
+    for kind in args.rows.split(","):
+        for sigma in args.sigmas.split(","):
+            for bias in args.biases.split(","):
+                height = 0.02 if float(bias) else 0.0
+                print(_row(kind, float(sigma), float(bias), height, args.flights), flush=True)
+
+
+if __name__ == "__main__":
+    main()

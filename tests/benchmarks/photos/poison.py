@@ -1,0 +1,185 @@
+"""Flights while somebody forges the vehicle's frames: `python -m tests.benchmarks.photos.poison`.
+
+    [--flights 6] [--frames 10000] [--kinds random poisoned strangers] [--workers 1]
+
+During a whole simulated flight frames are fed into the session beside the vehicle's own: `random`
+ones of any type and value, `poisoned` ones of the types that are read with the worst values, both
+with the vehicle's own ids, and `strangers`' with other ids and components. Who forges a heartbeat
+in another mode can make the mission stand aside, which is no fault: it cannot be told from a pilot.
+Forged announcements name pictures on other hosts and of other kinds. The exit status is 1 after a
+traceback, a flight without an end, an aircraft in the air at its end, any attempt to reach a host,
+or when the process needed more than 500 MB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import functools
+import random
+import resource
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+import uavmap.runner.simulation
+from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
+from tests.support.hostile import Hostile
+from uavmap.aircraft.imaging.http_pictures import PictureFetcher
+
+KINDS = ("random", "poisoned", "strangers")
+READ = (
+    "HEARTBEAT", "GLOBAL_POSITION_INT", "HOME_POSITION", "SYS_STATUS", "BATTERY_STATUS",
+    "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT", "ATTITUDE", "AUTOPILOT_VERSION", "STATUSTEXT",
+    "COMMAND_ACK", "CAMERA_IMAGE_CAPTURED",
+)  # fmt: skip
+URLS = (
+    "http://203.0.113.7/one.jpg", "http://localhost:9/one.jpg", "file:///etc/passwd",
+    "http://[::1]:9/one.jpg", "http://203.0.113.7:99999/", "ftp://203.0.113.7/one.jpg", "sim://1/0",
+)  # fmt: skip
+HOSTS = ("192.0.2.1",)
+"""Named in the mission; nobody forges this one."""
+MOST_MB = 500
+BURST_S = 0.1
+LASTS_S = {"tiny": 180.0, "speck": 75.0}
+"""About how long an undisturbed flight of a mission is."""
+FORBIDDEN = frozenset({"air", "end", "tb", "lie"})
+
+Job = tuple[str, int, int, str]
+
+
+class Forger:
+    """A source of forged frames, the same for the same seed."""
+
+    def __init__(self, kind: str, seed: int) -> None:
+        self._kind = kind
+        self._rng = random.Random(seed)
+        self._hostile = Hostile(seed)
+
+    def frame(self) -> bytes:
+        """The next one."""
+        rng, kind = self._rng, self._kind
+        if kind == "strangers":
+            system, component = rng.choice(((1, 180), (1, 2), (1, 25), (2, 1), (77, 1), (255, 190)))
+            message = self._read() if rng.random() < 0.5 else self._any()
+        else:
+            system, component = 1, rng.choice((1, 1, 1, 100))
+            message = self._read() if kind == "poisoned" else self._any()
+        return bytes(message.pack(mav.MAVLink(None, srcSystem=system, srcComponent=component)))
+
+    def _any(self) -> Any:
+        return self._hostile._fill(self._hostile._any_type(), wrong_target=False)
+
+    def _read(self) -> Any:
+        name = self._rng.choice(READ)
+        if name == "CAMERA_IMAGE_CAPTURED" and self._rng.random() < 0.7:
+            return self._announcement()
+        kind = mav.mavlink_map[getattr(mav, f"MAVLINK_MSG_ID_{name}")]
+        return self._hostile._fill(kind, wrong_target=False)
+
+    def _announcement(self) -> Any:
+        """Of a picture that looks right, but for where it is."""
+        index, url = self._rng.randrange(500), self._rng.choice(URLS).encode()
+        down = [0.7071068, 0.0, -0.7071068, 0.0]
+        return mav.MAVLink_camera_image_captured_message(
+            1000 * index, 0, 1, 473000000, 85000000, 500000, 12000, down, index, 1, url
+        )
+
+
+@contextlib.contextmanager
+def forging(kind: str, seed: int, frames: int, lasts_s: float) -> Iterator[None]:
+    """While the context lasts, sessions of simulations hear a forger, too."""
+    before = uavmap.runner.simulation.Simulation
+    fetcher = PictureFetcher(lambda: HOSTS)
+
+    class Forged(before):  # type: ignore[misc, valid-type]
+        async def run(self) -> None:
+            forger = Forger(kind, seed)
+            burst = max(round(frames * BURST_S / lasts_s), 1)
+
+            async def forge() -> None:
+                for _ in range(frames // burst):
+                    for session in self._sessions.values():
+                        for _ in range(burst):
+                            session.feed(forger.frame())
+                    await asyncio.sleep(BURST_S)
+
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(forge())
+                await super().run()
+
+        async def fetch(self, url: str) -> bytes:
+            if url.startswith("sim://"):
+                return bytes(await super().fetch(url))
+            return await fetcher(url)
+
+    uavmap.runner.simulation.Simulation = Forged  # type: ignore[misc]
+    try:
+        yield
+    finally:
+        uavmap.runner.simulation.Simulation = before  # type: ignore[misc]
+
+
+class Network:
+    """Counts what this process tries to reach. There is no way to stop listening."""
+
+    def __init__(self) -> None:
+        self.reached: list[str] = []
+        sys.addaudithook(self._heard)
+
+    def _heard(self, event: str, arguments: tuple[object, ...]) -> None:
+        if event in ("socket.connect", "socket.getaddrinfo", "socket.sendto", "urllib.Request"):
+            self.reached.append(f"{event} {arguments[-1]}")
+
+
+@functools.cache
+def network() -> Network:
+    """The one of this process."""
+    return Network()
+
+
+def fly(job: Job) -> tuple[Flown, float, tuple[str, ...]]:
+    """One flight, the memory in MB that the process needed so far, and whom it tried to reach."""
+    kind, seed, frames, mission = job
+    network().reached.clear()
+    with forging(kind, seed, frames, LASTS_S[mission]):
+        flight = flown(f"{kind} seed {seed}", mission_text(mission), seed)
+    used_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return flight, used_mb, tuple(network().reached)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fly and print."""
+    parser = argparse.ArgumentParser(description="Flights while somebody forges frames.")
+    parser.add_argument("--flights", type=int, default=6, help="a kind")
+    parser.add_argument("--frames", type=int, default=10_000, help="a flight")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--mission", choices=sorted(LASTS_S), default="tiny")
+    options = parser.parse_args(arguments)
+    jobs = [
+        (kind, seed, options.frames, options.mission)
+        for kind in options.kinds
+        for seed in range(1, options.flights + 1)
+    ]
+    rows, most_mb, requests = [], 0.0, 0
+    with ProcessPoolExecutor(options.workers) as pool:
+        for (kind, *_), (flight, used_mb, reached) in zip(jobs, pool.map(fly, jobs), strict=True):
+            rows.append((kind, flight))
+            most_mb = max(most_mb, used_mb)
+            requests += len(reached)
+            print(f"{used_mb:.0f} MB {flight.line()}", *reached[:3], flush=True)
+            if flight.columns & {"tb", "end"}:
+                print(flight.raised, flush=True)
+    print(table(rows), EXPLAINED, sep="\n\n")
+    print(f"{options.frames} frames a flight, at most {most_mb:.0f} MB, {requests} requests")
+    wrong = any(flight.columns & FORBIDDEN for _, flight in rows)
+    return int(wrong or most_mb > MOST_MB or requests > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+"""How fast a replay is beside the decoder, how much memory it takes, and what damage does to it.
+
+python -m tests.benchmarks.photos.replay rate FOLDER        pictures a second, beside decoding alone
+python -m tests.benchmarks.photos.replay rate FOLDER --refine on  the same, by refined poses
+python -m tests.benchmarks.photos.replay results FOLDER           seconds after the last picture
+python -m tests.benchmarks.photos.replay memory               1,000, 3,000 and 10,000 small pictures
+python -m tests.benchmarks.photos.replay memory --pictures 5000   so many, over as much more ground
+python -m tests.benchmarks.photos.replay memory --around 300    all over the ground of the first 300
+python -m tests.benchmarks.photos.replay fuzz PICTURE 1000       damaged copies: no crash, no memory
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from missions.errors import ImageError
+from missions.flight.setting import Setting
+from tests.benchmarks.photos.many_pictures import write_survey
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL
+from uavmap.load.mission_source import mission_of_text
+from uavmap.output import documents
+from uavmap.photos.ground.rasters import Wishes
+from uavmap.photos.mission_from_photos import derived
+from uavmap.photos.picture_replay import Options, look_at_all
+from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.replay_job import journal_meta
+from uavmap.photos.sources.inventory import Gathered, gather
+from uavmap.photos.sources.photo_file import decoded, read_photo
+from uavmap.photos.sources.picture_record import Refused
+from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.verdict_spool import Spool
+from uavmap.photos.workers import Threads, in_order, worker_count
+
+WIDTH_PX = 1000
+
+
+def mutations(data: bytes, count: int, seed: int = 1) -> Iterator[bytes]:
+    """Copies of a picture's bytes with damage: bytes changed, parts cut, doubled or swapped."""
+    rng = random.Random(seed)
+    for number in range(count):
+        bad = bytearray(data)
+        kind = number % 5
+        if kind == 0:
+            for _ in range(rng.randint(1, 40)):
+                bad[rng.randrange(len(bad))] = rng.randrange(256)
+        elif kind == 1:  # the head: tags, tables, sizes
+            for _ in range(rng.randint(1, 20)):
+                bad[rng.randrange(min(len(bad), 4000))] = rng.choice((0, 0xFF, rng.randrange(256)))
+        elif kind == 2:
+            del bad[rng.randrange(len(bad)) :]
+        elif kind == 3:
+            at, length = rng.randrange(len(bad)), rng.randint(1, 20_000)
+            del bad[at : at + length]
+        else:
+            at, length = rng.randrange(len(bad)), rng.randint(1, 20_000)
+            bad[at:at] = bad[at : at + length]
+        yield bytes(bad)
+
+
+def survives(data: bytes, path: Path) -> str:
+    """What becomes of damaged bytes: `tags` refused, `pixels` refused, or `used`."""
+    path.write_bytes(data)
+    found = read_photo(path, path.name)
+    if isinstance(found, Refused):
+        return "tags"
+    credible([found])
+    try:
+        decoded(data, WIDTH_PX)
+    except ImageError:
+        return "pixels"
+    return "used"
+
+
+def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
+    """Wall and CPU seconds of both passes."""
+    setting = Setting.of(mission_of_text(derived(gathered), "derived"))
+    begun, used = time.perf_counter(), time.process_time()
+    with Spool() as spool:
+        look_at_all(gathered, setting, spool, Options(Threads(workers)))
+    return time.perf_counter() - begun, time.process_time() - used
+
+
+def peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def _rate(folder: Path, refine: str) -> None:
+    gathered = gather(open_source(folder))
+    if refine == "on":  # beforehand: what is measured is the replay that follows
+        better = refined(gathered, None)
+        gathered = gathered if better is None else better.gathered
+    pictures = [v for v in credible(gathered.pictures) if isinstance(v, Placed)]
+    for workers in sorted({1, worker_count()}):
+        for _ in range(3):
+            begun, used = time.perf_counter(), time.process_time()
+            for _ in in_order(lambda p: p.picture.decode(WIDTH_PX), pictures, workers):
+                pass
+            wall, cpu = time.perf_counter() - begun, time.process_time() - used
+            ours_wall, ours_cpu = looked(gathered, workers)
+            print(
+                f"{workers} workers: decoding {wall:.2f} s ({cpu:.2f} s CPU), replay "
+                f"{ours_wall:.2f} s ({ours_cpu:.2f} s CPU): {cpu / ours_cpu:.2f} of its rate by CPU"
+            )
+
+
+def _memory(counts: list[int], refine: str, around: int | None) -> None:
+    """Peak memory of whole replays, each in a process of its own, boundary and rasters included."""
+    print("pictures      s  peak MB  cells  ortho.tif, MB", flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        for count in counts:
+            photographs, out = Path(name) / f"{count}", Path(name) / f"{count}-map"
+            photographs.mkdir()
+            write_survey(photographs, count, around)
+            line = [sys.executable, "-m", "uavmap", "replay", str(photographs), "--refine", refine]
+            begun = time.perf_counter()
+            process = subprocess.Popen([*line, "--out", str(out)], stdout=subprocess.DEVNULL)
+            _, status, used = os.wait4(process.pid, 0)
+            summary = json.loads((out / "summary.json").read_text("utf-8"))
+            ortho = out / "ortho.tif"
+            print(
+                f"{count:8} {time.perf_counter() - begun:6.0f} {used.ru_maxrss / 1024:8.0f} "
+                f"{summary['cells_seen']:6} {ortho.stat().st_size / 1e6:10.0f}"
+                + (f"  exit {os.waitstatus_to_exitcode(status)}" if status else ""),
+                flush=True,
+            )
+            shutil.rmtree(photographs)
+            shutil.rmtree(out)
+
+
+def _results(path: Path, often: int) -> None:
+    """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
+    gathered = gather(open_source(path))
+    mission = mission_of_text(derived(gathered), "derived")
+    setting = Setting.of(mission)
+    documents.load()  # a replay does so while it looks at pictures
+    for _ in range(often):
+        with tempfile.TemporaryDirectory() as name, Spool() as spool:
+            folder = Path(name)
+            judged = look_at_all(gathered, setting, spool, Options())
+            meta = journal_meta(mission, "derived", str(path)) | judged.taken()
+            times = [(time.perf_counter(), time.process_time())]
+            with Journal.create(folder / JOURNAL, meta) as journal:
+                judged.written(journal, folder)
+            times.append((time.perf_counter(), time.process_time()))
+            judged.write_rasters(folder, Wishes())
+            times.append((time.perf_counter(), time.process_time()))
+            (wall, cpu), (tiff_wall, tiff_cpu) = np.diff(times, axis=0).tolist()
+            print(
+                f"results {wall:.2f} s ({cpu:.2f} s CPU), GeoTIFFs {tiff_wall:.1f} s "
+                f"({tiff_cpu:.1f} s CPU)",
+                flush=True,
+            )
+
+
+def fuzz_pictures(path: Path, count: int) -> None:
+    """Print what becomes of damaged copies, and the memory that it took."""
+    data, outcomes = path.read_bytes(), Counter[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        for bad in mutations(data, count):
+            outcomes[survives(bad, Path(folder) / "bad.jpg")] += 1
+    print(f"{count} mutations: {dict(outcomes)}, peak {peak_mb():.0f} MB")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("rate", "results", "memory", "fuzz"))
+    parser.add_argument("path", type=Path, nargs="?")
+    parser.add_argument("count", type=int, nargs="?", default=1000)
+    parser.add_argument("--pictures", type=int, nargs="+", default=[1000, 3000, 10_000])
+    parser.add_argument("--around", type=int)
+    parser.add_argument("--refine", choices=("on", "off"), default="off")
+    options = parser.parse_args()
+    if options.what == "memory":
+        _memory(options.pictures, options.refine, options.around)
+        return 0
+    if options.path is None:
+        parser.error(f"{options.what} needs pictures")
+    if options.what == "rate":
+        _rate(options.path, options.refine)
+    elif options.what == "results":
+        _results(options.path, 5)
+    else:
+        fuzz_pictures(options.path, options.count)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""A drill for a set that nobody has seen: photographs that tell their positions and little else.
+
+    python -m tests.benchmarks.photos.unseen [SEED ...]         about a minute a seed
+
+Of Brighton Beach: no heading, no height, no gimbal in the tags; each exposed up to a stop more or
+less than it was, and taken from up to 20 % higher or lower (cut out of the photograph, which was
+then taken from so much higher). Three of them are painted, `uavmap tune` learns, `uavmap replay`
+maps without a mission file, and the cells of the map are held against the truth.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ExifTags, Image
+
+from missions.geo.grid import Grid
+from missions.units import Cell
+from tests.benchmarks.photos import brighton
+from tests.benchmarks.photos.detectors import region_share
+from uavmap.load.mission_source import load
+from uavmap.output.facts.map_model import NOT_ROI
+from uavmap.photos.tune.metrics import Counts
+from uavmap.ui.cli import main as uavmap
+
+SEEDS = (1, 2, 3, 4)
+STOPS = 1.0
+HEIGHTS = 0.2
+WIDTH_PX, HEIGHT_PX = 2000, 1125
+PAINTED = 3
+
+
+def drill(seed: int, folder: Path) -> Counts:
+    """One set, learned and mapped."""
+    rng = np.random.default_rng(seed)
+    photos, painted = folder / "photos", folder / "painted"
+    for new in (photos, painted):
+        new.mkdir()
+    names = brighton.names()
+    chosen = set(rng.choice(names, PAINTED, replace=False).tolist())
+    for name in names:
+        part = rng.uniform(1.0 - HEIGHTS, 1.0 + HEIGHTS) / (1.0 + HEIGHTS)
+        stops = rng.uniform(-STOPS, STOPS)
+        write(name, photos / f"{name}.jpg", part, stops)
+        if name in chosen:
+            truth = brighton.truth(name).astype(np.uint8) * 255
+            cv2.imwrite(str(painted / f"{name}.png"), cut(truth, part, (500, 281)))
+    eyes, out = folder / "eyes", folder / "map"
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        learned = uavmap(["tune", str(photos), "--examples", str(painted), "--out", str(eyes)])
+        made = uavmap(["replay", str(photos), "--detector", str(eyes), "--out", str(out)])
+    if learned or made:
+        raise SystemExit(f"seed {seed}: the drill has failed\n{said.getvalue()}")
+    return counted(out)
+
+
+def cut(image: NDArray[np.uint8], part: float, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """The middle of a picture, at a size."""
+    rows, columns = image.shape[:2]
+    matrix = np.array(
+        [
+            [part * columns / size[0], 0.0, (1.0 - part) * columns / 2.0],
+            [0.0, part * rows / size[1], (1.0 - part) * rows / 2.0],
+        ]
+    )
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpAffine(image, matrix, size, flags=flags), np.uint8)
+
+
+def write(name: str, path: Path, part: float, stops: float) -> None:
+    """A photograph, cut and exposed anew, that tells where and when, and a focal length."""
+    with Image.open(brighton.PHOTOGRAPHS / f"{name}.JPG") as photo:
+        tags = photo.getexif()
+        place, detail = tags.get_ifd(ExifTags.IFD.GPSInfo), tags.get_ifd(ExifTags.IFD.Exif)
+        image = np.asarray(photo.convert("RGB"))
+    linear = (np.arange(256) / 255.0) ** 2.2 * 2.0**stops
+    levels = np.clip(255.0 * linear ** (1 / 2.2), 0, 255).round().astype(np.uint8)
+    exif = Image.Exif()
+    exif.get_ifd(ExifTags.IFD.GPSInfo).update({tag: place[tag] for tag in (1, 2, 3, 4)})
+    told = exif.get_ifd(ExifTags.IFD.Exif)
+    told[ExifTags.Base.DateTimeOriginal] = detail[ExifTags.Base.DateTimeOriginal]
+    # one lens, as if all were cut alike; what differs is the height
+    told[ExifTags.Base.FocalLengthIn35mmFilm] = round(20 * (1.0 + HEIGHTS))
+    made = Image.fromarray(cut(levels[image], part, (WIDTH_PX, HEIGHT_PX)))
+    made.save(path, "JPEG", quality=90, exif=exif)
+
+
+def counted(out: Path) -> Counts:
+    """The cells of a map against the truth."""
+    mission = load(str(out / "mission.toml"))
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    roi, there = set(), set()
+    for feature in json.loads((out / "map.geojson").read_text("utf-8"))["features"]:
+        told = feature["properties"]
+        if told["kind"] != "cell":
+            continue
+        cell = Cell(told["column"], told["row"])
+        if told["state"] not in NOT_ROI:
+            roi.add(cell)
+        if region_share(grid, cell) >= 0.5:
+            there.add(cell)
+    return Counts(len(roi & there), len(roi - there), len(there - roi))
+
+
+def main(seeds: tuple[int, ...]) -> int:
+    """Print a line for each seed."""
+    if not brighton.there():
+        print(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
+        return 2
+    print("seed  precision recall IoU (cells)")
+    for seed in seeds:
+        with tempfile.TemporaryDirectory() as folder:
+            found = drill(seed, Path(folder))
+        print(f"{seed:4}  {found.precision:9.3f} {found.recall:6.3f} {found.iou:5.3f}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(tuple(map(int, sys.argv[1:])) or SEEDS))

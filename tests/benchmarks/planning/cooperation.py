@@ -1,0 +1,178 @@
+"""Robots that watch each other, on many random polygons with holes; prints what was found.
+
+    python -m tests.benchmarks.planning.cooperation         1000 polygons, Table 1, errors of places
+    python -m tests.benchmarks.planning.cooperation --polygons 50
+
+Every polygon is explored in stripes (by two robots with triangles or diamonds, or by a column of
+three to five) and in triangles. Of each exploration it is asked whether every looked-at point and
+corner was within range and sight of some robot, whether a standing one always saw who moved, and
+whether nothing was mapped before it was seen. The exit code is 1 where anything failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from missions.lab.cooperation import trapezoids, triangulation
+from missions.lab.cooperation.exploration import Exploration
+from missions.lab.cooperation.seen import unseen, unwatched
+from missions.lab.cooperation.space import Space
+from missions.lab.cooperation.tracking import Noise, followed, legs_of
+from missions.lab.cooperation.trapezoids import Cover, Pattern
+from tests.support.polygons import random_space, random_start
+from uavmap.lab.studies.two_robots import Covering, covered
+
+POINTS = 120
+SPACING = 1.0 / 20.0
+"""Of the range, between two places of a robot at which sight is looked at."""
+BORDER_M = 3.0
+
+
+def in_stripes(space: Space, seed: int) -> Exploration:
+    """A pattern by chance."""
+    rng = np.random.default_rng((seed, 1))
+    robots = int(rng.integers(2, 6))
+    cover = Cover.DIAMONDS if robots == 2 and rng.random() < 0.5 else Cover.TRIANGLES
+    theta = math.radians(rng.uniform(10.0, 120.0))
+    pattern = Pattern(float(rng.uniform(5.0, 25.0)), theta, robots, cover)
+    return trapezoids.explore(space, random_start(space, seed), pattern)
+
+
+def in_triangles(space: Space, seed: int) -> Exploration:
+    """With a range that just covers the ground."""
+    return triangulation.explore(space, random_start(space, seed), space.diameter_m)
+
+
+def points_in(space: Space, seed: int, wanted: int) -> NDArray[np.float64]:
+    """Points in a ground, and its corners."""
+    west, south, east, north = space.polygon.bounds
+    some = np.random.default_rng((seed, 2)).uniform((west, south), (east, north), (8 * wanted, 2))
+    inside = some[shapely.contains_xy(space.polygon, some)][:wanted]
+    return np.vstack([inside, np.array(space.corners)])
+
+
+def mapped_unseen(exploration: Exploration, pieces: int) -> int:
+    """How many of some pieces had a point of the border unseen when they were mapped."""
+    count = 0
+    step = max(len(exploration.pieces) // pieces, 1)
+    for piece in exploration.pieces[::step]:
+        ring = shapely.LinearRing(piece.outline).segmentize(BORDER_M)
+        until = replace(exploration, moves=exploration.moves[: piece.moves])
+        spacing_m = exploration.range_m * SPACING
+        count += bool(len(unseen(until, shapely.get_coordinates(ring), spacing_m)))
+    return count
+
+
+def faults(exploration: Exploration, seed: int, points: int = POINTS, pieces: int = 4) -> list[str]:
+    """What is wrong with an exploration."""
+    found = []
+    space, spacing_m = exploration.space, exploration.range_m * SPACING
+    if exploration.figures().missed_m2 > 1e-6 * space.area_m2:
+        found.append("area missing from the map")
+    if len(unseen(exploration, points_in(space, seed, points), spacing_m)):
+        found.append("points unseen")
+    if unwatched(exploration, exploration.range_m / 5.0):
+        found.append("a robot moved unwatched")
+    if mapped_unseen(exploration, pieces):
+        found.append("mapped before it was seen")
+    return found
+
+
+def many(polygons: int) -> bool:
+    """Explore them; returns whether all is well."""
+    failed: Counter[str] = Counter()
+    holes = corners = 0
+    begin_s = said_s = time.monotonic()
+    for seed in range(polygons):
+        space = random_space(seed)
+        holes, corners = holes + len(space.rings) - 1, corners + len(space.corners)
+        for name, explore in (("stripes", in_stripes), ("triangles", in_triangles)):
+            try:
+                wrong = faults(explore(space, seed), seed)
+            except Exception as error:  # counted, and the next polygon is looked at
+                wrong = [f"{type(error).__name__}: {error}"]
+            for what in wrong:
+                failed[f"{name}: {what}"] += 1
+                print(f"polygon {seed}, {name}: {what}")
+        if time.monotonic() - said_s > 30.0:
+            said_s = time.monotonic()
+            print(f"{seed + 1} of {polygons}", file=sys.stderr)
+    took_s = time.monotonic() - begin_s
+    print(
+        f"{polygons} polygons, {corners / polygons:.1f} corners and {holes / polygons:.1f} holes "
+        f"each: {sum(failed.values())} faults ({took_s:.0f} s)"
+    )
+    return not failed
+
+
+def table_1() -> None:
+    """The rectangles of the study."""
+    print("covering   theta  path off %  steps off %  turns off % (corrected)")
+    for cover in Cover:
+        for theta in (20, 60, 90, 120):
+            row = covered(Covering(cover, theta, 20, 100))
+            said = row.formula
+            off = [
+                100.0 * (ours / theirs - 1.0)
+                for ours, theirs in (
+                    (row.path_m, said.path_m),
+                    (row.steps, said.steps),
+                    (row.turns, said.turns_corrected),
+                )
+            ]
+            print(f"{cover:10} {theta:5} {off[0]:11.2f} {off[1]:12.2f} {off[2]:12.2f}")
+
+
+def places(runs: int) -> None:
+    """Errors of places, watched and alone, for trackers of several qualities."""
+    hall = Space([(0, 0), (80, 0), (80, 80), (0, 80)])
+    exploration = trapezoids.explore(hall, (0.0, 0.0), Pattern(10.0, math.radians(60.0)))
+    legs = list(legs_of(exploration))
+    # Wilson and Hilferty's approximation of chi square, for the mean of as many runs
+    free = 3.0 * runs
+    low, high = (
+        3.0 * (1.0 - 2.0 / (9.0 * free) + z * math.sqrt(2.0 / (9.0 * free))) ** 3
+        for z in (-1.96, 1.96)
+    )
+    print(
+        f"80 m square, {exploration.figures().path_m:.0f} m, {runs} runs; 95 % of means of NEES lie"
+    )
+    print(f"between {low:.2f} and {high:.2f}")
+    print("tracker    watched m  alone m  ratio  NEES watched  alone (robot 1)")
+    for degrees in (0.02, 0.05, 0.1, 0.2, 0.5):
+        noise = replace(
+            Noise(), bearing_rad=math.radians(degrees), heading_rad=math.radians(degrees)
+        )
+        ends = [followed(exploration, noise, seed, legs=legs) for seed in range(runs)]
+        watched, alone = (
+            math.sqrt(np.mean([pair[which].error_m(0) ** 2 for pair in ends])) for which in (0, 1)
+        )
+        nees = [np.mean([pair[which].nees(0) for pair in ends]) for which in (0, 1)]
+        print(
+            f"{degrees:4.2f} deg {watched:12.3f} {alone:8.2f} {alone / watched:6.1f} "
+            f"{nees[0]:13.2f} {nees[1]:6.2f}"
+        )
+
+
+def main() -> int:
+    """Print it all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--polygons", type=int, default=1000)
+    parser.add_argument("--runs", type=int, default=200)
+    options = parser.parse_args()
+    table_1()
+    places(options.runs)
+    return 0 if many(options.polygons) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

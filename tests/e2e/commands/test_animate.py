@@ -1,0 +1,135 @@
+"""`uavmap animate`: from the folder of a flight to its film and its tree."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from tests.e2e.conftest import Flight
+from tests.e2e.rig import uavmap
+from uavmap.journal.flight_plan import JOURNAL
+from uavmap.output.drawing.palette import STATES, track_colour
+from uavmap.output.film.film import FPS, LONGEST_S
+from uavmap.ui.cli import main
+
+
+@pytest.fixture
+def folder(tiny: Flight, tmp_path: Path) -> Path:
+    """A folder with the journal of a flight, and nothing else."""
+    place = tmp_path / "flight"
+    place.mkdir()
+    shutil.copy(tiny.folder / JOURNAL, place)
+    return place
+
+
+def colours(path: Path, frame: int = 0) -> set[tuple[int, int, int]]:
+    with Image.open(path) as picture:
+        picture.seek(frame)
+        found = picture.convert("RGB").getcolors(maxcolors=1 << 20)
+    assert found is not None
+    return {colour for _, colour in found if isinstance(colour, tuple)}
+
+
+def test_a_flight_becomes_a_film_and_a_tree(folder, tiny):
+    done = uavmap("animate", folder)
+    assert (done.code, done.out) == (0, "")
+    assert sorted(path.name for path in folder.iterdir()) == ["flight.gif", JOURNAL, "tree.png"]
+    with Image.open(folder / "flight.gif") as film:
+        frames = film.n_frames
+    assert 20 < frames <= LONGEST_S * FPS
+    shown = colours(folder / "flight.gif", frame=frames - 1)
+    assert STATES["explored"] in shown
+    assert STATES["unexplored"] not in colours(folder / "tree.png") - shown
+    assert track_colour(1) in colours(folder / "flight.gif", frame=frames // 2)
+    before = (folder / "flight.gif").read_bytes(), (folder / "tree.png").read_bytes()
+    assert main(["animate", str(folder)]) == 0  # and the same again, byte for byte
+    assert before == ((folder / "flight.gif").read_bytes(), (folder / "tree.png").read_bytes())
+
+
+def test_what_is_asked_for_and_no_more(folder, tmp_path, tiny, capsys):
+    film, tree = tmp_path / "film.mp4", tmp_path / "tree.svg"
+    assert main(["animate", str(folder), "--animate", str(film), "--tree", str(tree)]) == 0
+    assert film.stat().st_size > 10_000
+    text = tree.read_text("utf-8")
+    assert f"{tiny.summary['vertices']} vertices" in text
+    assert f"depth_T = {tiny.summary['tree_depth']}" in text
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+    err = capsys.readouterr().err
+    assert str(film) in err
+    assert str(tree) in err
+
+
+def test_a_drifting_region_is_shown_at_rest(drift, tmp_path):
+    assert main(["animate", str(drift.folder), "--animate", str(tmp_path / "film.gif")]) == 0
+    with Image.open(tmp_path / "film.gif") as film:
+        frames = film.n_frames
+    assert STATES["explored"] in colours(tmp_path / "film.gif", frame=frames - 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (["--animate", "film.webm"], "must end in .gif or .mp4"),
+        (["--tree", "tree.gif"], "must end in .png or .svg"),
+        (["--animate", "no/such/folder/film.gif"], "there is no folder"),
+        (["--tree", "."], "must end in"),
+    ],
+)
+def test_bad_names_are_refused_in_a_line(folder, options, why, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert main(["animate", str(folder), *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("uavmap: ")
+    assert why in line
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+
+
+def test_names_without_a_folder_go_where_they_are_asked_for(folder, tmp_path, monkeypatch, capsys):
+    """By themselves where you are, as with any program; with -o elsewhere."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    monkeypatch.chdir(here)
+    assert main(["animate", str(folder), "--tree", "a.svg"]) == 0
+    assert main(["animate", str(folder), "--tree", "b.svg", "-o", str(there)]) == 0
+    assert main(["animate", str(folder), "--tree", "./c.svg", "--out", str(folder)]) == 0
+    assert [path.name for path in here.iterdir()] == ["a.svg"]
+    assert [path.name for path in there.iterdir()] == ["b.svg"]
+    assert sorted(path.name for path in folder.iterdir()) == ["c.svg", JOURNAL]
+    assert f"tree in {there / 'b.svg'}" in capsys.readouterr().err
+    assert main(["animate", str(folder), "-o", str(tmp_path / "none")]) == 2
+    assert "there is no such folder" in capsys.readouterr().err
+
+
+def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
+    assert main(["animate", str(tmp_path / "nothing")]) == 2
+    assert main(["animate", str(tmp_path)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert all("there is no journal here" in line for line in lines)
+
+
+def test_a_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, tmp_path):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed (the extra rerun)")
+    recording = tmp_path / "flight.rrd"
+    assert main(["animate", str(folder), "--rerun", str(recording)]) == 0
+    assert [path.name for path in folder.iterdir()] == [JOURNAL]
+    read = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(recording)]
+    printed = subprocess.run(read, capture_output=True, text=True, check=True).stdout
+    for entity in ("/region/cells", "/region/tree", "/vehicles/1", "/vehicles/1/battery_wh"):
+        assert f"{entity} " in printed.replace(chr(10), " ").replace("'", " ")
+
+
+def test_where_rerun_is_missing_one_line_says_what_to_install(
+    folder, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.rrd")]) == 2
+    assert "pip install 'rerun-sdk>=" in capsys.readouterr().err
+    assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.gif")]) == 2
+    assert "must end in .rrd" in capsys.readouterr().err

@@ -1,0 +1,62 @@
+"""From a KML to a flown mission, and what `uavmap` writes read as an area again, in process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely.geometry import Polygon
+
+from tests.support.area_files import kml, kml_polygon, placemark, saved
+from uavmap.load.areas.reading import read_area_file
+from uavmap.load.mission_source import load
+from uavmap.ui.cli import main
+
+FIELD = ((13.303, 52.456), (13.3035, 52.456), (13.3035, 52.4563), (13.303, 52.4563))
+"""34 m x 33 m."""
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_kml_is_flown_in_the_simulator(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved(tmp_path, "meadow.kml", kml(placemark("Meadow", kml_polygon(FIELD))))
+    # small pictures and a strategy that needs no compiled kernels: this is about the mission
+    small = ("--pixels", "320x240", "--strategy", "rdfs", "--wind", "2")
+    assert main(["new", "meadow.kml", "--drone", "sim", *small]) == 0
+    assert main(["check", "meadow.toml"]) == 0
+    capsys.readouterr()
+    code = main(["fly", "meadow.toml", "--sim", "--out", "flown", "--json"])
+    summary = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert summary["completed"]
+    assert summary["cells_roi"] > 3
+    assert (summary["fence_breaches"], summary["reserve_violations"]) == (0, 0)
+
+    # the mapped region, drawn by us, is an area for the next mission
+    for kind, name in (("geojson", "outline"), ("kml", "Region")):
+        areas = read_area_file(f"flown/map.{kind}").areas
+        assert name in {area.name for area in areas}
+
+
+def test_an_exported_search_comes_back_with_its_fence_and_home() -> None:
+    assert main(["export", "runway", "--plan", "r.plan", "--waypoints", "r.waypoints"]) == 0
+    runway = load("runway")
+    for name in ("r.plan", "r.waypoints"):
+        out = f"{name[2:]}.toml"
+        assert main(["new", name, "--drone", "sim", "--out", out]) == 0
+        again = load(out)
+        assert again.start.position == pytest.approx(runway.start.position, abs=1e-7)
+        if name == "r.plan":
+            found = sorted(again.fence.polygon)
+            assert np.allclose(found, sorted(runway.fence.polygon), atol=1e-7)
+        # what its lanes span: the box, less what they see beside themselves
+        box, lanes = (Polygon(mission.search.box) for mission in (runway, again))
+        assert 0.8 * box.area < lanes.area < box.area
+        assert lanes.intersection(box).area > 0.99 * lanes.area

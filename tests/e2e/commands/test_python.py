@@ -1,0 +1,178 @@
+"""uavmap from Python: flights as by the command, in scripts, notebooks and asyncio programs."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import inspect
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import shapely
+
+import uavmap
+from tests.e2e.conftest import Flight
+from tests.e2e.rig import environment, events, mission, simulator, wait_until
+
+SPEEDUP = 20.0
+
+
+# --- in the simulator ----------------------------------------------------------------------------
+def test_a_flight_is_that_of_the_command_also_where_a_loop_runs(
+    speck: Flight, tmp_path: Path
+) -> None:
+    async def notebook() -> uavmap.Results:
+        return uavmap.fly(mission("speck"), sim=True, out=tmp_path / "out", quiet=True)
+
+    flight = asyncio.run(notebook())
+
+    assert flight.folder == tmp_path / "out"
+    assert (flight.folder / "map.geojson").read_bytes() == (
+        speck.folder / "map.geojson"
+    ).read_bytes()
+    assert flight.summary == {k: v for k, v in speck.summary.items() if k != "out"}
+    assert flight.completed
+    assert flight.aircraft_down == ()
+    assert isinstance(flight.region, shapely.Polygon)
+    assert flight.region_utm.area == pytest.approx(flight.area_m2, rel=2e-3)
+
+
+def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path: Path) -> None:
+    beats = 0
+
+    async def program() -> None:
+        nonlocal beats
+        flying = asyncio.ensure_future(
+            uavmap.fly_async(mission("speck"), sim=True, speedup=20.0, out=tmp_path / "out")
+        )
+        while not events(tmp_path / "out", "frame_seen"):
+            assert not flying.done()
+            await asyncio.sleep(0.01)
+            beats += 1
+        flying.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await flying
+
+    asyncio.run(program())
+    assert beats > 5
+    assert not uavmap.open_results(tmp_path / "out").completed  # its map so far
+    (tmp_path / "out" / "map.geojson").unlink()
+    with pytest.raises(uavmap.ResultsError, match=r"no map.geojson.*uavmap resume"):
+        uavmap.open_results(tmp_path / "out")
+
+
+def test_the_errors_are_those_of_the_command(tmp_path: Path) -> None:
+    with pytest.raises(uavmap.MissionFileError, match="did you mean 'runway'"):
+        uavmap.fly("runwya", sim=True)
+    with pytest.raises(uavmap.LinkError, match="no vehicle to fly"):
+        uavmap.fly(mission("speck"))
+    with pytest.raises(uavmap.LinkError, match="nosuch"):
+        uavmap.fly(mission("speck"), connect="nosuch://1", yes=True, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(uavmap.JournalError):
+        uavmap.resume(tmp_path)
+    with pytest.raises(uavmap.UavmapError, match="seed = -1"):
+        uavmap.fly(mission("speck"), sim=True, seed=-1)
+    with pytest.raises(uavmap.UavmapError, match="quiet=True hides the question"):
+        uavmap.fly(mission("speck"), connect="udpin://127.0.0.1:1", quiet=True)
+
+
+# --- aircraft at the end of a link ---------------------------------------------------------------
+def once_it_has_seen(folder: Path, act: Callable[[], None]) -> threading.Thread:
+    """Does something when the first picture was judged."""
+
+    def watch() -> None:
+        wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+        act()
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    return thread
+
+
+def interrupt() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def came_home(folder: Path) -> bool:
+    return bool(events(folder, "recalled")) and bool(events(folder, "landed"))
+
+
+def test_control_c_and_cancellation_bring_it_home(tmp_path: Path) -> None:
+    """One after the other with the same simulated aircraft: the simulator takes a second to start.
+
+    Ctrl-C where no loop runs, a cancelled task, and SIGTERM where one does; then it is finished.
+    """
+    first, second = tmp_path / "first", tmp_path / "second"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        before = signal.getsignal(signal.SIGINT)
+        watching = once_it_has_seen(first, interrupt)
+        with pytest.raises(KeyboardInterrupt, match="results are in its folder"):
+            uavmap.fly(mission("speck"), connect=urls, speedup=SPEEDUP, out=first)
+        watching.join()
+        assert came_home(first)
+        assert signal.getsignal(signal.SIGINT) is before
+        assert not uavmap.open_results(first).completed
+
+        async def program() -> None:
+            flying = asyncio.ensure_future(
+                uavmap.fly_async(mission("speck"), connect=urls, speedup=SPEEDUP, out=second)
+            )
+            await asyncio.to_thread(once_it_has_seen(second, lambda: None).join)
+            flying.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await flying
+
+        asyncio.run(program())
+        assert came_home(second)
+        finished = uavmap.resume(second, quiet=True)
+        assert finished.completed
+
+
+def test_a_second_control_c_leaves_it_to_its_autopilot(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+
+    def twice() -> None:
+        interrupt()
+        wait_until(lambda: bool(events(folder, "recalled")), "the first to be heard")
+        interrupt()
+
+    async def notebook() -> None:
+        uavmap.fly(mission("speck"), connect=urls, speedup=SPEEDUP, out=folder)
+
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        watching = once_it_has_seen(folder, twice)
+        with pytest.raises(uavmap.AircraftError, match="left to its autopilot in RTL"):
+            asyncio.run(notebook())
+        watching.join()
+
+
+# --- what importing costs ------------------------------------------------------------------------
+def test_importing_uavmap_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, uavmap\n"
+        "heavy = {'numpy', 'pydantic', 'asyncio', 'shapely', 'missions'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_all_names_are_there_and_the_package_of_flights_is_one_of_them() -> None:
+    assert set(uavmap.__all__) <= set(dir(uavmap))
+    assert all(getattr(uavmap, name) is not None for name in uavmap.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'flz'"):
+        getattr(uavmap, "flz")  # noqa: B009 - a type checker would see it
+    package = importlib.import_module("uavmap.runner.operator.caller")
+    assert uavmap.runner.operator.caller is package  # type: ignore[attr-defined]
+    parameters = inspect.signature(uavmap.fly).parameters
+    assert parameters["sim"].default is False
+    assert list(parameters) == list(inspect.signature(uavmap.fly_async).parameters)

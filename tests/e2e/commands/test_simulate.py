@@ -1,0 +1,68 @@
+"""`uavmap simulate` as a process."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+from tests.e2e.rig import environment, uavmap
+
+
+def test_a_simulation_repeats_itself(tmp_path):
+    arguments = ["simulate", "--generate", "eden", "--cells", 40, "--count", 4, "--robots", 3]
+    arguments += ["--drift", "0.3,45", "--json"]
+    once = uavmap(*arguments, "--out", tmp_path / "out", hash_seed="1")
+    again = uavmap(*arguments, hash_seed="2")
+    assert once.code == again.code == 0
+    assert json.loads((tmp_path / "out" / "summary.json").read_text("utf-8")) == once.summary
+    rows, rows_again = once.summary["rois"], again.summary["rois"]
+    assert len(rows) == 4
+    for row in (*rows, *rows_again):
+        assert row.pop("wall_s") > 0.0
+        assert row.pop("lower_bound_wall_s") > 0.0
+        assert row["lower_bound"] <= row["makespan"] <= row["bound"]
+    assert rows == rows_again
+
+
+def test_a_broken_roi_file_has_its_line(tmp_path):
+    path = tmp_path / "rois.json"
+    path.write_text('{"rois": [{"start": [0, 0], "cells": [[0, 0], [0, "north"]]}]}')
+    done = uavmap("simulate", "--roi", path)
+    assert (done.code, done.out) == (2, "")
+    (line,) = done.err.splitlines()
+    assert line == (
+        f'uavmap: {path}: rois[0].cells[1] = [0, "north"]: expected two whole numbers, '
+        "[east, north]"
+    )
+
+
+def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
+    code = "import sys, uavmap.ui.cli; print(sorted({'numba', 'matplotlib'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"
+
+
+def test_horizon_plans_the_same_compiled_or_not(monkeypatch):
+    arguments = ["simulate", "--roi", "eden:30:1", "--strategy", "horizon", "--robots", 3, "--json"]
+    found = []
+    for plain in "01":
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", plain)
+        (row,) = uavmap(*arguments).summary["rois"]
+        row.pop("wall_s")
+        row.pop("lower_bound_wall_s")
+        found.append(row)
+    assert found[0] == found[1]
+
+
+def test_swath_plans_the_same_compiled_or_not(monkeypatch):
+    arguments = ["simulate", "--roi", "eden:3:1", "--strategy", "swath", "--robots", 2, "--json"]
+    found = []
+    for plain in "01":
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", plain)
+        (row,) = uavmap(*arguments).summary["rois"]
+        row.pop("wall_s")
+        found.append(row)
+    assert found[0] == found[1]

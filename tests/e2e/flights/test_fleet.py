@@ -1,0 +1,146 @@
+"""A service on each aircraft: members that talk over a simulated radio, and one map of all."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions.events import Event
+from missions.fleet_events import Apart, Heard, Shared
+from missions.flight.joined_map import joined
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.geo.grid import Grid
+from missions.mission.fleet_checks import check_fleet, with_pads_apart
+from missions.mission.launch_pads import homes
+from missions.mission.schema import VehicleSection
+from missions.units import Cell
+from tests.benchmarks.fleet_faults import scenario
+from tests.e2e.rig import uavmap
+from tests.support.fleet_rig import flown as beset
+from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.load.mission_source import load
+
+PADS = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
+TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]
+
+
+def made(tmp_path: Path, vehicles: int = 3) -> Path:
+    """A field of 44 m x 36 m with a region, pads in a row south of it."""
+    text = mission_text(
+        square(0.0, 14.0, 44.0, 36.0),
+        square(-20.0, -14.0, 84.0, 92.0),
+        vehicles=vehicles,
+        homes=PADS[:vehicles],
+        capacity_wh=60.0,
+        strategy="swath",
+    )
+    text = text.replace(
+        "[camera]", "[camera]\nwidth_px = 240\nheight_px = 180\npixels_per_cell = 20"
+    )
+    text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
+    file = tmp_path / "field.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def flown(file: Path, comms: str, out: Path) -> dict[str, Any]:
+    done = uavmap("fly", file, "--sim", "--comms", comms, "--json", "--out", out)
+    assert done.code == 0, done.err
+    summary: dict[str, Any] = done.summary
+    assert summary["completed"], summary["finding"]
+    assert summary["cells_missed"] == summary["false_positives"] == 0
+    assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+    assert summary["min_separation_m"] > 3.0
+    return summary
+
+
+def journal(folder: Path) -> tuple[Setting, list[Event]]:
+    with Journal.open(folder / JOURNAL) as opened:
+        return FlightPlan.read(opened).known_setting(), list(opened.events())
+
+
+def region(folder: Path) -> frozenset[Cell]:
+    """What the votes make that a journal holds, in whatever order they came."""
+    setting, events = journal(folder)
+    return frozenset(joined(setting, State.initial(setting), events).belief.roi)
+
+
+def members(out: Path, count: int = 3) -> Sequence[Path]:
+    return [out / f"vehicle-{number}" for number in range(1, count + 1)]
+
+
+def test_three_that_hear_each_other_map_a_region_together(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    summary = flown(made(tmp_path), "free,loss:0.1,delay:0.1", out)
+    regions = [region(folder) for folder in (*members(out), out)]
+    assert len(set(regions)) == 1, "the maps differ"
+    assert len(regions[0]) == summary["cells_roi"]
+    for folder, words in ((out, "several journals"), (members(out)[0], "a simulated fleet")):
+        again = uavmap("resume", folder)
+        assert again.code == 2
+        assert words in again.err
+    minutes = (summary["makespan_s"] + 20.0) / 60.0
+    for number, sent in summary["bytes_on_air"].items():
+        assert sent < 5_000 * minutes, number
+    for folder in members(out):
+        _, events = journal(folder)
+        shared = [event for event in events if isinstance(event, Shared)]
+        assert {event.vehicle for event in shared} | {int(folder.name[-1])} == {1, 2, 3}
+        assert any(isinstance(event, Heard) and event.path for event in events)
+        assert json.loads((folder / "summary.json").read_text())["completed"]
+
+
+def test_two_that_never_hear_each_other_each_map_it_all(tmp_path: Path) -> None:
+    """Each keeps to its own air, so they lose time and nothing else."""
+    out = tmp_path / "out"
+    flown(made(tmp_path, 2), "range:0", out)
+    regions = [region(folder) for folder in (*members(out, 2), out)]
+    for folder, found in zip(members(out, 2), regions, strict=False):
+        _, events = journal(folder)
+        assert not any(isinstance(event, Shared | Heard | Apart) for event in events)
+        assert len(found) > 0.9 * len(regions[-1])
+
+
+@pytest.mark.parametrize("text", ["near", "range:-1", "free,loss:2", "free,colour:1", "range:x"])
+def test_a_radio_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
+    done = uavmap("fly", made(tmp_path), "--sim", "--comms", text, "--out", tmp_path / "out")
+    assert done.code == 2
+    assert f"--comms {text}" in done.err
+    assert "Traceback" not in done.err
+
+
+def test_pads_too_near_to_each_other_are_refused(tmp_path: Path) -> None:
+    file = made(tmp_path)
+    text = file.read_text()
+    near = [place for line in text.splitlines() if (place := line).startswith("home = ")]
+    file.write_text(text.replace(near[-1], near[-2]), encoding="utf-8")
+    done = uavmap("fly", file, "--sim", "--comms", "free", "--out", tmp_path / "out")
+    assert done.code == 2
+    assert "vehicles[].home" in done.err or "pads" in done.err
+
+
+def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path) -> None:
+    """Messages overtake each other, one clock is off, and nobody is told of any of it."""
+    text, mishaps = scenario(22)
+    assert mishaps.deaths
+    assert mishaps.lost
+    outcome = beset(text, mishaps, tmp_path / "out", 22)
+    assert not outcome.forbidden, outcome.said
+
+
+def test_pads_without_a_place_lie_far_enough_apart() -> None:
+    mission = with_pads_apart(load("burn").model_copy(
+        update={"vehicles": (VehicleSection(),) * 4}
+    ))  # fmt: skip
+    check_fleet(mission, "burn")
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    east_m = [grid.fixed(place).east_m for place in homes(mission)]
+    assert [round(b - a) for a, b in itertools.pairwise(east_m)] == [13, 13, 13]

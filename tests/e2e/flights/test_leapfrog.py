@@ -1,0 +1,93 @@
+"""Two aircraft without satellites map a small box: one hovers and tracks the other."""
+
+from __future__ import annotations
+
+import bisect
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from missions.events import Navigated
+from missions.flight.setting import Setting
+from missions.geo.grid import Grid
+from sitl.vehicle import SimVehicle
+from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL
+from uavmap.runner.simulation import Truth
+from uavmap.ui.cli import main
+
+LOST_S = 22.0
+TABLES = """
+[navigation]
+gnss_loss = "leapfrog"
+tag_m = 0.6
+
+[detector]
+dilations = 4
+
+[sim]
+optical_flow = true
+odometry_drift = 0.03
+gps_sigma_m = 0.1
+
+[[sim.roi]]
+polygon = {roi}
+
+[[sim.faults]]
+kind = "gps"
+at_s = {lost}
+
+[[sim.faults]]
+kind = "gps"
+vehicle = 2
+at_s = {lost}
+"""
+
+
+def test_both_know_where_they_are_after_satellites_are_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = mission_text(
+        square(2, 6, 14, 8), square(-20, -20, 60, 60), vehicles=2, capacity_wh=60.0,
+        strategy="leapfrog", layer_m=8.0, mounting="gimbal", interval_s=0.5,
+    )  # fmt: skip
+    text = text.replace(
+        "[camera]\n", "[camera]\nwidth_px = 320\nheight_px = 240\npixels_per_cell = 40\n"
+    )
+    grid = Grid.at(START, CELL_M)
+    text += TABLES.format(roi=ring(grid, square(4, 7, 8, 6)), lost=LOST_S)
+    file = tmp_path / "pair.toml"
+    file.write_text(text, "utf-8")
+    errors: dict[int, list[tuple[float, float, float]]] = {1: [], 2: []}
+    watch = Truth.watch
+
+    def watching(self: Truth, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+        for vehicle in vehicles:
+            truth = vehicle.truth
+            errors[vehicle.spec.system_id].append((truth.t_s, *truth.estimate_error_m))
+        watch(self, vehicles, setting)
+
+    monkeypatch.setattr(Truth, "watch", watching)
+    out = tmp_path / "results"
+    assert main(["fly", str(file), "--sim", "--out", str(out), "--seed", "3"]) == 0
+    summary = json.loads((out / "summary.json").read_text("utf-8"))
+    assert summary["completed"]
+    assert summary["cells_missed"] == 0
+    assert set(summary["navigation"]) == {"1", "2"}
+    with Journal.open(out / JOURNAL) as journal:
+        told = [e for e in journal.events() if isinstance(e, Navigated) and e.off_m is not None]
+    assert {event.vehicle for event in told} == {1, 2}
+    for event in told:
+        assert event.gnss == "lost"
+        assert event.off_m is not None
+        assert event.sigma_m is not None
+        track = errors[event.vehicle]
+        _, east_m, north_m = track[bisect.bisect_left(track, (event.t_s,))]
+        left_m = math.hypot(event.off_m.east_m - east_m, event.off_m.north_m - north_m)
+        assert left_m < max(0.5, 3.0 * event.sigma_m)
+    last = max(e.t_s for e in told)
+    assert last > LOST_S + 30.0

@@ -1,0 +1,292 @@
+"""Flights that do not stop: the same to the byte, killed on a path, called home, over sockets."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from missions.events import from_json
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
+from missions.orders import FlyPath, Look, Order
+from missions.planning.kernels.jit import COMPILED
+from tests.e2e.conftest import Flight
+from tests.e2e.journey import Journey
+from tests.e2e.rig import (
+    ROOT,
+    Finished,
+    arguments_of,
+    bodies,
+    ended,
+    environment,
+    events,
+    mission,
+    roi_cells,
+    simulator,
+    started,
+    stop_after,
+    uavmap,
+    wait_until,
+)
+from uavmap.load.mission_source import load
+
+SPEEDUP = 5.0
+"""A plan has to be made within a second of the mission. So fast, places ahead are told."""
+STREAMED = 3.0
+"""As fast as a stream of setpoints is told."""
+SWATH = ("--strategy", "swath")
+
+
+def flown(name: str, folder: Path, *more: object, hash_seed: str | None = None) -> Flight:
+    arguments = ("fly", mission(name), "--sim", "--json", "--out", folder, *SWATH, *more)
+    return Flight(uavmap(*arguments, hash_seed=hash_seed), folder)
+
+
+@pytest.fixture(scope="module")
+def tiny_passed(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return flown("tiny", tmp_path_factory.mktemp("tiny") / "out")
+
+
+@pytest.fixture(scope="module")
+def speck_passed(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return flown("speck", tmp_path_factory.mktemp("speck") / "out")
+
+
+def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
+    """What everybody carries out after each event."""
+    made = load(mission(name)).model_copy(update={"strategy": "swath"})
+    setting = Setting.of(made)
+    state, told = State.initial(setting), []
+    for line in lines:
+        state, _ = step(setting, state, from_json(line))
+        told.append([vehicle.order for vehicle in state.vehicles.values()])
+    return told
+
+
+def amid_a_path(flight: Flight, name: str) -> int:
+    """A number of events after which the first vehicle explores on a path."""
+    lines = bodies(flight.folder)
+    told = orders_of(name, lines)
+    seen = [json.loads(line)["kind"] == "frame_seen" for line in lines]
+    on_path = [n for n, orders in enumerate(told) if seen[n] and isinstance(orders[0], FlyPath)]
+    return on_path[len(on_path) * 2 // 3]
+
+
+def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
+    """Two maps of one place, by different noise."""
+    return len(roi_cells(one) ^ roi_cells(other)) <= most
+
+
+# --- in one process --------------------------------------------------------------------------
+@pytest.mark.parametrize(("name", "vehicles"), [("tiny", 1), ("pair", 2), ("drift", 1)])
+def test_it_is_complete_and_right(name: str, vehicles: int, tmp_path: Path) -> None:
+    """The region of `drift` moves on, behind a hole in the fence."""
+    done = flown(name, tmp_path / "out").done
+    assert done.code == 0, done.err
+    summary = done.summary
+    assert (summary["completed"], summary["vehicles"]) == (True, vehicles)
+    assert summary["cells_missed"] == summary["cells_undecided"] == 0
+    assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+    assert summary["iou_cells"] > 0.75
+    assert summary["bound_held"] is True
+    if vehicles > 1:
+        assert summary["min_separation_m"] >= 4.0
+
+
+def test_it_is_quicker_than_a_look_over_every_cell(tiny: Flight, tiny_passed: Flight) -> None:
+    assert tiny_passed.summary["exploration_s"] < 0.6 * tiny.summary["exploration_s"]
+    assert tiny_passed.summary["makespan_s"] < tiny.summary["makespan_s"]
+    assert maps_alike(tiny.folder, tiny_passed.folder, 3)
+
+
+def test_nobody_looks_and_frames_come_from_anywhere(tiny_passed: Flight) -> None:
+    told = orders_of("tiny", bodies(tiny_passed.folder))
+    assert not any(isinstance(order, Look) for orders in told for order in orders)
+    frames = events(tiny_passed.folder, "frame_seen")
+    assert all(frame["vantage"] is None for frame in frames)
+    assert max(len(frame["votes"]) for frame in frames) > 5  # more than a cell and its neighbours
+
+
+def test_the_same_seed_is_the_same_flight_to_the_byte(speck_passed: Flight, tmp_path: Path) -> None:
+    again = flown("speck", tmp_path / "again", hash_seed="2")
+    assert again.summary == {**speck_passed.summary, "out": str(again.folder)}
+    assert bodies(again.folder) == bodies(speck_passed.folder)
+    for name in ("map.geojson", "map.png", "flight.tlog", "summary.json"):
+        assert (again.folder / name).read_bytes() == (speck_passed.folder / name).read_bytes()
+    other = flown("speck", tmp_path / "other", "--seed", 2)
+    assert other.summary["cells_missed"] == 0
+    assert bodies(other.folder) != bodies(speck_passed.folder)
+
+
+def test_without_numba_the_mission_is_flown_too(speck_passed: Flight, tmp_path: Path) -> None:
+    """Plain Python plans with fewer moves: another path to the same map."""
+    code = (
+        "import sys; sys.modules['numba'] = None; from uavmap.ui.cli import main; sys.exit(main())"
+    )
+    arguments = ["fly", mission("speck"), "--sim", "--json", *SWATH, "--out", tmp_path / "out"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        cwd=ROOT,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "swath plans slowly without numba" in done.stderr
+    summary = json.loads(done.stdout)
+    assert (summary["completed"], summary["cells_missed"]) == (True, 0)
+    assert maps_alike(tmp_path / "out", speck_passed.folder)
+    if COMPILED:
+        assert bodies(tmp_path / "out") != bodies(speck_passed.folder)
+
+
+def test_killed_on_its_path_it_ends_as_if_nothing_had_been(
+    tiny_passed: Flight, tmp_path: Path
+) -> None:
+    whole = bodies(tiny_passed.folder)
+    folder = tmp_path / "out"
+    arguments = ("fly", mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
+    with started(*arguments) as process:
+        stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
+    before = bodies(folder)
+    assert before == whole[: len(before)]
+    done = uavmap("resume", folder, "--json")
+    assert done.code == 0, done.err
+    assert bodies(folder) == whole
+    assert done.summary == {**tiny_passed.summary, "out": str(folder)}
+
+
+def test_from_home_nothing_that_was_seen_is_lost(tiny_passed: Flight, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    arguments = ("fly", mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
+    with started(*arguments) as process:
+        stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
+    before = bodies(folder)
+    done = uavmap("resume", folder, "--from-home", "--json")
+    assert done.code == 0, done.err
+    assert (done.summary["completed"], done.summary["cells_missed"]) == (True, 0)
+    assert bodies(folder)[: len(before)] == before
+    assert maps_alike(folder, tiny_passed.folder)
+
+
+# --- over sockets ----------------------------------------------------------------------------
+def fly_arguments(
+    name: str, urls: list[str], folder: Path, speedup: float, *more: object
+) -> list[object]:
+    connect = arguments_of(urls)
+    out = ("--json", "--out", folder)
+    return ["fly", mission(name), *SWATH, *connect, "--speedup", speedup, *out, *more]
+
+
+def stopped_on_a_path(
+    name: str, urls: list[str], folder: Path, number: signal.Signals, speedup: float, frames: int
+) -> Finished | None:
+    """A flight that is sent a signal on a path, once so many frames were judged."""
+    journey = Journey(folder, name, strategy="swath")
+    with started(*fly_arguments(name, urls, folder, speedup)) as process:
+
+        def there() -> bool:
+            if process.poll() is not None:
+                return True
+            order = journey.vehicle().order
+            return journey.frames > frames and isinstance(order, FlyPath)
+
+        wait_until(there, "a path")
+        assert process.poll() is None, process.communicate()
+        process.send_signal(number)
+        if number is signal.SIGKILL:
+            process.communicate()
+            return None
+        return ended(process)
+
+
+@pytest.mark.parametrize(
+    ("name", "autopilot", "speedup", "frames"),
+    [
+        ("tiny", "px4", SPEEDUP, 60),
+        ("speck", "ardupilot", STREAMED, 10),
+    ],
+)
+def test_killed_on_its_path_it_is_taken_up_in_the_air(
+    name: str,
+    autopilot: str,
+    speedup: float,
+    frames: int,
+    tiny_passed: Flight,
+    speck_passed: Flight,
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "out"
+    with simulator(name, speedup=speedup, autopilot=autopilot) as urls:
+        stopped_on_a_path(name, urls, folder, signal.SIGKILL, speedup, frames)
+        before = bodies(folder)
+        done = uavmap("resume", folder, "--json")
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert bodies(folder)[: len(before)] == before
+    again = events(folder)[len(before) :]
+    assert again[0]["kind"] == "resumed"
+    (connected,) = (event for event in again[:2] if event["kind"] == "connected")
+    assert connected["airborne"] is True
+    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
+    assert maps_alike(folder, {"tiny": tiny_passed, "speck": speck_passed}[name].folder)
+
+
+def test_a_px4_returns_when_its_stream_ends_and_flies_again(
+    speck_passed: Flight, tmp_path: Path
+) -> None:
+    """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
+    service is back, that is left to it, and the next resume sends it out."""
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=STREAMED, autopilot="px4") as urls:
+        stopped_on_a_path("speck", urls, folder, signal.SIGKILL, STREAMED, 10)
+        before = bodies(folder)
+        done = uavmap("resume", folder, "--json")
+        if done.code == 3:
+            assert "has landed, not by us" in done.err
+            done = uavmap("resume", folder, "--json")
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert bodies(folder)[: len(before)] == before
+    # it was home, unless the machine was so quick that it was taken up before its failsafe acted
+    assert sum(event["kind"] == "airborne" for event in events(folder)) in (1, 2)
+    assert maps_alike(folder, speck_passed.folder)
+
+
+@pytest.mark.parametrize("autopilot", ["px4"])
+def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(
+    autopilot: str, tiny_passed: Flight, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    with simulator("tiny", speedup=SPEEDUP, autopilot=autopilot) as urls:
+        stopped = stopped_on_a_path("tiny", urls, folder, signal.SIGINT, SPEEDUP, 60)
+        assert stopped is not None
+        assert stopped.code == 3, stopped.err
+        assert stopped.summary["completed"] is False
+        kinds = [event["kind"] for event in events(folder)]
+        assert "landed" in kinds[kinds.index("recalled") :]
+        assert not {"guarded", "order_failed", "overridden"} & set(kinds)
+        before = bodies(folder)
+        done = uavmap("resume", folder, "--json", *arguments_of(urls))
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert bodies(folder)[: len(before)] == before
+    assert maps_alike(folder, tiny_passed.folder)
+
+
+def test_two_vehicles_over_sockets(tiny_passed: Flight, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
+        done = uavmap(*fly_arguments("tiny", urls, folder, SPEEDUP, "--vehicles", 2))
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}
+    assert maps_alike(folder, tiny_passed.folder)

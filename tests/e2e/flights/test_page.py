@@ -1,0 +1,176 @@
+"""The live page in a real browser: its buttons steer a flight over sockets.
+
+With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import queue
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from tests.e2e.rig import (
+    PATIENCE_S,
+    arguments_of,
+    events,
+    mission,
+    simulator,
+    started,
+    uavmap,
+    wait_until,
+)
+from tests.support.browser import browser, need_browser
+
+SPEEDUP = 3.0
+"""Slow enough that a battery outlasts a pause in which a busy machine starts tabs."""
+FOLDER = os.environ.get("UAVMAP_PICTURES")
+
+
+@contextlib.contextmanager
+def with_page(*arguments: object) -> Iterator[tuple[Any, str]]:
+    """A command that serves a page, and the URL that it prints."""
+    lines: queue.Queue[str] = queue.Queue()
+    with started(*arguments) as process:
+        heard = process.stderr
+
+        def read() -> None:
+            for line in heard:
+                lines.put(line)
+                print(line, end="")  # shown where the test fails
+
+        reader = threading.Thread(target=read)
+        reader.start()
+        try:
+            while not (found := re.search(r"live page: (http\S+)", lines.get(timeout=PATIENCE_S))):
+                pass
+            yield process, found[1]
+        finally:
+            process.kill()
+            reader.join()
+
+
+class Page:
+    """The page as its user sees it."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def press(self, selector: str) -> None:
+        """Press a button once it can be seen."""
+
+        def pressed() -> bool:
+            for button in self.driver.find_elements("css selector", selector):
+                with contextlib.suppress(Exception):  # it moves, or is gone again
+                    if button.is_displayed():
+                        button.click()
+                        return True
+            return False
+
+        wait_until(pressed, selector)
+
+    def confirmed(self, order: str) -> None:
+        self.press(f"[data-order={order}]")
+        self.press("[data-confirm=yes]")
+
+    def shows(self, script: str) -> Any:
+        return self.driver.execute_script(f"return window.flightMap ? {script} : null")
+
+    def wait(self, script: str) -> None:
+        wait_until(lambda: bool(self.shows(script)), script)
+
+    def picture(self, name: str) -> None:
+        """A picture for the documentation, small enough to be kept with it."""
+        if FOLDER:
+            with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as image:
+                image.thumbnail((900, 900))
+                image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)
+
+
+def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: Path) -> None:
+    need_browser()
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        lines = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP, "--page", "0"]
+        flight = with_page(*lines, "--auto-swap", "--out", folder)
+        with browser() as driver, flight as (process, url):
+            page = Page(driver)
+            driver.get(url)
+            wait_until(
+                lambda: bool(events(folder, "airborne")) or process.poll() is not None,
+                "the take-off",
+            )
+            assert process.poll() is None, "it was not flown"
+            page.confirmed("pause")
+            wait_until(lambda: bool(events(folder, "paused")), "the pause")
+            page.wait("flightMap.board.fields.paused && flightMap.board.vehicles[1]")
+
+            driver.delete_all_cookies()
+            driver.get(url.partition("token=")[0] + "token=wrong")
+            assert "Not allowed" in driver.find_element("tag name", "body").text
+            driver.get(url)
+            assert "token" not in driver.current_url
+            driver.refresh()
+            page.wait("flightMap.board.fields.paused && flightMap.frames")
+            first = driver.current_window_handle
+            driver.switch_to.new_window("tab")
+            driver.get(url)
+            driver.set_window_size(390, 844)
+            page.wait("flightMap.board.version && flightMap.frames")
+            width = driver.execute_script("return document.documentElement.scrollWidth")
+            assert width <= driver.execute_script("return window.innerWidth") <= 400
+            page.picture("page-phone.jpg")
+            driver.close()
+            driver.switch_to.window(first)
+            driver.set_window_size(1280, 800)
+
+            page.confirmed("continue")
+            wait_until(lambda: bool(events(folder, "continued")), "the mission to go on")
+            page.confirmed("return")
+            wait_until(lambda: bool(events(folder, "recalled")), "the recall")
+            page.wait("document.querySelector('.flight-banner')?.textContent.includes('is over')")
+            complaints = [
+                e for e in driver.get_log("browser") if "Content Security" in e["message"]
+            ]
+            assert not complaints
+            code = process.wait()
+    assert code == 3
+    kinds = [event["kind"] for event in events(folder, "paused", "continued", "recalled")]
+    assert kinds == ["paused", "continued", "recalled"]
+
+
+def test_pictures_for_the_documentation(tmp_path: Path) -> None:
+    if not FOLDER:
+        pytest.skip("UAVMAP_PICTURES=FOLDER asks for the pictures of docs/page.md")
+    need_browser()
+    flight = ["fly", "runway", "--sim", "--vehicles", 2, "--speedup", 10, "--page", 0]
+    with (
+        with_page(*flight, "--out", tmp_path / "out") as (process, url),
+        browser(1180, 880) as driver,
+    ):
+        page = Page(driver)
+        driver.get(url)
+        page.wait("flightMap.board.fields.roi > 90 && flightMap.board.fields.picture")
+        page.wait("document.querySelector('.flight-picture figcaption').textContent")
+        page.picture("page.jpg")
+        assert process.wait() == 0
+
+
+def test_what_cannot_be_watched_is_said_in_a_line(tmp_path: Path) -> None:
+    for folder, said in ((tmp_path / "none", "no such folder"), (tmp_path, "no journal")):
+        done = uavmap("watch", folder, "--port", "0")
+        assert (done.code, done.out) == (2, "")
+        assert said in done.err
+        assert len(done.err.splitlines()) == 1
+    done = uavmap("fly", mission("speck"), "--sim", "--tiles", "x.mbtiles", "--out", tmp_path / "a")
+    assert (done.code, "--page" in done.err) == (2, True)
+    done = uavmap("fly", mission("speck"), "--sim", "--page", "70000")
+    assert done.code == 2

@@ -1,0 +1,136 @@
+"""Several patches of a region in one box: the search goes on until all of it is seen."""
+
+from __future__ import annotations
+
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from missions.events import FrameSeen, Tracked, from_json
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
+from tests.e2e.rig import mission, uavmap
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL
+from uavmap.load.mission_source import load
+from uavmap.output.facts.figures import figures
+from uavmap.output.write_results import map_data
+from uavmap.ui.page.page_scene import STATES
+from uavmap.ui.page.watching import Watcher
+
+SECOND = """
+[[sim.roi]]
+polygon = [
+    [48.0006600, 9.0003000],
+    [48.0006600, 9.0003600],
+    [48.0007000, 9.0003600],
+    [48.0007000, 9.0003000],
+]
+"""
+
+
+def made() -> str:
+    """A small box with a square in it, and a second patch that is smaller."""
+    text = Path(mission("windy")).read_text(encoding="utf-8")
+    text = text.replace('strategy = "survey"', 'strategy = "swath"')
+    return text.replace("48.0010072", "48.0007500") + SECOND
+
+
+def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path: Path) -> None:
+    text = made().replace("[search]", '[search]\nfind = "all"')
+    file = tmp_path / "two.toml"
+    file.write_text(text, encoding="utf-8")
+    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    summary = done.summary
+    found = summary["patches"]
+    assert [patch["cells"] for patch in found] == sorted(
+        (patch["cells"] for patch in found), reverse=True
+    )
+    assert len(found) == 2
+    assert sum(patch["cells"] for patch in found) == summary["cells_roi"]
+    assert found[0]["lat_deg"] == pytest.approx(48.00050, abs=4e-5)
+    assert summary["cells_missed"] == summary["false_positives"] == summary["fence_breaches"] == 0
+    in_all = summary["patches_in_all"]
+    for patch in (*found, in_all):
+        assert patch["complete"]
+        assert patch["open"] == {}
+        assert 0.0 < patch["found_s"] < patch["decided_s"] < summary["makespan_s"]
+        assert patch["took_s"] == pytest.approx(patch["decided_s"] - patch["found_s"], abs=0.11)
+        assert 0.0 <= patch["lower_bound_s"] <= patch["took_s"]
+    assert all(0.0 < patch["root"]["seen_s"] <= patch["found_s"] for patch in found)
+    assert in_all["decided_s"] == max(patch["decided_s"] for patch in found)
+    assert in_all["box"]["no_frames"] == in_all["box"]["beyond_fence"] == 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"<td>all</td><td>{in_all['area_m2']:,.0f}</td>" in page
+    features = json.loads((tmp_path / "out" / "map.geojson").read_text())["features"]
+    states = [feature["properties"].get("state") for feature in features]
+    assert states.count("explored") == summary["cells_roi"]
+    assert "2 patches of the region" in summary["finding"]
+    assert "the whole box is seen" in summary["finding"]
+
+
+def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) -> None:
+    text = made()
+    high = '[search]\nfind = "all"\naltitude_m = 30.0'
+    text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
+    file = tmp_path / "high.toml"
+    file.write_text(text, encoding="utf-8")
+    assert "from layers of its own:\n    30 m:" in uavmap("check", file).out
+    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    summary = done.summary
+    assert summary["completed"]
+    assert len(summary["patches"]) == 2
+    assert summary["cells_missed"] == summary["false_positives"] == 0
+    assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+    assert summary["min_separation_m"] > 3.0
+    with Journal.open(tmp_path / "out" / JOURNAL) as journal:
+        events = [from_json(body) for body in journal.bodies()]
+    heights = [event.height_m for event in events if isinstance(event, Tracked)]
+    assert 29.0 < max(heights) < 38.0
+    overviews = [e.overview for e in events if isinstance(e, FrameSeen)]
+    assert overviews.count(True) > 10
+    assert overviews.count(None) > 10
+    setting = Setting.of(load(str(file)))
+    state = State.initial(setting)
+    watcher = Watcher(setting, state, now_s=lambda: 0.0)
+    for event in events:  # what the live page shows is what the map says
+        state, _ = step(setting, state, event)
+        watcher.take_in(event, state)
+    watcher.refresh(whole=True)
+    shown = {cell: STATES[code] for cell, code in watcher.board.cells.items()}
+    rows = map_data(setting, state, figures(setting, events)[1], None).cells
+    assert shown == {row.cell: row.state for row in rows}
+
+
+def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(tmp_path: Path) -> None:
+    text = made()
+    high = '[search]\nfind = "all"\naltitude_m = 30.0\nlayer_m = 0'
+    text = text.replace("[search]", high)
+    text = text.replace("[flight]", "[flight]\nclimb_m_s = 4.0\ndescent_m_s = 3.0")
+    text = text.replace("[[vehicles]]", "[[vehicles]]\nlayer = 0\n[[vehicles]]\nlayer = 0")
+    text = re.sub(r"(?m)^interval_s = .*$", "interval_s = 0.4", text)
+    text += "\n[drift]\nspeed_m_s = 0.1\ntoward_deg = 90.0\n"
+    file = tmp_path / "drifting.toml"
+    file.write_text(text, encoding="utf-8")
+    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    summary = done.summary
+    assert summary["completed"]
+    assert len(summary["patches"]) == 2
+    assert summary["patches_in_all"]["complete"]
+    assert summary["cells_missed"] == summary["fence_breaches"] == 0
+    assert summary["reserve_violations"] == 0
+    assert summary["min_separation_m"] > 3.0
+    with Journal.open(tmp_path / "out" / JOURNAL) as journal:
+        told = [e for e in map(from_json, journal.bodies()) if isinstance(e, Tracked)]
+    for number in (1, 2):
+        heights = [(e.t_s, e.height_m) for e in told if e.vehicle == number]
+        assert 29.0 < max(height_m for _, height_m in heights) < 31.5
+        rises = [(b - a) / (t - s) for (s, a), (t, b) in pairwise(heights) if t > s]
+        assert 2.0 < max(rises) < 5.0  # m/s

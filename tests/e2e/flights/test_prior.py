@@ -1,0 +1,90 @@
+"""A mission that says where its region probably is finds it sooner, in a whole simulated flight."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from missions.flight.step import fold
+from missions.geo.grid import Grid
+from missions.units import GridPoint
+from tests.e2e.rig import uavmap
+from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+
+GRID = Grid.at(START, CELL_M)
+REGION = square(-40, 84, 14, 10)
+"""In the corner of the box that is searched last."""
+
+
+def written(folder: Path, strategy: str, *, prior: bool) -> Path:
+    """The mission, with the region's whereabouts in a GeoJSON file, or without."""
+    text = mission_text(
+        square(-44, 16, 90, 80),
+        square(-80, -40, 160, 180),
+        strategy=strategy,
+        capacity_wh=90.0,
+        mounting="gimbal",
+    )
+    text += f"\n[sim]\n[[sim.roi]]\npolygon = {ring(GRID, REGION)}\n"
+    folder.mkdir()
+    if prior:
+        text = text.replace("[search]", '[search]\nprior = "where.geojson"')
+        place = GRID.position(GridPoint(-30.0, 86.0))
+        point = {"type": "Point", "coordinates": [place.lon_deg, place.lat_deg]}
+        feature = {"type": "Feature", "geometry": point, "properties": {"spread_m": 15.0}}
+        content = json.dumps({"type": "FeatureCollection", "features": [feature]})
+        (folder / "where.geojson").write_text(content, encoding="utf-8")
+    path = folder / "field.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def found_s(mission: Path) -> float:
+    """Fly, and say when the region was first confirmed."""
+    folder = mission.parent / "out"
+    done = uavmap("fly", mission, "--sim", "--json", "--out", folder)
+    assert done.code == 0, done.err
+    assert done.summary["cells_missed"] == 0
+    with Journal.open(folder / JOURNAL) as journal:
+        plan = FlightPlan.read(journal)
+        held = bool(plan.mission.search.prior)  # the journal holds all it was flown by
+        assert held == ("prior" in mission.read_text("utf-8"))
+        state = fold(plan.setting(print), journal.events())
+    assert state.found_s is not None
+    return state.found_s
+
+
+@pytest.mark.parametrize("strategy", ["swath"])
+def test_the_region_is_found_sooner(tmp_path: Path, strategy: str) -> None:
+    mission = written(tmp_path / "known", strategy, prior=True)
+    expected = uavmap("check", mission, "--json").summary
+    sooner_s = expected["first_sighting_without_prior_s"] - expected["first_sighting_s"]
+    known = found_s(mission)
+    unknown = found_s(written(tmp_path / "unknown", strategy, prior=False))
+    assert unknown - known > 0.5 * sooner_s > 15.0  # it need not lie where it is expected
+
+
+def test_check_says_how_much_sooner_it_is_expected(tmp_path: Path) -> None:
+    mission = written(tmp_path / "known", "swath", prior=True)
+    done = uavmap("check", mission)
+    found = re.search(
+        r"^  expected first sighting after about (\d+) s \(without the prior (\d+) s\)$",
+        done.out,
+        re.MULTILINE,
+    )
+    assert found is not None
+    soon_s, late_s = map(int, found.groups())
+    assert 15 < soon_s < late_s - 30
+    figures = uavmap("check", mission, "--json").summary
+    assert figures["first_sighting_s"] == pytest.approx(soon_s, abs=0.6)
+    assert figures["first_sighting_without_prior_s"] == pytest.approx(late_s, abs=0.6)
+
+
+def test_check_says_nothing_of_it_without_a_prior(tmp_path: Path) -> None:
+    done = uavmap("check", written(tmp_path / "unknown", "swath", prior=False))
+    assert "first sighting" not in done.out

@@ -1,0 +1,264 @@
+"""One simulated vehicle under its driver, with a hand on the link and on the mode switch."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import Airborne, Event, FrameSeen, Overridden
+from missions.flight.setting import Setting
+from missions.geo.grid import Grid
+from missions.mission.schema import Mission
+from missions.mission.sections.sim_section import SimRegion
+from missions.orders import FlyTo, Look, Order, StandDown, TakeOff
+from missions.units import Cell, GridPoint
+from tests.support.small_missions import CELL_M, START, mission, square
+from uavmap.aircraft.cameras.mavlink import MavlinkSource
+from uavmap.aircraft.cameras.pose import Poses
+from uavmap.aircraft.imaging.classifier import Classifier
+from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.vehicle import MavlinkVehicle
+from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.commands import Commands, MavlinkCommands
+from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
+from uavmap.runner.flight_cameras import mount_of
+from uavmap.runner.simulation import STEP_S, make_vehicles
+
+Message = Any
+PILOT_SYSTEM_ID = 255
+WIDTH_PX, HEIGHT_PX = 160, 120
+UP_M = 12.0
+
+
+def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
+    """A dark square of 8 m to the north-east of the start, in a box of 24 m by 16 m."""
+    made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), **how)
+    grid = Grid.at(START, CELL_M)
+    corners = [grid.position(GridPoint(*xy)) for xy in square(6, 14, 8, 8)]
+    region = SimRegion(polygon=tuple((p.lat_deg, p.lon_deg) for p in corners))
+    sim = made.sim.model_copy(update={"roi": (region,), "swap_s": swap_s, "gps_sigma_m": 0.05})
+    # a sixteenth of the pixels: most of what a simulated flight costs is its pictures
+    camera = made.camera.model_copy(
+        update={"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "pixels_per_cell": 20.0}
+    )
+    return made.model_copy(update={"sim": sim, "camera": camera})
+
+
+def by_pymavlink(send: Callable[[bytes], None]) -> tuple[Session, Commands]:
+    session = Session(send, lambda frame: None)
+    return session, MavlinkCommands(session)
+
+
+class Flight:
+    """A driver and the simulated vehicle at the other end.
+
+    `to_vehicle` and `to_driver` see every message and may swallow it (None) or change its frame.
+    """
+
+    def __init__(
+        self,
+        made: Mission,
+        seed: int = 1,
+        *,
+        driver: Callable[[Callable[[bytes], None]], tuple[Session, Commands]] | None = None,
+        **patience: Any,
+    ) -> None:
+        self.setting = Setting.of(made)
+        self.vehicle = make_vehicles(made, seed)[0]
+        self.events: list[Event] = []
+        self.sent: list[tuple[float, Message]] = []
+        self.told: list[str] = []
+        self.driving: asyncio.Task[None]
+        """As long as the service runs."""
+        self.to_vehicle: Callable[[Message], bool] = lambda message: True
+        self.to_driver: Callable[[Message], bool] = lambda message: True
+        self.change: Callable[[bytes], bytes] = lambda picture: picture
+        self._ours, self._theirs = mav.MAVLink(None), mav.MAVLink(None)
+        self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
+        self.session, self.commands = (driver or by_pymavlink)(self._send)
+        grid = self.setting.grid
+        classifier = Classifier.of(made, grid)
+        source = MavlinkSource(self.session, self._fetch)
+        poses = Poses(self.session, mount_of(made.camera), grid)
+        self.driver = MavlinkVehicle(
+            1,
+            "sim",
+            self.session,
+            self.commands,
+            CameraDriver(1, source, poses, classifier, self.now_s),
+            self.setting,
+            self.now_s,
+            self._crew,
+            tell=self.told.append,
+            **patience,
+        )
+
+    @property
+    def said(self) -> list[str]:
+        """What the service itself told, without the vehicle's own words."""
+        return [line for line in self.told if not line.startswith("[vehicle ")]
+
+    @staticmethod
+    def now_s() -> float:
+        return asyncio.get_running_loop().time()
+
+    async def _crew(self, vehicle: int) -> None:
+        """The ground crew is quick."""
+
+    async def _fetch(self, url: str) -> bytes:
+        data = self.vehicle.image(url)
+        assert data is not None
+        return self.change(data)
+
+    def _send(self, frame: bytes) -> None:
+        (message,) = self._ours.parse_buffer(frame)
+        self.sent.append((self.now_s(), message))
+        if self.to_vehicle(message):
+            self._deliver(self.vehicle.receive(frame), later=True)
+
+    def _deliver(self, data: bytes, *, later: bool = False) -> None:
+        kept = b"".join(
+            bytes(m.get_msgbuf())
+            for m in self._theirs.parse_buffer(data) or []
+            if self.to_driver(m)
+        )
+        if not kept:
+            return
+        if later:
+            asyncio.get_running_loop().call_soon(self.session.feed, kept)
+        else:
+            self.session.feed(kept)
+
+    async def fly_world(self) -> None:
+        """Let the vehicle's time pass with the loop's."""
+        loop = asyncio.get_running_loop()
+        start_s, steps = loop.time(), 0
+        while True:
+            self._deliver(self.vehicle.step(STEP_S))
+            steps += 1
+            await asyncio.sleep(start_s + steps * STEP_S - loop.time())
+
+    # --- the pilot and the bystander ---------------------------------------------------------
+    def pilot(self, command: int, *params: float) -> None:
+        """A command from somebody else, with effect at once."""
+        filled = (*params, *([0.0] * (7 - len(params))))
+        message = mav.MAVLink_command_long_message(1, 1, command, 0, *filled)
+        self._deliver(self.vehicle.receive(message.pack(self._pilot)))
+
+    def pilot_mode(self, mode: int) -> None:
+        """The pilot turns the mode switch; the heartbeat that shows it is heard on return."""
+        self.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
+        assert self.session.view.mode == mode
+
+    def commands_after(self, index: int) -> list[Message]:
+        """What was sent from a point on, but for heartbeats and the camera's stop."""
+        return [
+            message
+            for _, message in self.sent[index:]
+            if message.get_type() != "HEARTBEAT"
+            and getattr(message, "command", None) != mav.MAV_CMD_IMAGE_STOP_CAPTURE
+        ]
+
+    # --- the service's part ------------------------------------------------------------------
+    def report(self, event: Event) -> None:
+        """As the reducer does: who is overridden stands down."""
+        self.events.append(event)
+        if isinstance(event, Overridden):
+            self.driver.give(StandDown())
+
+    async def taken_in(self) -> None:
+        """What was reported is taken in at once."""
+
+    def seen(self, kind: type[Event]) -> list[Any]:
+        return [event for event in self.events if isinstance(event, kind)]
+
+    async def sees(self, kind: type[Event], count: int = 1, within_s: float = 120.0) -> Any:
+        """The event of a kind, once so many have been reported."""
+        async with asyncio.timeout(within_s):
+            while len(self.seen(kind)) < count:  # noqa: ASYNC110
+                await asyncio.sleep(STEP_S)
+        return self.seen(kind)[count - 1]
+
+    async def until(self, condition: Callable[[], bool], within_s: float = 120.0) -> None:
+        async with asyncio.timeout(within_s):
+            while not condition():  # noqa: ASYNC110
+                await asyncio.sleep(STEP_S)
+
+    async def after(self, order: Order, kind: type[Event], within_s: float = 120.0) -> Any:
+        """Give an order and wait for the event that ends it."""
+        count = len(self.seen(kind))
+        self.driver.give(order)
+        return await self.sees(kind, count + 1, within_s)
+
+
+@contextlib.contextmanager
+def no_task_left() -> Iterator[None]:
+    before = asyncio.all_tasks()
+    yield
+    assert asyncio.all_tasks() == before
+
+
+@contextlib.asynccontextmanager
+async def under_way(flight: Flight) -> AsyncIterator[Flight]:
+    """The world turns, the driver is connected and runs; at the end nothing is left."""
+    with no_task_left():
+        async with running(flight):
+            yield flight
+
+
+@contextlib.asynccontextmanager
+async def running(flight: Flight) -> AsyncIterator[None]:
+    """The world turns, the driver is connected and runs."""
+    async with asyncio.TaskGroup() as tasks:
+        world = tasks.create_task(flight.fly_world())
+        await flight.driver.connect()
+        driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
+        flight.driving = driving
+        guarding = tasks.create_task(flight.driver.guardian.run())
+        await asyncio.sleep(0)
+        yield
+        driving.cancel()
+        guarding.cancel()
+        world.cancel()
+
+
+def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None) -> Flight:
+    """Run a test with a connected vehicle on the ground."""
+    flight = Flight(made if made is not None else small_mission())
+
+    async def main() -> None:
+        async with under_way(flight):
+            await body(flight)
+
+    run(main(), VirtualClock())
+    assert all(m.get_srcSystem() == GROUND_SYSTEM_ID for _, m in flight.sent)
+    return flight
+
+
+def to(east_m: float, north_m: float = 0.0, height_m: float = UP_M, *, stop: bool = True) -> FlyTo:
+    return FlyTo((GridPoint(east_m, north_m),), None, stop=stop, height_m=height_m)
+
+
+# --- phases of a flight --------------------------------------------------------------------------
+Phase = Callable[[Flight], Coroutine[Any, Any, None]]
+
+
+async def climbing(flight: Flight) -> None:
+    flight.driver.give(TakeOff(UP_M))
+    await flight.until(lambda: flight.vehicle.truth.height_m > 5.0)
+
+
+async def flying(flight: Flight) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(60.0, 0.0))
+    await asyncio.sleep(4.0)
+
+
+async def looking(flight: Flight) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(Look(Cell(0, 0), 15, UP_M))
+    await flight.sees(FrameSeen, 2)

@@ -1,0 +1,59 @@
+"""Journals for tests: of a mission that can be flown."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from missions.events import Event, FrameSeen, Tracked, Vote
+from missions.units import Cell, GridPoint
+from tests.support.plans import named_text, plan_of
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+
+SOURCE = named_text("runway")
+PLAN = plan_of(
+    SOURCE.source,
+    SOURCE.text + "# é\n",
+    strategy=None,
+    vehicles=None,
+    seed=7,
+    urls=(),
+    speedup=None,
+    epoch_utc_s=SIM_EPOCH_UTC_S,
+)
+META: dict[str, Any] = {"plan": json.loads(json.dumps(PLAN.as_json()))}
+"""As it is read back: a tuple is a list in JSON."""
+
+
+def some_events(count: int) -> list[Event]:
+    """Twice so many events."""
+    events: list[Event] = []
+    for n in range(count):
+        place = GridPoint(0.01 * n, -3.25)
+        events.append(Tracked(1, n + 0.125, place, 12.0, 59.9))
+        vote = Vote(Cell(n, -n), n % 2 == 0, 0.333)
+        events.append(FrameSeen(1, n + 0.25, Cell(n, -n), (vote,)))
+    return events
+
+
+def write(path: Path, events: Iterable[Event]) -> Path:
+    """A journal, closed."""
+    with Journal.create(path, META) as journal:
+        for event in events:
+            journal.append(event)
+    return path
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """The hash of every file."""
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
+
+
+def read(path: Path) -> tuple[list[Event], dict[str, Any]]:
+    """The events of a journal, and what it says of the mission."""
+    with Journal.open(path) as journal:
+        return list(journal.events()), journal.meta

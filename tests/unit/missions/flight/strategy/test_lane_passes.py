@@ -1,0 +1,150 @@
+"""Which lanes are flown without a stop, where beside their rows, and by whom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+
+from missions.events import FrameSeen, Vote
+from missions.flight.path_orders import allowed
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open, turned
+from missions.mission.fleet_checks import with_own_air
+from missions.orders import FlyPath, FlyTo
+from missions.units import Cell, GridPoint
+from tests.support.small_missions import mission, square
+from tests.unit.missions.flight.test_step import Service
+from uavmap.load.mission_source import load
+
+BOX, FENCE = square(-10, 16, 90, 40), square(-60, -60, 200, 200)
+
+
+def service(strategy: str, vehicles: int = 1) -> Service:
+    made = Service(
+        mission(
+            BOX, FENCE, vehicles=vehicles, capacity_wh=60.0, strategy=strategy, mounting="gimbal"
+        )
+    )
+    for number in range(1, vehicles + 1):
+        made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
+    return made
+
+
+def seen(made: Service, t_s: float, cells: Iterable[Cell], vehicle: int = 1) -> None:
+    """A picture of some cells that are not the region."""
+    made.post(FrameSeen(vehicle, t_s, None, tuple(Vote(cell, False, 0.0) for cell in cells)))
+
+
+def rows_of(made: Service, k: int) -> range:
+    """The rows of a lane, from its place and their number."""
+    middle = made.setting.lanes[k][0].north_m / made.setting.grid.cell_m
+    rows = made.setting.lane_rows
+    return range(round(middle - (rows - 1) / 2), round(middle + (rows - 1) / 2) + 1)
+
+
+def airborne(made: Service, vehicle: int, **how: object) -> None:
+    there = replace(
+        made.state.vehicles[vehicle],
+        phase=Phase.AIRBORNE, landed=False, height_m=12.0, order=None, **how,
+    )  # type: ignore[arg-type]  # fmt: skip
+    made.state = made.state.with_vehicle(there)
+
+
+def first(state: State) -> VehicleState:
+    return state.vehicles[1]
+
+
+def test_what_others_have_judged_of_a_lane_is_not_flown() -> None:
+    made = service("swath")
+    lanes, rows = made.setting.lanes, rows_of(made, 0)
+    seen(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if not 3 <= e <= 5])
+    left = still_open(made.setting, made.state, lanes)
+    assert left[1:] == lanes[1:]
+    ((start, end),) = left[:1]
+    # the three columns, 10 m to 22 m, and half a cell more to either side
+    assert sorted((start.east_m, end.east_m)) == pytest.approx([8.0, 24.0], abs=0.01)
+
+
+def test_a_rest_is_flown_with_the_missing_row_in_the_middle() -> None:
+    made = service("swath")
+    lane, rows = made.setting.lanes[1], rows_of(made, 1)
+    seen(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if n != rows[-1]])
+    start, end = flown_along(made.setting, made.state, first(made.state), lane)
+    assert start.north_m == end.north_m == rows[-1] * made.setting.grid.cell_m
+    assert (start.east_m, end.east_m) == (lane[0].east_m, lane[1].east_m)
+
+
+def test_a_short_rest_is_left_to_the_planner_in_a_survey_and_flown_in_a_search() -> None:
+    for strategy, flown in (("survey", False), ("swath", True)):
+        made = service(strategy)
+        lane = made.setting.lanes[0]
+        rest = (lane[0], GridPoint(lane[0].east_m + 12.0, lane[0].north_m))
+        left = still_open(made.setting, made.state, (rest, *made.setting.lanes[1:]))
+        assert (rest in left) is flown
+        assert left[-1] == made.setting.lanes[-1]
+
+
+def test_lanes_are_begun_at_the_nearer_end() -> None:
+    setting = service("swath").setting
+    lanes = tuple((end, start) for start, end in setting.lanes)
+    assert turned(setting, setting.lanes[0][0], lanes) == setting.lanes
+
+
+def test_who_waits_in_a_survey_flies_the_lanes_of_who_dropped_out() -> None:
+    made = service("survey", vehicles=2)
+    failed = replace(first(made.state), phase=Phase.FAILED, lanes=made.setting.lanes)
+    made.state = made.state.with_vehicle(failed)
+    airborne(made, 2, lanes=(), position=GridPoint(40.0, 30.0))
+    made.track(2, GridPoint(40.0, 30.0), 18.0)
+    assert isinstance(made.order(2), FlyPath)
+    assert len(made.state.vehicles[2].lanes) == 1
+    assert len(first(made.state).lanes) == len(failed.lanes) - 1
+
+
+def test_in_a_survey_nobody_takes_a_lane_that_a_path_leads_along() -> None:
+    made = service("survey", vehicles=2)
+    airborne(made, 1)
+    made.track(1, GridPoint(0.0, 0.0), 12.0)
+    path = made.order(1)
+    assert isinstance(path, FlyPath)
+    lanes = first(made.state).lanes
+    airborne(made, 2, lanes=(), position=GridPoint(40.0, 30.0))
+    made.track(2, GridPoint(40.0, 30.0), 18.0)
+    assert first(made.state).lanes == lanes
+    assert made.state.vehicles[2].lanes == ()
+
+
+def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
+    made = service("survey", vehicles=2)
+    airborne(made, 1)
+    made.track(1, GridPoint(0.0, 0.0), 12.0)
+    path = made.order(1)
+    assert isinstance(path, FlyPath)
+    for k in range(3):
+        seen(made, made.now_s + 0.1 * (k + 1), made.setting.box_cells, vehicle=2)
+        rim = [Cell(e, n) for e in range(-6, 26) for n in range(2, 18)]
+        seen(made, made.now_s + 0.05, rim, vehicle=2)
+    stop = made.order(1)
+    assert isinstance(stop, FlyPath)
+    assert stop.trajectory.end_s < path.trajectory.end_s - 20.0
+
+
+@pytest.mark.parametrize("t_s", [20.0, 90.0, 300.0])
+def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(t_s: float) -> None:
+    flown = with_own_air(load("bay"))
+    for number in range(1, 6):
+        setting = Setting.of(flown, number)
+        state = replace(State.initial(setting), t_s=t_s)
+        vehicle = replace(
+            state.vehicles[number], phase=Phase.AIRBORNE, landed=False, order=None, height_m=90.0,
+            position=setting.pad_of(number), remaining_wh=60.0, lanes=setting.shares[number - 1],
+        )  # fmt: skip
+        after = search_passes(setting, state.with_vehicle(vehicle), vehicle).vehicles[number]
+        if isinstance(after.order, FlyPath):
+            assert allowed(setting.fence, after.order.trajectory)
+        else:
+            assert isinstance(after.order, FlyTo)
+            assert after.order.route[-1].distance_to(after.lanes[0][0]) < 120.0

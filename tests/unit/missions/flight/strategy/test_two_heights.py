@@ -1,0 +1,77 @@
+"""Which cells are plain by frames from the height of a search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.flight.dispatch import assign
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from missions.flight.strategy.two_heights import with_plain
+from missions.mapping.belief import Belief, FrameId
+from missions.orders import TakeOff
+from missions.units import Cell
+from uavmap.load.mission_source import load
+
+BOX = frozenset(Cell(east, north) for east in range(6) for north in range(5))
+FRAMES = st.lists(st.dictionaries(st.sampled_from(sorted(BOX)), st.booleans()), max_size=25)
+
+
+def seen(frames: int, region: frozenset[Cell]) -> Belief:
+    """What is plain after so many frames of the whole box."""
+    nothing = Belief(5, 3)
+    belief = overview = nothing
+    for t in range(frames):
+        votes = {cell: cell in region for cell in sorted(BOX)}
+        before, overview = overview, overview.with_frame(None, FrameId(1, float(t)), votes)
+        belief = with_plain(belief, before, overview, BOX, votes)
+    return belief
+
+
+def test_what_lies_along_an_outline_is_left_to_be_looked_at_from_below() -> None:
+    region = frozenset(cell for cell in BOX if cell.east < 3)
+    belief = seen(3, region)
+    # cells of the region at the rim of the box, beyond which nobody has looked, are not plain
+    assert set(belief.roi) == {Cell(1, 1), Cell(1, 2), Cell(1, 3)}
+    assert {cell for cell in BOX if belief.verdict(cell) is False} == {
+        cell for cell in BOX if cell.east >= 4
+    }
+    assert not seen(2, region).open_ballots
+
+
+@settings(max_examples=40)
+@given(frames=FRAMES)
+def test_looking_at_what_a_frame_has_decided_is_as_good_as_looking_at_all(
+    frames: list[dict[Cell, bool]],
+) -> None:
+    nothing = Belief(3, 2)
+    quick = slow = overview = nothing
+    for t, votes in enumerate(frames):
+        before, overview = overview, overview.with_frame(None, FrameId(1, float(t)), votes)
+        quick = with_plain(quick, before, overview, BOX, votes)
+        slow = with_plain(slow, nothing, overview, BOX, BOX)
+    assert quick == slow
+
+
+def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> None:
+    mission = load("bay")
+    setting = Setting.of(mission)
+    region = frozenset(Cell(east, north) for east in range(10, 20) for north in range(20, 30))
+    state = State.initial(setting)
+    for number, vehicle in state.vehicles.items():
+        lanes = vehicle.lanes[:1] if number < 5 else ()
+        grounded = replace(
+            vehicle, phase=Phase.GROUNDED, landed=True, lanes=lanes,
+            position=setting.pad_of(number), home=setting.pad_of(number),
+            remaining_wh=100.0,
+        )  # fmt: skip
+        state = state.with_vehicle(grounded)
+    assert assign(setting, state).vehicles[5].order is None
+    belief = state.belief
+    for k in range(3):
+        belief = belief.with_frame(None, FrameId(1, float(k)), dict.fromkeys(region, True))
+    order = assign(setting, replace(state, belief=belief)).vehicles[5].order
+    assert order == TakeOff(mission.altitude_m(4))

@@ -1,0 +1,160 @@
+"""What members say, as bytes: nothing is lost, nothing else is taken, and it is short."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.fleet_events import Fact, Part
+from missions.flight.team.bits import BytesError, Reader, Writer, inflated
+from missions.flight.team.codec import (
+    DOES,
+    ORDERS,
+    PART_M,
+    Ask,
+    Batch,
+    Message,
+    Presence,
+    Word,
+    decode,
+    encode,
+)
+from missions.flight.team.knowledge import MOST_RUNS, Holding
+from missions.units import Cell, GridPoint
+
+CHECKED = settings(max_examples=60, deadline=None)
+halves = st.integers(-4000, 4000).map(lambda k: k / 2)
+places = st.builds(GridPoint, halves, halves)
+steps = st.integers(-500, 500).map(lambda k: k * PART_M)
+far_places = st.builds(GridPoint, steps, steps)
+numbers = st.integers(0, 100_000)
+cells = st.builds(Cell, st.integers(-40, 40), st.integers(-40, 40))
+decided = st.builds(
+    Fact,
+    numbers.map(lambda ms: ms / 1000),
+    st.dictionaries(cells, st.booleans(), min_size=1, max_size=8).map(
+        lambda said: tuple(sorted(said.items()))
+    ),
+    st.booleans(),
+    seen=st.just(value=False),
+)
+shown = st.builds(
+    lambda ms, seen: Fact(ms / 1000, tuple((cell, False) for cell in sorted(seen)), seen=True),
+    numbers,
+    st.sets(cells, min_size=1, max_size=8),
+)
+facts = decided | shown
+presences = st.builds(
+    Presence,
+    st.sampled_from(DOES),
+    places,
+    halves,
+    st.integers(0, 100).map(lambda percent: percent / 100),
+    st.integers(0, 300).map(lambda k: k / 2),
+    st.lists(numbers, max_size=5).map(tuple),
+    st.lists(places, max_size=8).map(tuple),
+)
+
+
+def holding(upto: int, steps: list[tuple[int, int]]) -> Holding:
+    beyond, end = [], upto
+    for gap, length in steps:
+        beyond.append((end + gap, end + gap + length))
+        end += gap + length
+    return Holding(upto, tuple(beyond))
+
+
+counts = st.integers(1, 500)
+holdings = st.builds(holding, numbers, st.lists(st.tuples(counts, counts), max_size=MOST_RUNS))
+messages = st.builds(
+    Message,
+    numbers.map(lambda ms: ms / 1000),
+    st.none() | presences,
+    st.dictionaries(st.integers(0, 30), holdings, max_size=5),
+    st.lists(
+        st.builds(Batch, st.integers(0, 30), numbers, st.lists(facts, max_size=3).map(tuple)),
+        max_size=3,
+    ).map(tuple),
+    st.lists(st.builds(Word, numbers, st.integers(0, 9), st.sampled_from(ORDERS)), max_size=3).map(
+        tuple
+    ),
+    st.booleans(),
+    st.none() | st.builds(Ask, numbers, places, halves, halves, st.integers(0, 9_000).map(float)),
+    st.dictionaries(st.integers(0, 30), numbers, max_size=3),
+    st.lists(
+        st.builds(Part, st.integers(0, 30), st.lists(far_places, max_size=9).map(tuple)), max_size=4
+    ).map(tuple),
+)
+
+
+@CHECKED
+@given(messages)
+def test_what_is_said_is_heard(message: Message) -> None:
+    assert decode(encode(message)) == message
+
+
+@CHECKED
+@given(messages, st.data())
+def test_damaged_bytes_are_refused_or_say_something_else(
+    message: Message, data: st.DataObject
+) -> None:
+    said = bytearray(encode(message))
+    for _ in range(data.draw(st.integers(1, 4))):
+        said[data.draw(st.integers(0, len(said) - 1))] = data.draw(st.integers(0, 255))
+    cut = bytes(said[: data.draw(st.integers(0, len(said)))])
+    for damaged in (bytes(said), cut):
+        with contextlib.suppress(BytesError):
+            decode(damaged)
+
+
+@given(st.binary(max_size=200))
+def test_noise_is_refused(noise: bytes) -> None:
+    with contextlib.suppress(BytesError):
+        decode(noise)
+
+
+def test_bytes_that_unpack_to_more_than_anybody_says_are_refused() -> None:
+    import zlib  # noqa: PLC0415
+
+    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    bomb = b"\x01" + packer.compress(bytes(10_000_000)) + packer.flush()
+    with pytest.raises(BytesError, match="too many"):
+        inflated(bomb, 1 << 16)
+
+
+def test_a_picture_of_too_many_cells_is_refused() -> None:
+    out = Writer()
+    for value in (0, 2 * 100_000, 100_000, 0, 0):
+        out.count(value)
+    said = Writer()
+    for value in (0, 0, 0, 0, 0, 1, 0):  # time, nobody, nothing known, promised; of 1 from 0
+        said.count(value)
+    said.raw(b"\x00" + out.data)
+    with pytest.raises(BytesError, match="so many cells"):
+        decode(said.data)
+
+
+def test_bits_are_told_as_runs_or_one_by_one() -> None:
+    same, mixed = [True] * 200, [k % 2 == 0 for k in range(200)]
+    lengths = []
+    for bits in (same, mixed):
+        out = Writer()
+        out.flags(bits)
+        assert Reader(out.data).flags(len(bits)) == bits
+        lengths.append(len(out.data))
+    assert lengths[0] <= 4
+    assert lengths[1] == 26
+
+
+def test_a_minute_of_frames_fits_in_a_narrow_radio() -> None:
+    """Five frames a second at 6 m/s over cells of 4 m: each column of cells in three frames."""
+    told = []
+    for k in range(300):
+        column = int(k * 0.2 * 6 / 4)
+        told.append(Fact(k / 5, tuple((Cell(column, row), row > 2) for row in range(5))))
+    batches = [Batch(1, k, tuple(told[k : k + 15])) for k in range(0, 300, 15)]
+    size = sum(len(encode(Message(1.0, batches=(batch,)))) for batch in batches)
+    assert size < 3000

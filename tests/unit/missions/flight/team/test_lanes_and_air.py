@@ -1,0 +1,155 @@
+"""What a member does by its reducer with lanes that others hold, and with air that it asks for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+from missions.events import Arrived, FrameSeen, Vote
+from missions.fleet_events import Apart, Heard, Leased
+from missions.flight.setting import Setting
+from missions.flight.state import Column, Phase, State, VehicleState
+from missions.flight.strategy.lane_passes import drop_seen
+from missions.flight.strategy.two_heights import (
+    ASK_S,
+    back_to_layer,
+    change_layer,
+    strays_from_layer,
+)
+from missions.flight.team.members import heard
+from missions.flight.transitions import apply
+from missions.geo.trajectory import rounded_path
+from missions.mission.checks import parse_mission
+from missions.orders import FlyPath, FlyTo, Hold
+from missions.units import GridPoint
+from tests.support.fleet_rig import field_text
+
+OURS = 2
+
+
+@lru_cache
+def setting() -> Setting:
+    return Setting.of(parse_mission(field_text(high=True), "test"), OURS)
+
+
+def in_the_air(*, on_lane: bool) -> State:
+    """Ours flies along the first lane of its box."""
+    state, lanes = State.initial(setting()), setting().lanes[:1]
+    start, end = lanes[0]
+    path = rounded_path([start, end], 0.0, speed_m_s=5.0)
+    layer_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
+    ours = replace(
+        state.vehicles[OURS], phase=Phase.AIRBORNE, landed=False, position=start,
+        cruise_altitude_m=layer_m, height_m=layer_m, home=setting().pad_of(OURS),
+        remaining_wh=60.0, lanes=lanes, on_lane=on_lane, lane_seen_m=(4.0,),
+        order=FlyPath(path, layer_m, None, 0.25),
+    )  # fmt: skip
+    return state.with_vehicle(ours)
+
+
+def told(does: str, vehicle: int = 1) -> Heard:
+    """Another tells that it holds that lane."""
+    return Heard(
+        vehicle, 1.0, GridPoint(0.0, 20.0), 30.0, 50.0, does, setting().pad_of(vehicle), (0,)
+    )  # type: ignore[arg-type]
+
+
+def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
+    state = heard(setting(), in_the_air(on_lane=False), told("flies"))
+    ours = state.vehicles[OURS]
+    assert (ours.lanes, ours.on_lane, ours.lane_seen_m) == ((), False, ())
+    state = apply(setting(), state, Arrived(OURS, 12.0, setting().lanes[0][1]))
+    assert state.vehicles[OURS].order is None
+
+
+def test_who_is_on_a_lane_keeps_it() -> None:
+    for does in ("flies", "stands", "down", "ended", "pilot", "guarded"):
+        state = heard(setting(), in_the_air(on_lane=True), told(does))
+        assert state.vehicles[OURS].lanes == setting().lanes[:1], does
+        assert state.vehicles[OURS].lane_seen_m == (4.0,), does
+
+
+def test_who_flies_keeps_its_lanes_from_one_that_stands_or_lies() -> None:
+    for does in ("stands", "down", "ended", "pilot", "guarded"):
+        state = heard(setting(), in_the_air(on_lane=False), told(does))
+        assert state.vehicles[OURS].lanes == setting().lanes[:1], does
+
+
+def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
+    state = in_the_air(on_lane=False)
+    state = state.with_vehicle(replace(state.vehicles[OURS], lanes=()))
+    state = heard(setting(), state, told("down"))
+    assert drop_seen(setting(), state).vehicles[1].lanes == setting().lanes[:1]
+    votes = tuple(Vote(cell, False, 0.0) for cell in setting().box_cells)
+    state = apply(setting(), state, FrameSeen(OURS, 2.0, None, votes, overview=True))
+    state = heard(setting(), state, told("down"))
+    assert drop_seen(setting(), state).vehicles[1].lanes == ()
+
+
+def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
+    """Nobody keeps out of it any more, whatever time there would have been left."""
+    state = in_the_air(on_lane=False)
+    for vehicle in (1, 3):
+        state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
+    mine = replace(state.vehicles[OURS], lanes=(), order=None, leased_until_s=500.0)
+    after = change_layer(setting(), state.with_vehicle(mine), mine)
+    assert after is not None
+    ours = after.vehicles[OURS]
+    assert ours.asks is not None
+    assert isinstance(ours.order, Hold)
+    assert ours.leased_until_s == -math.inf
+    again = change_layer(setting(), after, ours)
+    assert again is None or isinstance(again.vehicles[OURS].order, Hold)
+
+
+# --- between two layers ------------------------------------------------------------------------
+def stopped_between(*, leased_s: float, apart: bool = False) -> State:
+    """Ours has come down to 2 m above the layer from which it maps, and was stopped there."""
+    state = replace(in_the_air(on_lane=False), t_s=100.0)
+    for vehicle in (1, 3):
+        state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
+    if apart:
+        state = apply(setting(), state, Apart(3, 100.0))
+    mine, low_m = state.vehicles[OURS], setting().mission.altitude_m(OURS - 1)
+    high_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
+    asks = Column(mine.position, low_m, high_m, 80.0, 80.0 + leased_s)
+    mine = replace(
+        mine, lanes=(), order=None, asks=asks, leased_until_s=asks.until_s, height_m=low_m + 2.0,
+        cruise_altitude_m=high_m,
+    )  # fmt: skip
+    return state.with_vehicle(mine)
+
+
+def sent_back(state: State) -> VehicleState:
+    assert strays_from_layer(state.vehicles[OURS])
+    return back_to_layer(setting(), state, state.vehicles[OURS]).vehicles[OURS]
+
+
+def test_who_is_stopped_between_its_layers_goes_on_while_the_air_is_its_own() -> None:
+    ours = sent_back(stopped_between(leased_s=120.0))
+    assert isinstance(ours.order, FlyTo)
+    assert ours.order.height_m == setting().mission.search_altitude_m(OURS - 1)
+
+
+def test_who_is_stopped_for_longer_asks_anew_for_the_shorter_way() -> None:
+    state, low_m = stopped_between(leased_s=10.0), setting().mission.altitude_m(OURS - 1)
+    ours = sent_back(state)
+    assert isinstance(ours.order, Hold)
+    assert ours.asks is not None
+    assert (ours.asks.low_m, ours.asks.high_m) == (low_m, low_m + 2.0)
+    assert ours.asks.asked_s == 100.0
+    waits = replace(state.with_vehicle(ours), t_s=101.0)
+    assert sent_back(waits).asks == ours.asks
+    promised = apply(setting(), waits, Leased(OURS, 101.0, ours.asks.place, ours.asks.until_s))
+    down = sent_back(promised)
+    assert isinstance(down.order, FlyTo)
+    assert down.order.height_m == low_m
+    unanswered = sent_back(replace(waits, t_s=100.0 + ASK_S + 0.1))
+    assert isinstance(unanswered.order, FlyTo)
+
+
+def test_who_cannot_ask_everybody_leaves_the_layer_of_others_at_once() -> None:
+    ours = sent_back(stopped_between(leased_s=10.0, apart=True))
+    assert isinstance(ours.order, FlyTo)
+    assert ours.order.height_m == setting().mission.altitude_m(OURS - 1)

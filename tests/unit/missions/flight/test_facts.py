@@ -1,0 +1,197 @@
+"""Facts of a fleet: any history of partitions, losses and repetitions gives the same knowledge."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from dataclasses import replace
+from functools import lru_cache
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.events import Event, FrameSeen, Vote
+from missions.fleet_events import Fact, Shared
+from missions.flight.joined_map import concluded, joined
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from missions.flight.team.knowledge import Knowledge
+from missions.flight.team.own_cells import OwnCells
+from missions.mapping.belief import Belief, FrameId
+from missions.mission.checks import parse_mission
+from missions.units import Cell
+from tests.support.fleet_rig import field_text
+from tests.support.small_missions import mission_text
+
+CHECKED = settings(max_examples=150, deadline=None)
+cells = st.builds(Cell, st.integers(0, 3), st.integers(0, 1))
+ballots = st.dictionaries(cells, st.booleans(), min_size=1, max_size=8)
+frame_lists = st.lists(st.tuples(st.integers(1, 3), ballots), max_size=60)
+
+
+def seen_by(frames: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
+    """Three frames a second, of whoever took them."""
+    return [
+        FrameSeen(vehicle, k / 3, None, tuple(Vote(c, v, float(v)) for c, v in votes.items()))
+        for k, (vehicle, votes) in enumerate(frames)
+    ]
+
+
+def facts_of(vehicle: int, seen: list[FrameSeen]) -> list[Fact]:
+    own, told = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
+    for event in seen:
+        if event.vehicle == vehicle:
+            told.extend(own.take(event))
+    return told + own.passed(1e6)
+
+
+@CHECKED
+@given(frame_lists)
+def test_facts_are_what_the_frames_of_one_vehicle_decide(
+    frames: list[tuple[int, dict[Cell, bool]]],
+) -> None:
+    seen = seen_by(frames)
+    for vehicle in (1, 2, 3):
+        belief = Belief(5, 3)
+        for event in (event for event in seen if event.vehicle == vehicle):
+            said = {vote.cell: vote.positive for vote in event.votes}
+            belief = belief.with_frame(None, FrameId(vehicle, event.t_s), said)
+        facts = facts_of(vehicle, seen)
+        told = [vote for fact in facts if not fact.seen for vote in fact.votes]
+        in_passing = [cell for fact in facts if fact.seen for cell, _ in fact.votes]
+        assert len(in_passing) == len(set(in_passing))
+        assert len(told) == len(dict(told))  # each cell once
+        for cell in belief.open_ballots:
+            assert dict(told).get(cell) == belief.verdict(cell)
+
+
+@CHECKED
+@given(frame_lists, st.data())
+def test_members_that_know_the_same_facts_have_the_same_region(
+    frames: list[tuple[int, dict[Cell, bool]]], data: st.DataObject
+) -> None:
+    """Each has its own frames and hears of the others' facts whenever it may be."""
+    seen = seen_by(frames)
+    regions = set()
+    for member in (0, 1, 2, 3):
+        setting = small_setting(member)
+        own: list[Event] = [event for event in seen if event.vehicle == member]
+        heard: list[Event] = [
+            Shared(vehicle, 0.0, k, (fact,))
+            for vehicle in (1, 2, 3)
+            if vehicle != member
+            for k, fact in enumerate(facts_of(vehicle, seen))
+        ]
+        places = data.draw(st.lists(st.integers(0, len(own)), min_size=len(heard), max_size=60))
+        events = list(own)
+        for event, place in zip(data.draw(st.permutations(heard)), places, strict=False):
+            events.insert(place, event)
+        events += heard  # and all of it once more
+        state = joined(setting, State.initial(setting), events)
+        decided = {
+            (cell, state.belief.verdict(cell))
+            for cell in state.belief.open_ballots
+            if state.belief.verdict(cell) is not None
+        }
+        regions.add(frozenset(decided))
+    assert len(regions) == 1
+
+
+@lru_cache
+def small_setting(member: int | None) -> Setting:
+    text = mission_text(
+        [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)],
+        [(-60.0, -60.0), (90.0, -60.0), (90.0, 90.0), (-60.0, 90.0)],
+        vehicles=3, homes=[(0.0, -20.0), (20.0, -20.0), (40.0, -20.0)], strategy="swath",
+    )  # fmt: skip
+    return Setting.of(parse_mission(text, "test"), member)
+
+
+def test_who_decides_first_by_facts_errs_no_more_often_than_one_that_is_alone() -> None:
+    """Two vehicles see the same cells that are no region; every tenth vote errs."""
+    chance = random.Random(3)
+    alone = first = 0
+    for _ in range(20_000):
+        decisions = []
+        for _vehicle in range(2):
+            votes = [chance.random() < 0.1 for _ in range(5)]
+            count = next(k for k in range(3, 6) if max(sum(votes[:k]), k - sum(votes[:k])) >= 3)
+            decisions.append((count, sum(votes[:count]) >= 3))
+        alone += decisions[0][1]
+        first += min(decisions)[1]
+    assert alone == pytest.approx(20_000 * 0.00856, rel=0.2)
+    assert first <= alone
+
+
+facts = st.lists(st.booleans(), max_size=30).map(
+    lambda says: [Fact(float(k), ((Cell(k, 0), v),)) for k, v in enumerate(says)]
+)
+
+
+@CHECKED
+@given(st.lists(facts, min_size=2, max_size=4), st.randoms(use_true_random=False))
+def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
+    logs: list[list[Fact]], chance: random.Random
+) -> None:
+    batches = []
+    for origin, log in enumerate(logs, start=1):
+        for _ in range(3):  # each is told several times, cut otherwise
+            cuts = sorted({0, len(log), *(chance.randint(0, len(log)) for _ in range(3))})
+            batches.extend((origin, a, log[a:b]) for a, b in itertools.pairwise(cuts))
+    chance.shuffle(batches)
+    known, new = Knowledge(), 0
+    for origin, first, frames in batches:
+        for run in known.take(origin, first, frames):
+            new += len(run.facts)
+            assert run.facts == tuple(logs[origin - 1][run.first : run.first + len(run.facts)])
+    assert known.facts == {
+        origin: dict(enumerate(log)) for origin, log in enumerate(logs, start=1) if log
+    }
+    assert new == sum(map(len, logs))  # nothing is new twice
+
+
+@CHECKED
+@given(st.lists(facts, min_size=3, max_size=3), st.data())
+def test_whoever_compares_what_they_have_ends_with_the_same(
+    logs: list[list[Fact]], data: st.DataObject
+) -> None:
+    """Any history of meetings, of any pairs, with messages lost; then one round in contact."""
+    members = {number: Knowledge() for number in (1, 2, 3)}
+    for number, member in members.items():
+        member.take(number, 0, logs[number - 1])
+    pairs = st.tuples(st.sampled_from([1, 2, 3]), st.sampled_from([1, 2, 3]), st.booleans())
+    history = data.draw(st.lists(pairs, max_size=12))
+    last = [(a, b, False) for _ in range(2) for a in members for b in members]
+    for one, other, lost in [*history, *last]:
+        for origin, numbers in members[one].missing(members[other].have).items():
+            told = numbers if not lost else data.draw(st.lists(st.sampled_from(numbers)))
+            for number in told:
+                members[other].take(origin, number, [members[one].facts[origin][number]])
+    assert members[1].have == members[2].have == members[3].have
+    for origin in members[1].have:
+        log = dict(enumerate(logs[origin - 1]))
+        assert members[1].facts[origin] == members[2].facts[origin] == log
+        assert members[3].facts[origin] == log
+    assert not members[1].lacking(members[2].have)
+
+
+# --- the end -----------------------------------------------------------------------------------
+@pytest.mark.parametrize("missing", [0, 1])
+def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) -> None:
+    setting = Setting.of(parse_mission(field_text(high=True), "test"), 1)
+    state = replace(State.initial(setting), t_s=300.0)
+    for number, phase in ((1, Phase.FAILED), (2, Phase.FINISHED), (3, Phase.FINISHED)):
+        came = replace(state.vehicles[number], phase=phase, landed=True, order=None)
+        state = state.with_vehicle(came)
+    region = {Cell(4, 6), Cell(5, 6)}
+    wide = {Cell(c.east + i, c.north + j) for c in region for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    cells = sorted({*setting.box_cells, *wide})
+    told = Fact(250.0, tuple((c, c in region) for c in cells[missing:]))
+    state = joined(setting, state, [Shared(2, 251.0, 0, (told,))])
+    assert not state.completed  # its own service gave nothing up, and ended nothing
+    ended = concluded(setting, state)
+    assert ended.completed is (missing == 0)
+    assert not ended.undecided
+    flying = state.with_vehicle(replace(state.vehicles[1], phase=Phase.AIRBORNE, landed=False))
+    assert concluded(setting, flying) is flying

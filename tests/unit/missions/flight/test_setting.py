@@ -1,0 +1,150 @@
+"""What a mission comes to before anybody flies: grid, fence, lanes, energy, metric, and shares."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.mission.energy import AIRSPEED_LIMIT_M_S
+from missions.mission.flyable import fence_of, look_s, search_area
+from missions.mission.launch_pads import SMALLEST_GAP_M, homes
+from missions.planning.search.lanes import lanes, share_out
+from missions.planning.stepwise import EXPLORERS
+from missions.units import Cell, GridPoint
+from tests.support.small_missions import CELL_M, START, mission, square
+
+BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
+
+
+def setting(**changes: object) -> Setting:
+    return Setting.of(mission(BOX, FENCE, **changes))  # type: ignore[arg-type]
+
+
+# --- what is made of the file ----------------------------------------------------------------
+def test_the_grid_begins_at_the_start_and_has_the_cells_of_the_file() -> None:
+    made = setting()
+    assert made.grid.cell_m == CELL_M
+    assert made.grid.fixed(START) == GridPoint(0, 0)
+
+
+def test_a_drift_of_the_file_is_that_of_the_grid() -> None:
+    made = setting(drift_m_s=0.3, toward_deg=90.0)
+    assert made.grid.drift_speed_m_s == pytest.approx(0.3)
+    assert made.grid.drift_east_m_s == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.parametrize("margin_m", [0.0, 2.0, 5.0])
+def test_the_fence_is_that_of_the_file_with_its_margin(margin_m: float) -> None:
+    made = setting(margin_m=margin_m)
+    assert made.fence.allows(GridPoint(-60 + margin_m + 0.1, 0))
+    assert made.fence.allows(GridPoint(-60 + margin_m - 0.1, 0)) is False
+
+
+def test_checks_and_flights_have_the_same_fence_and_lanes() -> None:
+    """What is accepted is what is flown."""
+    hole = square(0, 25, 8, 8)
+    made = mission(BOX, FENCE, [hole])
+    flown = Setting.of(made)
+    checked = fence_of(made, flown.grid)
+    assert checked.inner.equals(flown.fence.inner)
+    assert search_area(made, flown.grid).lanes == flown.lanes
+
+
+def test_lanes_lie_over_the_box() -> None:
+    made = setting()
+    box = [GridPoint(*map(float, corner)) for corner in BOX]
+    expected = lanes(box, CELL_M, made.fence)
+    assert len(made.lanes) == len(expected) == 3
+    for lane, other in zip(made.lanes, expected, strict=True):
+        for point, near in zip(lane, other, strict=True):
+            assert point.distance_to(near) < 0.01  # through degrees of nine digits and back
+
+
+@pytest.mark.parametrize("strategy", sorted(EXPLORERS))
+def test_the_strategy_is_the_one_named(strategy: str) -> None:
+    assert setting(strategy=strategy).explorer is EXPLORERS[strategy]
+
+
+def test_the_energy_is_that_of_the_battery() -> None:
+    made = setting(capacity_wh=33.0, speed_m_s=4.0)
+    assert made.energy.capacity_wh == 33.0
+    assert made.energy.speed_m_s == 4.0
+    assert made.energy.max_airspeed_m_s == AIRSPEED_LIMIT_M_S
+
+
+# --- what planners reckon with ---------------------------------------------------------------
+def test_the_metric_counts_in_cells_and_seconds() -> None:
+    metric = setting(speed_m_s=5.0).metric
+    assert metric.straight
+    assert metric.leg(Cell(0, 0), Cell(10, 0)) == pytest.approx(10 * CELL_M / 5.0)
+    assert metric.look == 5 * 0.25
+    assert metric.ramp == pytest.approx(5.0 / 2.0)
+
+
+def test_the_metric_and_the_energy_agree_on_long_legs() -> None:
+    made = setting(speed_m_s=5.0)
+    leg_s = made.metric.from_rest(made.metric.leg(Cell(0, 0), Cell(30, 40)))
+    assert leg_s == pytest.approx(made.energy.leg_s(50 * CELL_M))
+
+
+def test_the_metric_drifts_with_the_region() -> None:
+    metric = setting(speed_m_s=5.0, drift_m_s=0.5, toward_deg=90.0).metric
+    with_it, against = (metric.leg(Cell(0, 0), Cell(e, 0)) for e in (10, -10))
+    assert with_it == pytest.approx(40 / 4.5, rel=0.01)
+    assert against == pytest.approx(40 / 5.5, rel=0.01)
+
+
+@pytest.mark.parametrize(("frames", "interval_s"), [(5, 0.25), (3, 1.0), (20, 0.5)])
+def test_a_look_takes_its_frames_and_a_moment(frames: int, interval_s: float) -> None:
+    made = setting(frames=frames, interval_s=interval_s, capacity_wh=60.0)
+    assert made.look_s == 2.0 + frames * interval_s
+    assert look_s(made.mission) == made.look_s  # what checks reckon with, and flights
+
+
+# --- before take-off -------------------------------------------------------------------------
+@pytest.mark.parametrize("vehicles", [1, 2, 3, 4])
+def test_the_lanes_are_shared_out_among_all(vehicles: int) -> None:
+    made = setting(vehicles=vehicles, capacity_wh=60.0)
+    state = State.initial(made)
+    assert sorted(state.vehicles) == list(range(1, vehicles + 1))
+    blocks = [state.vehicles[n].lanes for n in sorted(state.vehicles)]
+    assert tuple(lane for block in blocks for lane in block) == made.lanes
+    assert tuple(blocks) == share_out(made.lanes, vehicles)
+
+
+def test_every_vehicle_has_a_layer_of_its_own() -> None:
+    made = setting(vehicles=3, altitude_m=13.0, layer_m=7.0, capacity_wh=60.0)
+    vehicles = State.initial(made).vehicles
+    assert [vehicles[n].cruise_altitude_m for n in (1, 2, 3)] == [13.0, 20.0, 27.0]
+
+
+def test_at_first_nothing_is_known_and_nothing_is_done() -> None:
+    state = State.initial(setting(vehicles=2, capacity_wh=60.0))
+    assert state.belief.roi == frozenset()
+    assert (state.belief.frames, state.belief.positive) == (5, 3)
+    assert state.tree is None
+    assert not state.exploration_finished
+    assert not state.completed
+    assert not state.over
+    assert state.robots() == {}
+
+
+# --- where they stand ------------------------------------------------------------------------
+@pytest.mark.parametrize("vehicles", [1, 2, 5])
+def test_vehicles_without_a_home_stand_in_a_row(vehicles: int) -> None:
+    made = setting(vehicles=vehicles, capacity_wh=90.0)
+    points = [made.grid.fixed(place) for place in homes(made.mission)]
+    for i, point in enumerate(points):
+        assert point == pytest.approx((i * SMALLEST_GAP_M, 0.0), abs=1e-6)
+
+
+def test_a_given_home_takes_nobody_s_place_in_the_row() -> None:
+    made = mission(BOX, FENCE, vehicles=3, homes=[(0, 0), (-20, -20), (16, 0)], capacity_wh=60.0)
+    grid = Setting.of(made).grid
+    places = [grid.fixed(place) for place in homes(made)]
+    expected = [(0, 0), (-20, -20), (16, 0)]
+    for place, (east_m, north_m) in zip(places, expected, strict=True):
+        assert math.dist(place, (east_m, north_m)) < 0.001

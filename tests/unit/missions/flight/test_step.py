@@ -1,0 +1,896 @@
+"""Single situations of `step`: what one event changes, and what is ordered after it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from shapely.geometry import LineString, Point
+
+from missions.events import (
+    Airborne,
+    Arrived,
+    BatterySwapped,
+    Connected,
+    Crashed,
+    Event,
+    FrameLost,
+    FrameSeen,
+    Landed,
+    LiftedOff,
+    LinkLost,
+    LookEnded,
+    OrderFailed,
+    Overridden,
+    Recalled,
+    Released,
+    Resumed,
+    Tracked,
+    Vote,
+    from_json,
+    to_json,
+)
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, ReturnReason, State
+from missions.flight.step import Orders, step
+from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
+from missions.mapping.tree import Tree
+from missions.mission.schema import Mission
+from missions.orders import (
+    AwaitBattery,
+    FlyTo,
+    Hold,
+    Land,
+    Look,
+    Order,
+    ReturnToLaunch,
+    StandDown,
+    Sweep,
+    TakeOff,
+)
+from missions.planning.stepwise import EXPLORERS
+from missions.units import Cell, GridPoint
+from tests.fake_fleet import fleet
+from tests.support.small_missions import mission, square
+from uavmap.output.facts.figures import aircraft_down
+
+HOME = GridPoint(0.0, 0.0)
+ROOT = Cell(2, 6)
+
+
+class Service:
+    """Events in, orders out, and the state between."""
+
+    def __init__(self, made: Mission) -> None:
+        self.setting = Setting.of(made)
+        self.state = State.initial(self.setting)
+        self.now_s = 0.0
+
+    def post(self, *events: Event) -> Orders:
+        orders: Orders = ()
+        for event in events:
+            self.now_s = max(self.now_s, event.t_s)
+            self.state, orders = step(self.setting, self.state, event)
+        return orders
+
+    def connect(self, vehicle: int = 1, *, at: GridPoint = HOME, height_m: float = 0.0) -> Orders:
+        wh = self.setting.mission.battery.capacity_wh
+        t_s = self.now_s
+        return self.post(Connected(vehicle, t_s, at, at, height_m, height_m > 0.0, True, wh))
+
+    def track(self, vehicle: int, at: GridPoint, height_m: float = 12.0) -> Orders:
+        self.now_s += 1.0
+        wh = self.state.vehicles[vehicle].remaining_wh - 0.1
+        return self.post(Tracked(vehicle, self.now_s, at, height_m, wh))
+
+    def order(self, vehicle: int = 1) -> Order | None:
+        return self.state.vehicles[vehicle].order
+
+    def exploring(self, vehicle: int = 1, *, at: Cell = ROOT) -> None:
+        """As if the ROI had just been found and the vehicle hovered over its root."""
+        here = self.setting.grid.centre_of(at)
+        state = replace(self.state, tree=Tree.rooted(at), found_s=self.now_s)
+        there = replace(
+            state.vehicles[vehicle],
+            phase=Phase.AIRBORNE, landed=False, vertex=at, at_target=True, order=None,
+            position=here, height_m=12.0, lanes=(),
+            remaining_wh=self.setting.mission.battery.capacity_wh,
+        )  # fmt: skip
+        self.state = state.with_vehicle(there)
+        self.track(vehicle, here)
+
+
+def frame(
+    vehicle: int, t_s: float, vantage: Cell, *positive: Cell, of: tuple[Cell, ...] | None = None
+) -> FrameSeen:
+    cells = of if of is not None else vantage.cross()
+    votes = tuple(Vote(c, c in positive, float(c in positive)) for c in cells)
+    return FrameSeen(vehicle, t_s, vantage, votes)
+
+
+@pytest.fixture
+def service() -> Service:
+    return Service(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0))
+
+
+@pytest.fixture
+def pair() -> Service:
+    made = mission(
+        square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0, vehicles=2
+    )
+    return Service(made)
+
+
+# --- taking off, searching -------------------------------------------------------------------
+def test_a_sortie_begins_with_take_off_flight_and_sweep(service: Service) -> None:
+    assert service.connect() == ((1, TakeOff(12.0)),)
+    ((_, leg),) = service.post(Airborne(1, 8.0))
+    assert isinstance(leg, FlyTo)
+    ((_, sweep),) = service.post(Arrived(1, 12.0, leg.route[-1]))
+    assert sweep == Sweep(service.setting.lanes[0][1], 4.0, 12.0)
+
+
+def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    start = service.setting.lanes[0][0]
+    service.post(Arrived(1, 12.0, start))
+    suspect = Cell(0, 6)
+    service.post(frame(1, 14.0, suspect, suspect))
+    assert service.order() == Hold()  # it comes to rest first
+    service.track(1, start)
+    service.track(1, start)
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.cell == suspect
+    t_s = service.now_s
+    service.post(Arrived(1, t_s, service.setting.grid.centre_of(suspect)))
+    assert service.order() == Look(suspect, 30, 12.0)
+    for i in range(5):
+        service.post(frame(1, t_s + 1 + i, suspect, suspect, Cell(0, 7)))
+    assert service.state.tree is not None
+    assert service.state.tree.root == suspect
+    assert service.state.tree.children(suspect) == (Cell(0, 7),)
+    assert service.state.found_s == t_s + 4  # the search frame over the cell counts
+
+
+def test_a_frame_from_anywhere_is_evidence_and_nothing_more(service: Service) -> None:
+    """It is of no lane and no look; what it elects is ROI of the map."""
+    service.connect()
+    service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
+    order, seen = service.order(), Cell(0, 6)
+    votes = (Vote(seen, True, 1.0), Vote(Cell(1, 6), False, 0.0))
+    for i in range(3):
+        service.post(FrameLost(1, 13.0 + i, "black"), FrameSeen(1, 13.1 + i, None, votes))
+    vehicle, belief = service.state.vehicles[1], service.state.belief
+    assert service.order() == order
+    assert (vehicle.candidate, vehicle.lane_seen_m, vehicle.frames_lost) == (None, (), 0)
+    assert service.state.tree is None
+    assert belief.roi == {seen}
+    assert belief.verdict(Cell(1, 6)) is False
+    service.post(FrameSeen(1, 12.9, None, ((Vote(Cell(1, 6), True, 1.0)),)))  # it came late
+    assert service.state.belief.verdict(Cell(1, 6)) is False
+
+
+def test_a_box_without_roi_is_exhausted_which_is_a_result(service: Service) -> None:
+    flight = fleet(service.setting.mission, roi=())
+    flight.start()
+    flight.run()
+    assert flight.state.exhausted
+    assert flight.state.completed
+    assert flight.state.belief.roi == frozenset()
+
+
+def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sortie(
+    service: Service,
+) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
+    low_wh = service.setting.energy.reserve_wh
+    service.post(Tracked(1, 13.0, service.setting.lanes[0][0], 12.0, low_wh))
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
+    service.post(frame(1, 13.5, Cell(0, 6), Cell(0, 6)))
+    assert service.state.vehicles[1].candidate == Cell(0, 6)
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
+
+
+def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Service) -> None:
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    suspect = Cell(0, 6)
+    dropped = replace(pair.state.vehicles[1], candidate=suspect, lanes=())
+    pair.state = pair.state.with_vehicle(dropped)
+    pair.state = pair.state.with_vehicle(replace(pair.state.vehicles[2], lanes=()))
+    pair.post(OrderFailed(1, 1.0, "take off", "no arming"))
+    pair.post(Airborne(2, 12.0))
+    pair.track(2, GridPoint(8.0, 0.0), 18.0)
+    assert not pair.state.exhausted
+    assert pair.state.vehicles[2].candidate == suspect
+
+
+def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
+    """The fence is two halves with a gap: the box lies in both, home in the one."""
+    wall = square(-60, 10, 160, 4)
+    made = mission(square(0, -4, 30, 44), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
+    flight = fleet(made, roi={Cell(2, 7)})
+    flight.start()
+    flight.run(300.0)
+    assert flight.faults == []
+    assert flight.state.belief.roi == frozenset()
+
+
+def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
+    made = mission(
+        square(-140, 20, 280, 8), square(-200, -60, 400, 160), capacity_wh=14.0, speed_m_s=5.0
+    )
+    flight = fleet(made, roi=())
+    flight.start()
+    flight.run()
+    assert flight.faults == []
+    assert flight.state.exhausted
+    assert sum(isinstance(order, TakeOff) for _, _, order in flight.orders) > 1
+
+
+def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None:
+    """Below somebody else's column it would keep a vehicle with a low battery from landing."""
+    pad = GridPoint(8.0, 0.0)
+    pair.connect(1)
+    pair.connect(2, at=pad)
+    idle = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=None, position=pad, height_m=12.0, lanes=(),
+    )  # fmt: skip
+    full = pair.state.vehicles[2]
+    landing = replace(
+        full,
+        phase=Phase.AIRBORNE, landed=False, order=Hold(), over_home=True,
+        return_reason=ReturnReason.BATTERY,
+        position=pad, height_m=18.0, lanes=full.lanes[-1:],
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(idle).with_vehicle(landing)
+    pair.track(2, pad, 18.0)
+    assert isinstance(pair.order(1), FlyTo)
+    pair.post(Arrived(1, pair.now_s + 2.0, HOME))
+    assert pair.order(1) == Hold()
+    assert pair.order(2) == Land()
+
+
+# --- exploring -------------------------------------------------------------------------------
+def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
+    """The look ended before every picture was judged: the votes that it lacked still count."""
+    service.exploring()
+    for t in range(2):
+        service.post(frame(1, 20.0 + t, ROOT, ROOT))
+    service.post(LookEnded(1, 22.0))
+    assert service.state.tree is not None
+    assert service.state.tree.is_explored(ROOT)
+    north = Cell(ROOT.east, ROOT.north + 1)
+    for t in range(3):
+        service.post(frame(1, 22.5 + t, ROOT, ROOT, north))
+    assert service.state.tree.children(ROOT) == (north,)
+    assert not service.state.exploration_finished
+
+
+def test_votes_beyond_a_full_ballot_do_not_grow_the_tree(service: Service) -> None:
+    service.exploring()
+    for t in range(5):
+        service.post(frame(1, 20.0 + t, ROOT, ROOT))
+    north = Cell(ROOT.east, ROOT.north + 1)
+    for t in range(30):
+        service.post(frame(1, 30.0 + t, ROOT, ROOT, north))
+    assert service.state.tree is not None
+    assert service.state.tree.children(ROOT) == ()
+    assert north not in service.state.belief.roi
+
+
+def test_what_was_confirmed_is_not_taken_back_by_a_frame_that_comes_late(service: Service) -> None:
+    service.exploring()
+    north = Cell(ROOT.east, ROOT.north + 1)
+    for t in range(5):
+        service.post(frame(1, 20.0 + t, ROOT, *((ROOT, north) if t >= 2 else (ROOT,))))
+    assert north in service.state.belief.roi
+    for t in range(5):
+        service.post(frame(1, 10.0 + t, ROOT, ROOT))  # taken before, by a picture that was slow
+    assert north in service.state.belief.roi
+    assert service.state.tree is not None
+    assert service.state.tree.children(ROOT) == (north,)
+
+
+def test_a_look_that_ends_early_leaves_the_cell_undecided(service: Service) -> None:
+    service.exploring()
+    service.post(frame(1, 20.0, ROOT, ROOT, of=(ROOT,)), LookEnded(1, 21.0))
+    assert service.state.undecided == {ROOT}
+    assert service.state.exploration_finished
+    assert not service.state.completed
+
+
+def test_a_silent_camera_brings_the_vehicle_home_for_good(service: Service) -> None:
+    service.exploring()
+    service.post(LookEnded(1, 21.0))
+    vehicle = service.state.vehicles[1]
+    assert vehicle.return_reason is ReturnReason.FAULT
+    assert isinstance(vehicle.order, FlyTo)
+    service.post(Arrived(1, 25.0, HOME))
+    assert service.order() == Land()
+    service.post(Landed(1, 40.0, 50.0))
+    assert service.state.vehicles[1].phase is Phase.FAILED
+
+
+def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() -> None:
+    """It was looked from; its child is still inside. (This once recursed for ever.)"""
+    made = mission(
+        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
+        drift_m_s=0.4, toward_deg=0.0,
+    )  # fmt: skip
+    service = Service(made)
+    root, far, near = Cell(0, 20), Cell(0, 21), Cell(0, 19)
+    service.exploring(at=root)
+    tree = Tree.rooted(root).looked(root, [far, near]).looked(far, [])
+    vehicle = replace(service.state.vehicles[1], vertex=root, at_target=False, order=None)
+    late = replace(service.state, tree=tree, t_s=50.0).with_vehicle(vehicle)
+    assert not service.setting.fence.allows(
+        service.setting.grid.to_fixed(service.setting.grid.centre_of(root), 70.0)
+    )
+    service.state, service.now_s = late, 70.0
+    for _ in range(6):
+        service.track(1, GridPoint(0.0, 90.0))
+    assert service.state.tree is not None
+    assert root not in service.state.abandoned
+    assert service.state.exploration_finished or service.state.vehicles[1].vertex == near
+
+
+def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before(service: Service) -> None:
+    """Its way back leads over a cell that was inside when the leg would begin."""
+    made = mission(
+        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
+        drift_m_s=0.4, toward_deg=0.0, speed_m_s=5.0,
+    )  # fmt: skip
+    service = Service(made)
+    root, far = Cell(0, 3), Cell(0, 24)
+    service.exploring(at=root)
+    tree = Tree.rooted(root).looked(root, [far]).looked(far, [Cell(1, 24)])
+    vehicle = replace(service.state.vehicles[1], vertex=far, at_target=False, order=None)
+    service.state = replace(service.state, tree=tree).with_vehicle(vehicle)
+    here = service.setting.grid.centre_of(root)
+    centre = service.setting.grid.to_fixed(service.setting.grid.centre_of(far), 0.0)
+    assert service.setting.fence.allows(centre)
+    service.track(1, here)
+    order = service.order()
+    assert not (isinstance(order, FlyTo) and order.cell == far)
+
+
+def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
+    made = mission(square(-10, 16, 40, 20), square(-60, -60, 160, 100), capacity_wh=60.0)
+    flight = fleet(made, roi={Cell(0, n) for n in range(5, 14)})
+    flight.start()
+    flight.run()
+    assert flight.faults == []
+    assert flight.state.exploration_finished
+    assert not flight.state.completed
+    assert flight.state.abandoned == {Cell(0, 10)}
+
+
+# --- other hands -----------------------------------------------------------------------------
+def test_nothing_is_ordered_while_a_pilot_flies(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    assert service.post(Overridden(1, 9.0, "LOITER")) == ((1, StandDown()),)
+    stale = (
+        Arrived(1, 9.5, HOME),
+        Airborne(1, 9.6),
+        BatterySwapped(1, 9.7, 60.0),
+        frame(1, 9.8, Cell(0, 6), Cell(0, 6)),
+    )
+    for event in stale:
+        assert service.post(event) == ()
+        assert service.state.vehicles[1].phase is Phase.YIELDED
+    assert not service.state.vehicles[1].at_target
+
+
+def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None:
+    service.connect()
+    service.post(OrderFailed(1, 2.0, "take off", "no arming"))
+    assert service.post(BatterySwapped(1, 60.0, 60.0)) == ()
+    assert service.state.vehicles[1].phase is Phase.FAILED
+
+
+def test_given_back_on_the_ground_it_takes_off_once_the_crew_is_clear(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0))
+    assert service.post(Released(1, 60.0, HOME, 0.2)) == ((1, AwaitBattery()),)
+    assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
+
+
+def test_a_link_that_comes_back_on_the_ground_does_not_take_off_by_itself(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), LinkLost(1, 20.0))
+    back = Connected(1, 60.0, HOME, HOME, 0.0, False, True, 58.0)
+    assert service.post(back) == ((1, AwaitBattery()),)
+
+
+def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: Service) -> None:
+    service.exploring()
+    service.post(Resumed(20.0))
+    service.post(Connected(1, 21.0, HOME, HOME, 6.0, True, True, 30.0, mode="land"))
+    assert service.order() == Land()
+    service.post(Landed(1, 30.0, 29.0, position=HOME))
+    assert service.state.vehicles[1].phase is Phase.GROUNDED
+    assert service.order() == AwaitBattery()
+
+
+def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
+    service: Service,
+) -> None:
+    service.exploring()
+    service.post(LinkLost(1, 20.0))
+    field = GridPoint(20.0, 20.0)
+    back = Connected(1, 90.0, HOME, field, 0.0, False, True, 30.0)
+    assert service.post(back) == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert service.state.over
+
+
+@pytest.mark.parametrize("field", [GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)])
+def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service, field: GridPoint) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
+    service.post(Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    service.post(Resumed(200.0))
+    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
+    assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
+
+
+@pytest.mark.parametrize("resumed", [True, False])
+def test_one_that_fell_on_its_pad_waits_for_a_fresh_battery(
+    service: Service, resumed: bool
+) -> None:
+    """It is found where people would have put it back: a fresh battery tells that they have."""
+    service.exploring()
+    service.post(Tracked(1, 19.0, HOME, 6.0, 30.0))
+    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
+    between = Resumed(60.0) if resumed else LinkLost(1, 60.0)
+    service.post(between, Connected(1, 61.0, HOME, HOME, 0.0, False, True, 33.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert "fresh battery" in service.state.vehicles[1].note
+    service.post(Resumed(200.0))
+    looked_at = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
+    assert service.post(looked_at) == ((1, AwaitBattery()),)
+
+
+def test_one_that_a_failsafe_has_set_down_afield_is_not_flown_by_a_resume(
+    service: Service,
+) -> None:
+    field = GridPoint(12.0, 20.0)
+    service.exploring()
+    service.post(Overridden(1, 20.0, "LAND failsafe"), Landed(1, 40.0, 30.0, position=field))
+    assert service.state.vehicles[1].landed_away_m > 20.0
+    service.post(Resumed(60.0), Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert "lies there still" in service.state.vehicles[1].note
+    service.post(Resumed(200.0))
+    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 30.0)
+    assert service.post(fetched) == ((1, AwaitBattery()),), "as it was: nothing broke"
+
+
+def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
+    assert service.post(Released(1, 21.0, HOME, 0.0)) == ()
+    assert service.state.vehicles[1].phase is Phase.DOWN
+
+
+def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, GridPoint(20.0, 20.0), "it fell"), Resumed(60.0), Resumed(90.0))
+    (line,) = aircraft_down(service.setting, service.state)
+    assert line.endswith("it is down: it fell")
+
+
+def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
+    """`uavmap check` refuses it; an old journal may still hold one."""
+    service.setting = replace(service.setting, lanes=())
+    service.state = State.initial(service.setting)
+    assert service.connect() == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.FAILED
+    assert "search box" in service.state.vehicles[1].note
+    assert service.state.over
+    assert not service.state.completed
+
+
+def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    at = GridPoint(3.0, 9.0)
+    assert service.post(Released(1, 20.0, at, 12.0)) == ((1, Hold()),)
+    service.track(1, at)
+    assert isinstance(service.order(), FlyTo)
+
+
+def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
+    assert service.state.vehicles[1].phase is Phase.AIRBORNE
+    assert not service.state.over
+
+
+def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
+    service.connect()
+    service.track(1, HOME, 4.0)
+    service.post(Overridden(1, service.now_s + 0.5, "LOITER"))
+    assert not service.state.vehicles[1].landed
+    assert not service.state.over
+
+
+def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    service.post(OrderFailed(1, 9.0, "fly to", "denied"))
+    assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
+    service.track(1, HOME)
+    service.track(1, HOME)
+    assert service.order() == Land()
+
+
+def test_a_lost_link_is_taken_up_where_the_vehicle_is(service: Service) -> None:
+    service.exploring()
+    assert service.post(LinkLost(1, 20.0)) == ((1, StandDown()),)
+    here = GridPoint(8.0, 24.0)
+    service.now_s = 30.0
+    service.connect(at=here, height_m=12.0)
+    service.track(1, here)
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.cell == ROOT
+
+
+def test_half_way_down_over_home_it_lands_without_climbing_first(service: Service) -> None:
+    service.exploring()
+    low_wh = service.setting.energy.reserve_wh + 1.0
+    service.post(Resumed(20.0))
+    service.post(Connected(1, 21.0, HOME, HOME, 3.0, True, True, low_wh))
+    service.post(Tracked(1, 22.0, HOME, 3.0, low_wh))
+    assert service.order() == Land()
+
+
+# --- coming home -----------------------------------------------------------------------------
+def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Service) -> None:
+    service.exploring()
+    far = service.setting.grid.centre_of(ROOT)
+    service.post(Tracked(1, 30.0, far, 12.0, service.setting.energy.reserve_wh + 2.0))
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.route[-1] == HOME
+    service.post(Arrived(1, 40.0, HOME))
+    assert service.order() == Land()
+    service.post(Landed(1, 60.0, 10.0))
+    assert service.order() == AwaitBattery()
+    assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
+    service.post(Airborne(1, 98.0))
+    order = service.order()
+    assert isinstance(order, FlyTo)
+    assert order.cell == ROOT
+
+
+def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair: Service) -> None:
+    pair.setting = replace(pair.setting, explorer=EXPLORERS["horizon"])
+    last, centre = Cell(2, 7), pair.setting.grid.centre_of
+    for vehicle, at in ((1, centre(Cell(2, 3))), (2, centre(ROOT))):
+        pair.connect(vehicle, at=GridPoint(8.0 * vehicle, 0.0))
+        pair.exploring(vehicle)
+        pair.track(vehicle, at, 12.0 if vehicle == 1 else 18.0)
+    ahead = replace(pair.state.vehicles[1], vertex=last, at_target=False, order=None)
+    behind = replace(pair.state.vehicles[2], order=None)
+    tree = Tree.rooted(ROOT).looked(ROOT, [last])
+    pair.state = replace(pair.state, tree=tree, vehicles={1: ahead, 2: behind})
+    pair.track(2, centre(ROOT), 18.0)
+    assert pair.order(2) == Hold()
+    low_wh = pair.setting.energy.reserve_wh + 2.0
+    orders = dict(pair.post(Tracked(1, pair.now_s + 1.0, centre(Cell(2, 3)), 12.0, low_wh)))
+    assert pair.state.vehicles[1].return_reason is ReturnReason.BATTERY
+    assert isinstance(orders[2], FlyTo)
+    assert orders[2].cell == last
+
+
+def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Service) -> None:
+    """It swings out as far as the margin is wide; what it holds to is planned from rest."""
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    leg = service.order()
+    assert isinstance(leg, FlyTo)
+    assert not leg.stop
+    low_wh = service.setting.energy.reserve_wh + 1.0
+    service.post(Arrived(1, 12.0, leg.route[-1]))
+    assert isinstance(service.order(), Sweep)
+    waits = replace(service.state.vehicles[1], order=Hold())
+    service.state = service.state.with_vehicle(waits)
+    service.post(Tracked(1, 12.5, leg.route[-1], 12.0, low_wh))
+    assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
+    assert service.order() == Hold()
+    service.post(Tracked(1, 13.5, leg.route[-1], 12.0, low_wh))
+    assert isinstance(service.order(), FlyTo)
+
+
+def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> None:
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.post(Airborne(1, 8.0), Recalled(9.0))
+    assert pair.state.vehicles[1].return_reason is ReturnReason.RECALLED
+    assert pair.state.vehicles[2].order == Land(), "its take-off is called off, wherever it is"
+    pair.post(Landed(2, 12.0, 59.0))
+    assert pair.state.vehicles[2].phase is Phase.FINISHED
+    pair.post(Resumed(100.0))
+    assert not pair.state.recalled
+    assert {v.phase for v in pair.state.vehicles.values()} == {Phase.OFFLINE}
+
+
+# --- keeping apart ---------------------------------------------------------------------------
+def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
+    pair.connect(1)
+    leg = FlyTo((GridPoint(30.0, 0.0),), None, stop=True, height_m=12.0)
+    low = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=leg, position=GridPoint(-30.0, 0.0),
+        height_m=12.0,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(low)
+    assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
+    pair.track(1, GridPoint(16.0, 0.0))
+    assert pair.order(2) == TakeOff(18.0)
+
+
+def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
+    """Its last report is a second old, and it needs metres to stop."""
+    pair.connect(1)
+    braking = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=Hold(), position=GridPoint(0.0, 0.0),
+        height_m=12.0, braking_until_s=9.0,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(braking)
+    assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
+
+
+def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
+    """Two that want to change places would otherwise wait for each other for ever."""
+    made = mission(
+        square(-10, 16, 40, 30), square(-60, -60, 160, 160), vehicles=2,
+        capacity_wh=60.0, layer_m=4.5,
+    )  # fmt: skip
+    pair = Service(made)
+    north = Cell(ROOT.east, ROOT.north + 1)
+    above = replace(
+        pair.state.vehicles[2],
+        phase=Phase.AIRBORNE, landed=False, order=Look(north, 15, 16.5), height_m=16.5,
+        lanes=(), position=pair.setting.grid.centre_of(north), vertex=ROOT, remaining_wh=60.0,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(above)
+    pair.exploring()
+    for t in range(5):
+        pair.post(frame(1, 20.0 + t, ROOT, ROOT, north))
+    order = pair.order(1)
+    assert isinstance(order, FlyTo)
+    assert order.cell == north
+
+
+def test_homes_that_are_nearly_level_leave_close_layers_their_distance() -> None:
+    """What may pass for level depends on the room between the layers."""
+    for layer_m, home_level_m in ((4.5, 0.9), (6.0, 0.0)):
+        made = mission(
+            square(-10, 16, 40, 30), square(-60, -60, 160, 160), vehicles=2,
+            capacity_wh=60.0, layer_m=layer_m,
+        )  # fmt: skip
+        pair = Service(made)
+        pad = GridPoint(8.0, 0.0)
+        pair.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, 60.0, home_amsl_m=500.0))
+        pair.post(Connected(2, 0.0, pad, pad, 0.0, False, True, 60.0, home_amsl_m=500.9))
+        assert pair.state.vehicles[2].home_level_m == home_level_m
+
+
+def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -> None:
+    pad = GridPoint(8.0, 0.0)
+    pair.connect(1)
+    pair.connect(2, at=pad)
+    descending = replace(
+        pair.state.vehicles[2],
+        phase=Phase.AIRBORNE, landed=False, order=Land(), position=pad, height_m=9.0,
+        return_reason=ReturnReason.BATTERY, over_home=True,
+    )  # fmt: skip
+    low = replace(
+        pair.state.vehicles[1],
+        phase=Phase.AIRBORNE, landed=False, order=None, position=GridPoint(60.0, 0.0),
+        height_m=12.0, return_reason=ReturnReason.BATTERY,
+    )  # fmt: skip
+    pair.state = pair.state.with_vehicle(descending).with_vehicle(low)
+    pair.track(1, GridPoint(60.0, 0.0))
+    order = pair.order(1)
+    assert isinstance(order, FlyTo)
+    assert order.route[-1] == HOME
+    way = LineString([(60.0, 0.0), *order.route])
+    assert way.distance(Point(pad)) >= 6.0
+    assert way.length < 75.0
+
+
+def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
+    """Two look from neighbouring cells; one returns by itself, and climbs through the layers."""
+    centre = pair.setting.grid.centre_of
+    east = Cell(ROOT.east + 1, ROOT.north)
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.exploring(1)
+    tree = Tree.rooted(ROOT).looked(ROOT, [east])
+    look = Look(east, 30, 18.0)
+    above = replace(
+        pair.state.vehicles[2], phase=Phase.AIRBORNE, landed=False, vertex=east, at_target=True,
+        order=look, position=centre(east), height_m=18.0, lanes=(), remaining_wh=60.0,
+    )  # fmt: skip
+    pair.state = replace(pair.state, tree=tree).with_vehicle(above)
+    pair.post(Overridden(1, pair.now_s + 0.5, "RTL"))
+    pair.track(2, centre(east), 18.0)
+    order = pair.order(2)
+    assert isinstance(order, FlyTo)
+    assert order.cell is None
+    away = LineString([centre(ROOT), HOME]).distance(Point(order.route[-1]))
+    assert away >= 6.0
+    pair.post(Arrived(2, pair.now_s + 3.0, order.route[-1]))
+    assert not pair.state.vehicles[2].at_target
+    assert pair.order(2) == Hold()
+    pair.post(Landed(1, pair.now_s + 40.0, 40.0, position=HOME))
+    again = pair.order(2)
+    assert isinstance(again, FlyTo)
+    assert again.cell == east
+
+
+# --- the journal -----------------------------------------------------------------------------
+def test_every_event_survives_its_text() -> None:
+    made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0)
+    flight = fleet(made, roi={Cell(2, 6), Cell(2, 7)})
+    flight.start()
+    flight.run()
+    events: list[Event] = [
+        *flight.events,
+        Overridden(1, 1.0, "RTL"),
+        Released(1, 2.0, HOME, 3.0),
+        LinkLost(1, 3.0),
+        OrderFailed(1, 4.0, "take off", "no"),
+        Recalled(5.0),
+        Resumed(6.0),
+    ]
+    for event in events:
+        again = from_json(to_json(event))
+        assert again == event
+        assert type(again) is type(event)
+        assert to_json(again) == to_json(event)
+
+
+def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
+    service.connect()
+    before, text = service.state, repr(service.state)
+    apply(service.setting, before, Airborne(1, 8.0))
+    assert repr(before) == text
+
+
+def test_a_vehicle_that_stands_outside_of_the_fence_stays_there(service: Service) -> None:
+    far = GridPoint(5000.0, 0.0)
+    orders = service.post(Connected(1, 1.0, far, far, 0.0, False, True, 60.0))
+    assert orders == ((1, StandDown()),)
+    assert "outside of the geofence" in service.state.vehicles[1].note
+
+
+def test_a_vehicle_that_stands_at_the_edge_of_the_fence_stays_there(service: Service) -> None:
+    """A climb strays by some decimetres."""
+    x, y, _, _ = service.setting.fence.outer.bounds
+    near = GridPoint(x + 0.4, y + 30.0)
+    orders = service.post(Connected(1, 1.0, near, near, 0.0, False, True, 60.0))
+    assert orders == ((1, StandDown()),)
+    assert "m from the edge of the geofence" in service.state.vehicles[1].note
+
+
+def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0), Recalled(9.0))
+    far = GridPoint(9.0, 0.0)
+    for t_s in (10.0, 16.0):  # it waits, and tries again
+        service.post(Tracked(1, t_s, far, 10.0, 50.0))
+        assert service.post(OrderFailed(1, t_s + 1.0, "FlyTo", "denied")) == ((1, Hold()),)
+        service.post(Tracked(1, t_s + 2.0, far, 10.0, 50.0), Tracked(1, t_s + 4.0, far, 10.0, 50.0))
+        assert isinstance(service.state.vehicles[1].order, FlyTo)
+    assert service.post(OrderFailed(1, 21.0, "FlyTo", "denied")) == ((1, ReturnToLaunch()),)
+    assert not service.state.over
+    assert service.post(OrderFailed(1, 22.0, "ReturnToLaunch", "denied")) == ()
+    assert service.state.vehicles[1].phase is Phase.GUARDED
+    assert not service.state.over
+    service.post(Tracked(1, 59.0, HOME, 0.0, 20.0), Landed(1, 60.0, 20.0, HOME))
+    assert service.state.vehicles[1].phase is Phase.FAILED
+    assert service.state.over
+
+
+def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patience() -> None:
+    hole = square(20.0, -6.0, 8.0, 12.0)
+    made = mission(
+        square(-10, 16, 60, 30), square(-60, -60, 160, 160), [hole], capacity_wh=60.0, vehicles=1
+    )
+    service = Service(made)
+    service.connect()
+    service.post(Airborne(1, 8.0), Recalled(9.0))
+    behind, t_s = GridPoint(44.0, 0.0), 10.0
+    for _ in range(MOST_HOME_REFUSED_AROUND):
+        service.post(Tracked(1, t_s, behind, 12.0, 50.0), Tracked(1, t_s + 4.0, behind, 12.0, 50.0))
+        assert isinstance(service.state.vehicles[1].order, FlyTo)
+        assert service.post(OrderFailed(1, t_s + 5.0, "FlyTo", "denied")) == ((1, Hold()),)
+        t_s += 6.0
+    service.post(Tracked(1, t_s, behind, 12.0, 50.0), Tracked(1, t_s + 4.0, behind, 12.0, 50.0))
+    assert service.post(OrderFailed(1, t_s + 5.0, "FlyTo", "no")) == ((1, ReturnToLaunch()),)
+
+
+def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
+    service.connect()
+    service.post(Airborne(1, 8.0))
+    service.track(1, GridPoint(0.0, -500.0))
+    assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
+
+
+@pytest.mark.parametrize(("east_m", "away"), [(1.0, False), (40.0, True)])
+def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: bool) -> None:
+    """Nobody of ours lands it, so nobody of ours calls it down: but it has to be fetched."""
+    service = Service(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    service.exploring()
+    service.post(Overridden(1, 30.0, "LAND"))
+    service.post(Landed(1, 60.0, 10.0, position=GridPoint(east_m, 0.0)))
+    vehicle = service.state.vehicles[1]
+    assert vehicle.phase is Phase.YIELDED
+    assert vehicle.away is away
+    assert ("from its pad" in vehicle.note) is away
+    lines = aircraft_down(service.setting, service.state)
+    assert len(lines) == away
+    service.post(Released(1, 70.0, GridPoint(east_m, 0.0), 5.0))
+    assert not service.state.vehicles[1].landed_away_m
+
+
+def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> None:
+    """Heights are above home: who stands on a hill is not in the air for that, and it is over."""
+    service.connect()
+    hill = GridPoint(30.0, 20.0)
+    service.post(Airborne(1, 8.0), Overridden(1, 10.0, "LOITER"))
+    service.post(Tracked(1, 11.0, hill, 9.0, 50.0), Landed(1, 20.0, 49.0, position=hill))
+    assert service.state.over
+    service.post(Tracked(1, 21.0, hill, 3.0, 49.0))
+    assert service.state.vehicles[1].landed
+    assert service.state.over
+    service.post(LiftedOff(1, 30.0))
+    assert not service.state.over
+
+
+def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Service) -> None:
+    """A silent vehicle claims the air of its return for as long as its battery may last."""
+    pair.connect(1)
+    pair.connect(2, at=GridPoint(8.0, 0.0))
+    over = GridPoint(40.0, 0.0)
+    for number, at, height_m in ((1, GridPoint(25.0, 0.0), 12.0), (2, over, 18.0)):
+        flying = replace(
+            pair.state.vehicles[number],
+            phase=Phase.AIRBORNE, landed=False, order=Hold(), position=at, height_m=height_m,
+        )  # fmt: skip
+        pair.state = pair.state.with_vehicle(flying)
+    pair.post(LinkLost(1, pair.now_s + 1.0))
+    pair.post(Recalled(pair.now_s + 2.0))
+    pair.now_s += 30.0
+    seen = []
+    for tenths in range(600, 0, -1):
+        charge_wh = tenths / 10.0
+        pair.now_s += 1.2
+        pair.post(Tracked(2, pair.now_s, over, 18.0, charge_wh))
+        seen.append((charge_wh, pair.order(2)))
+        if isinstance(pair.order(2), ReturnToLaunch):
+            break
+    assert [order for _, order in seen[:-1]] == [Hold()] * (len(seen) - 1)
+    charge_wh, last = seen[-1]
+    assert isinstance(last, ReturnToLaunch)
+    energy = pair.setting.energy
+    # as late as the reserve allows: up to 30 m, home, and down
+    assert charge_wh > energy.home_wh(32.0, 30.0)
+    assert charge_wh < energy.home_wh(32.0, 30.0) + 4.0
+    vehicle = pair.state.vehicles[2]
+    assert vehicle.phase is Phase.GUARDED
+    assert "stayed blocked" in vehicle.note

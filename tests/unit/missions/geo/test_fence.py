@@ -1,0 +1,262 @@
+"""The fence by hand, and its routes against a plain search over all corners."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import LineString, Point, Polygon
+
+from missions.geo.fence import Fence, route_length_m
+from missions.units import GridPoint
+from tests.prop.missions.planning.search.test_fence_air import random_fence, somewhere
+
+FAST = settings(max_examples=150, deadline=None)
+
+
+def ring(west: float, south: float, east: float, north: float) -> list[GridPoint]:
+    return [GridPoint(*xy) for xy in ((west, south), (east, south), (east, north), (west, north))]
+
+
+SQUARE = ring(0, 0, 100, 100)
+
+
+# --- what is allowed -------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("east_m", "north_m", "inside", "allowed"),
+    [
+        (50, 50, True, True),
+        (2, 50, True, True),  # on the rim of the margin
+        (1.9, 50, True, False),
+        (0, 50, True, False),  # on the fence itself
+        (-0.1, 50, False, False),
+        (100, 100, True, False),
+        (98, 98, True, True),
+        (98.1, 98, True, False),
+    ],
+)
+def test_inside_the_fence_and_inside_its_margin(
+    east_m: float, north_m: float, inside: bool, allowed: bool
+) -> None:
+    fence = Fence.of(SQUARE, [], 2.0)
+    assert fence.contains(GridPoint(east_m, north_m)) is inside
+    assert fence.allows(GridPoint(east_m, north_m)) is allowed
+
+
+def test_a_hole_is_outside_and_keeps_a_margin_of_its_own() -> None:
+    fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
+    assert not fence.contains(GridPoint(50, 50))
+    assert fence.contains(GridPoint(39, 50))
+    assert not fence.allows(GridPoint(39, 50))
+    assert fence.allows(GridPoint(38, 50))
+    assert not fence.allows(GridPoint(38.5, 38.5))  # corners of the margin are square
+
+
+def test_without_a_margin_the_fence_itself_is_the_limit() -> None:
+    fence = Fence.of(SQUARE, [], 0.0)
+    assert fence.allows(GridPoint(0, 50))
+    assert not fence.allows(GridPoint(-0.1, 50))
+
+
+def test_a_margin_that_fills_the_fence_allows_nothing() -> None:
+    fence = Fence.of(SQUARE, [], 60.0)
+    assert not fence.allows(GridPoint(50, 50))
+    assert fence.contains(GridPoint(50, 50))
+    assert fence.route(GridPoint(50, 50), GridPoint(51, 50)) is None
+
+
+def test_a_leg_along_the_rim_of_the_margin_is_allowed() -> None:
+    fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
+    assert fence.allows_leg(GridPoint(38, 20), GridPoint(38, 80))
+    assert not fence.allows_leg(GridPoint(39, 20), GridPoint(39, 80))
+    assert not fence.allows_leg(GridPoint(20, 50), GridPoint(80, 50))
+
+
+def test_a_leg_of_no_length_is_allowed_only_where_one_may_be() -> None:
+    fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
+    for place, allowed in (((20, 20), True), ((50, 50), False), ((1, 50), False)):
+        assert fence.allows_leg(GridPoint(*place), GridPoint(*place)) is allowed
+
+
+def test_a_leg_between_two_allowed_places_may_leave_a_hollow_fence() -> None:
+    hollow = [GridPoint(*xy) for xy in ((0, 0), (100, 0), (100, 100), (50, 20), (0, 100))]
+    fence = Fence.of(hollow, [], 1.0)
+    left, right = GridPoint(5, 80), GridPoint(95, 80)
+    assert fence.allows(left)
+    assert fence.allows(right)
+    assert not fence.allows_leg(left, right)
+    route = fence.route(left, right)
+    assert route is not None
+    assert len(route) == 2
+    assert route[0].east_m == pytest.approx(50.0)
+    assert route[0].north_m < 20.0
+
+
+# --- routes by hand --------------------------------------------------------------------------
+def test_a_straight_way_is_one_leg() -> None:
+    fence = Fence.of(SQUARE, [], 2.0)
+    assert fence.route(GridPoint(10, 10), GridPoint(90, 40)) == (GridPoint(90, 40),)
+
+
+def test_where_it_is_already_is_a_leg_of_no_length() -> None:
+    fence = Fence.of(SQUARE, [], 2.0)
+    here = GridPoint(10, 10)
+    assert fence.route(here, here) == (here,)
+
+
+def test_round_a_hole_the_shorter_side_is_taken() -> None:
+    fence = Fence.of(SQUARE, [ring(40, 20, 60, 90)], 2.0)
+    route = fence.route(GridPoint(20, 50), GridPoint(80, 50))
+    assert route == (GridPoint(38, 18), GridPoint(62, 18), GridPoint(80, 50))
+    high = fence.route(GridPoint(20, 88), GridPoint(80, 88))
+    assert high == (GridPoint(38, 92), GridPoint(62, 92), GridPoint(80, 88))
+
+
+def test_between_two_holes_there_may_be_a_way_or_none() -> None:
+    def through(gap_m: float) -> float | None:
+        south, north = ring(40, 1, 60, 50), ring(40, 50 + gap_m, 60, 99)
+        fence = Fence.of(SQUARE, [south, north], 2.0)
+        route = fence.route(GridPoint(20, 52), GridPoint(80, 52))
+        return None if route is None else route_length_m(GridPoint(20, 52), route)
+
+    assert through(5.0) == pytest.approx(60.0, abs=0.2)
+    assert through(3.0) is None  # narrower than two margins
+
+
+def test_a_hole_from_edge_to_edge_parts_the_fence() -> None:
+    fence = Fence.of(SQUARE, [ring(40, -1, 60, 101)], 2.0)
+    assert fence.route(GridPoint(20, 50), GridPoint(80, 50)) is None
+    assert fence.route(GridPoint(20, 50), GridPoint(20, 90)) == (GridPoint(20, 90),)
+
+
+def test_a_place_in_the_margin_is_left_and_never_gone_to() -> None:
+    """A vehicle that was blown there comes in by the nearest way; nobody is sent there."""
+    fence = Fence.of(SQUARE, [], 5.0)
+    edge, middle = GridPoint(1, 50), GridPoint(50, 50)
+    assert fence.route(edge, middle) == (GridPoint(5, 50), middle)
+    assert fence.route(middle, edge) is None
+
+
+def test_from_beyond_the_fence_the_way_leads_in_first() -> None:
+    fence = Fence.of(SQUARE, [], 5.0)
+    route = fence.route(GridPoint(-30, 120), GridPoint(50, 50))
+    assert route == (GridPoint(5, 95), GridPoint(50, 50))
+
+
+def test_the_length_of_a_route_counts_from_where_one_stands() -> None:
+    assert route_length_m(GridPoint(0, 0), [GridPoint(3, 4), GridPoint(3, 10)]) == 11.0
+    assert route_length_m(GridPoint(0, 0), []) == 0.0
+
+
+# --- routes beside a plain search ------------------------------------------------------------
+def shortest_m(fence: Fence, start: GridPoint, end: GridPoint) -> float:
+    """All legs between start, end and corners that the fence allows; then Floyd and Warshall."""
+    places = [start, end, *fence.corners]
+    count = len(places)
+    far = np.full((count, count), np.inf)
+    for i, k in itertools.combinations(range(count), 2):
+        if fence.allows_leg(places[i], places[k]):
+            far[i, k] = far[k, i] = places[i].distance_to(places[k])
+    np.fill_diagonal(far, 0.0)
+    for via in range(count):
+        far = np.minimum(far, far[:, via, None] + far[None, via, :])
+    return float(far[0, 1])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_way_over_the_corners_is_shorter(seed: int) -> None:
+    fence, _ = random_fence(500 + seed)
+    rng = np.random.default_rng([seed, 9])
+    for _ in range(3):
+        start, end = somewhere(fence, rng), somewhere(fence, rng)
+        route = fence.route(start, end)
+        expected = shortest_m(fence, start, end)
+        if route is None:
+            assert math.isinf(expected)
+        else:
+            assert route_length_m(start, route) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_asking_twice_gives_the_same_answer(seed: int) -> None:
+    """What corners see of each other is remembered; that must not change a route."""
+    fence, exact = random_fence(700 + seed)
+    rng = np.random.default_rng([seed, 11])
+    pairs = [(somewhere(fence, rng), somewhere(fence, rng)) for _ in range(5)]
+    first = [fence.route(*pair) for pair in pairs]
+    assert [fence.route(*pair) for pair in pairs] == first
+    anew = Fence.of(
+        [GridPoint(*xy) for xy in exact.exterior.coords[:-1]],
+        [[GridPoint(*xy) for xy in hole.coords[:-1]] for hole in exact.interiors],
+        2.0,
+    )
+    assert [anew.route(*pair) for pair in reversed(pairs)] == first[::-1]
+
+
+@FAST
+@given(st.floats(0, 30), st.floats(5, 95), st.floats(5, 95), st.floats(5, 95), st.floats(5, 95))
+def test_a_wider_margin_never_makes_a_way_shorter(
+    margin_m: float, e1: float, n1: float, e2: float, n2: float
+) -> None:
+    hole = [ring(45, 30, 55, 70)]
+    start, end = GridPoint(e1, n1), GridPoint(e2, n2)
+    narrow, wide = Fence.of(SQUARE, hole, 1.0), Fence.of(SQUARE, hole, 1.0 + margin_m)
+    if not (wide.allows(start) and wide.allows(end)):
+        return
+    far = wide.route(start, end)
+    near = narrow.route(start, end)
+    assert near is not None
+    if far is not None:
+        assert route_length_m(start, far) >= route_length_m(start, near) - 0.05
+
+
+@FAST
+@given(st.floats(-20, 120), st.floats(-20, 120), st.floats(0, 20))
+def test_what_is_allowed_keeps_the_margin(east_m: float, north_m: float, margin_m: float) -> None:
+    hole = ring(45, 30, 55, 70)
+    fence = Fence.of(SQUARE, [hole], margin_m)
+    exact = Polygon(SQUARE, [hole])
+    point = GridPoint(east_m, north_m)
+    if fence.allows(point):
+        assert exact.buffer(0.011).covers(Point(point))
+        assert exact.boundary.distance(Point(point)) >= margin_m - 0.011
+    elif exact.covers(Point(point)):
+        # round a hole the margin has square corners, which forbids a little more than its width
+        assert exact.boundary.distance(Point(point)) <= margin_m * math.sqrt(2) + 1e-6
+
+
+@FAST
+@given(st.floats(3, 97), st.floats(3, 97), st.floats(3, 97), st.floats(3, 97))
+def test_an_allowed_leg_stays_in_the_margin_all_the_way(
+    e1: float, n1: float, e2: float, n2: float
+) -> None:
+    fence = Fence.of(SQUARE, [ring(45, 30, 55, 70)], 2.0)
+    a, b = GridPoint(e1, n1), GridPoint(e2, n2)
+    leg = LineString([a, b])
+    assert fence.allows_leg(a, b) == fence.allows_leg(b, a)
+    if fence.allows_leg(a, b):
+        for share in np.linspace(0, 1, 9):
+            at = leg.interpolate(float(share), normalized=True)
+            assert fence.allows(GridPoint(float(at.x), float(at.y)))
+
+
+def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_say() -> None:
+    """From where a lane ends at a hole the way leads around the hole, not around the fence."""
+    square = [GridPoint(-20, -20), GridPoint(100, -20), GridPoint(100, 70), GridPoint(-20, 70)]
+    hole = [
+        GridPoint(30.000001, 9.999998),
+        GridPoint(42.000002, 10.000001),
+        GridPoint(41.999999, 30.000003),
+        GridPoint(29.999997, 29.999999),
+    ]
+    fence = Fence.of(square, [hole], 2.0)
+    start, end = GridPoint(44.0, 16.0), GridPoint(28.0, 16.0)
+    way = fence.route(start, end)
+    assert way is not None
+    assert route_length_m(start, way) < 33.0
+    assert not fence.allows_leg(start, end)
+    assert not fence.allows_leg(start, GridPoint(43.98, 12.0))  # 2 cm inside of the margin

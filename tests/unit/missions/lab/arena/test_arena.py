@@ -1,0 +1,250 @@
+"""The arena with scripted strategies: time, looks, who decides, who may talk to whom, and what a
+strategy is not allowed to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import pytest
+
+from missions.errors import StrategyError
+from missions.lab.arena.arena_run import Comms, Leg, patience_of, run
+from missions.lab.arena.minds import look
+from missions.lab.arena.roi import component, grown
+from missions.mapping.tree import Tree
+from missions.planning.stepwise import EXPLORERS, Decision, Situation
+from missions.planning.stepwise.metric import Metric
+from missions.units import Cell
+
+START = Cell(0, 0)
+ROW = [Cell(e, 0) for e in range(4)]
+Rule = Callable[[Situation], Mapping[int, Cell | None]]
+
+
+@dataclass(frozen=True)
+class Scripted:
+    """A strategy that does as a function says, and keeps what it was asked."""
+
+    rule: Rule
+    asked: list[Situation] = field(default_factory=list)
+    name: str = "scripted"
+    guarantee: str = ""
+    source: str = ""
+    when: str = ""
+
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        return None
+
+    def decide(self, situation: Situation) -> Decision:
+        self.asked.append(situation)
+        return Decision(self.rule(situation), (situation.memory or 0) + 1)  # type: ignore[operator]
+
+
+def out_and_back(situation: Situation) -> dict[int, Cell | None]:
+    """Along the row to its end, and home."""
+    tree = situation.tree
+    moves: dict[int, Cell | None] = {}
+    for robot in situation.robots:
+        here = situation.at[robot]
+        ahead = Cell(here.east + 1, 0)
+        if ahead in tree and not tree.is_explored(tree.root):
+            moves[robot] = ahead
+        else:
+            moves[robot] = None if here == START else Cell(here.east - 1, 0)
+    return moves
+
+
+# --- time and looks --------------------------------------------------------------------------
+def test_one_robot_along_a_row() -> None:
+    explorer = Scripted(out_and_back)
+    done = run(explorer, ROW, START, 1)
+    assert done.makespan == 6.0
+    assert [leg.end.east for leg in done.legs] == [1, 2, 3, 2, 1, 0]
+    assert all(leg.end_t - leg.start_t == 1.0 for leg in done.legs)
+    assert done.at == {0: START}
+    assert set(done.tree.vertices) == set(ROW)
+
+
+def test_a_robot_learns_what_is_beside_the_cell_that_it_has_reached() -> None:
+    explorer = Scripted(out_and_back)
+    run(explorer, ROW, START, 1)
+    known = [len(situation.tree) for situation in explorer.asked]
+    assert known[:4] == [2, 3, 4, 4]
+    assert all(s.tree.has_looked(s.at[0]) for s in explorer.asked)
+
+
+def test_the_memory_comes_back_as_it_was_handed_over() -> None:
+    explorer = Scripted(out_and_back)
+    run(explorer, ROW, START, 1)
+    assert [situation.memory for situation in explorer.asked] == [None, *range(1, 6)]
+
+
+def test_a_look_takes_time_at_the_first_visit_only() -> None:
+    done = run(Scripted(out_and_back), ROW, START, 1, metric=Metric(look=10.0))
+    lengths = [leg.end_t - leg.start_t for leg in done.legs]
+    assert lengths == [11.0, 11.0, 11.0, 1.0, 1.0, 1.0]
+
+
+def test_with_a_drift_the_way_out_and_the_way_back_differ() -> None:
+    done = run(Scripted(out_and_back), ROW, START, 1, metric=Metric(1.0, drift_east=0.5))
+    assert [leg.end_t - leg.start_t for leg in done.legs] == pytest.approx([2.0] * 3 + [2 / 3] * 3)
+    assert done.makespan == pytest.approx(8.0)
+
+
+def test_in_straight_flight_a_move_may_lead_to_any_known_cell() -> None:
+    def home_at_once(situation: Situation) -> dict[int, Cell | None]:
+        tree = situation.tree
+        ahead = Cell(situation.at[0].east + 1, 0)
+        return {0: ahead if ahead in tree else START}
+
+    done = run(Scripted(home_at_once), ROW, START, 1, metric=Metric(straight=True))
+    assert [leg.end.east for leg in done.legs] == [1, 2, 3, 0]
+    assert done.makespan == 6.0
+
+
+def test_cells_that_hang_apart_are_not_found() -> None:
+    done = run(Scripted(out_and_back), [*ROW, Cell(9, 9)], START, 1)
+    assert Cell(9, 9) not in done.tree
+
+
+def test_what_is_known_beforehand_need_not_be_found() -> None:
+    tree = Tree.rooted(START)
+    for cell in ROW:
+        tree = look(tree, cell, ROW)
+    assert run(Scripted(out_and_back), ROW, START, 1, tree=tree).legs == ()
+
+
+# --- teams -----------------------------------------------------------------------------------
+def test_who_arrives_at_the_same_instant_decides_together() -> None:
+    explorer = Scripted(out_and_back)
+    run(explorer, ROW, START, 3)
+    assert {situation.robots for situation in explorer.asked} == {(0, 1, 2)}
+
+
+def test_who_is_on_the_way_is_told_by_where_it_will_be() -> None:
+    """Robot 1 stays at home until robot 0 is two cells away."""
+
+    def late(situation: Situation) -> dict[int, Cell | None]:
+        moves = out_and_back(situation)
+        if 1 in moves and situation.at[0].east < 2 and not situation.tree.is_explored(START):
+            moves[1] = None
+        return moves
+
+    explorer = Scripted(late)
+    done = run(explorer, ROW, START, 2)
+    first = next(leg for leg in done.legs if leg.robot == 1)
+    assert first.start_t == 2.0
+    assert set(done.at.values()) == {START}
+
+
+def test_a_team_that_shares_knows_what_one_sees() -> None:
+    plus = {START, *START.neighbours(), Cell(0, 2), Cell(2, 0)}
+
+    def fan_out(situation: Situation) -> dict[int, Cell | None]:
+        goals = {0: Cell(0, 1), 1: Cell(1, 0)}
+        tree = situation.tree
+        if len(tree) == len(plus):
+            return EXPLORERS["rdfs"].decide(situation).moves
+        return {r: goals[r] if situation.at[r] == START else None for r in situation.robots}
+
+    explorer = Scripted(fan_out)
+    run(explorer, plus, START, 2)
+    assert len(explorer.asked[1].tree) == len(plus)
+
+
+def test_robots_that_meet_only_know_nothing_of_the_others_meanwhile() -> None:
+    plus = {START, *START.neighbours(), Cell(0, 2), Cell(2, 0)}
+
+    def fan_out(situation: Situation) -> dict[int, Cell | None]:
+        goals = {0: Cell(0, 1), 1: Cell(1, 0)}
+        if len(situation.tree) > 6:
+            return EXPLORERS["rdfs"].decide(situation).moves
+        return {r: goals[r] if situation.at[r] == START else START for r in situation.robots}
+
+    explorer = Scripted(fan_out)
+    run(explorer, plus, START, 2, comms=Comms.MEETING)
+    alone = [s for s in explorer.asked if len(s.robots) == 1][:2]
+    assert [len(s.tree) for s in alone] == [6, 6]  # each its own arm of the cross
+    together = next(s for s in explorer.asked if s.robots == (0, 1) and len(s.tree) > 5)
+    assert len(together.tree) == len(plus)
+
+
+def test_who_takes_no_part_stays_where_it_is_and_goes_on_later() -> None:
+    def half_day(t: float, tree: Tree) -> list[int]:
+        return [] if 1.5 <= t < 5.0 else [0]
+
+    done = run(Scripted(out_and_back), ROW, START, 1, team=half_day)
+    assert [leg.start_t for leg in done.legs] == [0.0, 1.0, 5.0, 6.0, 7.0, 8.0]
+    assert set(done.tree.vertices) == set(ROW)
+
+
+def test_who_failed_is_not_told_to_the_explorer() -> None:
+    explorer = Scripted(out_and_back)
+    run(explorer, ROW, START, 2, team=lambda t, tree: [0] if t < 3.0 else [0, 1])
+    assert set(explorer.asked[0].at) == {0}
+    assert set(explorer.asked[-1].at) == {0, 1}
+
+
+# --- what is not allowed ---------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("rule", "message"),
+    [
+        (lambda s: {0: Cell(0, 1)}, "robot 0 moves from"),  # not known
+        (lambda s: {0: START}, "robot 0 moves from"),  # to itself
+        (lambda s: {0: None}, "everybody waits at t = 0"),
+        (lambda s: {}, "everybody waits"),
+        (lambda s: {0: Cell(2, 0) if Cell(2, 0) in s.tree else Cell(1, 0)}, "moves from"),
+        (lambda s: {0: ROW[1] if s.at[0] == START else START}, "does not come to an end"),
+    ],
+    ids=["unknown", "itself", "waits", "silent", "stays", "to and fro"],
+)
+def test_a_strategy_that_breaks_the_rules_is_stopped(rule: Rule, message: str) -> None:
+    with pytest.raises(StrategyError, match=message) as caught:
+        run(Scripted(rule), ROW, START, 1)
+    assert str(caught.value).startswith("scripted: ")
+
+
+def test_a_jump_is_allowed_in_straight_flight_only() -> None:
+    def jump(situation: Situation) -> dict[int, Cell | None]:
+        here = situation.at[0]
+        far = Cell(here.east + 1, 0)
+        return {0: far if far in situation.tree else START}
+
+    with pytest.raises(StrategyError, match="jumps from"):
+        run(Scripted(jump), ROW, START, 1)
+    run(Scripted(jump), ROW, START, 1, metric=Metric(straight=True))
+
+
+def test_a_limit_ends_a_run_that_would_have_ended_later() -> None:
+    with pytest.raises(StrategyError, match="not done after 3"):
+        run(Scripted(out_and_back), ROW, START, 1, limit=3.0)
+    assert run(Scripted(out_and_back), ROW, START, 1, limit=6.0).makespan == 6.0
+
+
+def test_strategies_without_a_map_are_given_more_time() -> None:
+    assert patience_of(EXPLORERS["rdfs"]) == 1.0
+    assert patience_of(EXPLORERS["random-walk"]) > patience_of(EXPLORERS["lrv"]) > 1.0
+
+
+# --- every leg of a real run -----------------------------------------------------------------
+@pytest.mark.parametrize("name", ["rdfs", "greedy", "hungarian", "bfdn"])
+@pytest.mark.parametrize("comms", list(Comms))
+def test_legs_join_up_and_nobody_flies_twice_at_once(name: str, comms: Comms) -> None:
+    roi = grown("ragged", 40, 3)
+    done = run(EXPLORERS[name], roi.cells, roi.start, 4, comms=comms)
+    by_robot: dict[int, list[Leg]] = {}
+    for leg in done.legs:
+        by_robot.setdefault(leg.robot, []).append(leg)
+    for robot, legs in by_robot.items():
+        at, t = roi.start, 0.0
+        for leg in legs:
+            assert leg.start == at
+            assert leg.start_t >= t - 1e-9
+            assert leg.end in leg.start.neighbours()
+            assert leg.end in roi.cells
+            at, t = leg.end, leg.end_t
+        assert at == done.at[robot] == roi.start
+    assert done.makespan == max(leg.end_t for leg in done.legs)
+    assert set(done.tree.vertices) == component(roi.cells, roi.start)
+    assert done.tree.is_explored(roi.start)

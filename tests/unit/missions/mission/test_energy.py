@@ -1,0 +1,302 @@
+"""The energy that keeps a vehicle from falling out of the sky: never less for more, never below
+what flying takes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.mission.energy import (
+    AIRSPEED_LIMIT_M_S,
+    CLIMB_OVERHEAD_S,
+    CLIMB_SPEED_M_S,
+    LANDING_OVERHEAD_S,
+    LANDING_SPEED_M_S,
+    LEAST_HEADWAY_M_S,
+    MEASURED_MARGIN,
+    NOMINAL_MARGIN,
+    EnergyModel,
+)
+from missions.mission.energy_model import energy_model
+from tests.support.small_missions import mission, square
+
+FAST = settings(max_examples=200, deadline=None)
+
+MODEL = EnergyModel(
+    hover_power_w=300.0, capacity_wh=60.0, reserve=0.15, speed_m_s=5.0, wind_m_s=0.0
+)
+
+distances = st.floats(0, 5000)
+heights = st.floats(0, 120)
+durations = st.floats(0, 600)
+powers = st.floats(0, 2000)
+models = st.builds(
+    EnergyModel,
+    hover_power_w=st.floats(50, 2000),
+    capacity_wh=st.floats(1, 500),
+    reserve=st.floats(0, 0.95),
+    speed_m_s=st.floats(0.5, 20),
+    wind_m_s=st.floats(0, 25),
+    accel_m_s2=st.floats(0.5, 5),
+    max_airspeed_m_s=st.floats(4, 30),
+)
+
+
+# --- the mission's model ---------------------------------------------------------------------
+def test_the_model_is_made_of_the_mission_s_battery_wind_and_speeds() -> None:
+    made = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100), capacity_wh=44.0)
+    made = made.model_copy(
+        update={
+            "wind": made.wind.model_copy(update={"speed_m_s": 3.5}),
+            "flight": made.flight.model_copy(update={"max_airspeed_m_s": 9.0, "speed_m_s": 4.0}),
+            "battery": made.battery.model_copy(update={"reserve": 0.25, "hover_power_w": 250.0}),
+        }
+    )
+    assert energy_model(made) == EnergyModel(
+        hover_power_w=250.0, capacity_wh=44.0, reserve=0.25, speed_m_s=4.0, wind_m_s=3.5,
+        max_airspeed_m_s=9.0,
+    )  # fmt: skip
+
+
+def test_without_a_word_of_the_airframe_it_holds_twelve_metres_a_second() -> None:
+    assert MODEL.max_airspeed_m_s == AIRSPEED_LIMIT_M_S == 12.0
+
+
+@FAST
+@given(models)
+def test_the_reserve_is_a_share_of_the_battery(model: EnergyModel) -> None:
+    assert model.reserve_wh == pytest.approx(model.reserve * model.capacity_wh)
+    assert 0.0 <= model.reserve_wh < model.capacity_wh
+
+
+# --- power -----------------------------------------------------------------------------------
+def test_power_is_the_hover_power_and_some_more_until_it_is_measured() -> None:
+    assert MODEL.power_w(0.0) == pytest.approx(NOMINAL_MARGIN * 300.0)
+
+
+def test_a_vehicle_that_draws_more_is_believed_and_one_that_draws_less_is_not() -> None:
+    assert MODEL.power_w(400.0) == pytest.approx(MEASURED_MARGIN * 400.0)
+    assert MODEL.power_w(200.0) == MODEL.power_w(0.0)
+
+
+@FAST
+@given(models, powers, powers)
+def test_more_drawn_never_means_less_power(
+    model: EnergyModel, one_w: float, other_w: float
+) -> None:
+    low_w, high_w = sorted((one_w, other_w))
+    assert model.power_w(low_w) <= model.power_w(high_w)
+    assert model.power_w(high_w) >= high_w
+    assert model.power_w(low_w) > model.hover_power_w
+
+
+# --- legs ------------------------------------------------------------------------------------
+def flown_s(distance_m: float, speed_m_s: float, accel_m_s2: float, step_s: float = 0.002) -> float:
+    """A leg from rest to rest, integrated: full acceleration, as fast as allowed, full braking."""
+    t_s = at_m = v_m_s = 0.0
+    while at_m < distance_m:
+        braking_m = v_m_s**2 / (2 * accel_m_s2)
+        if at_m + braking_m >= distance_m:
+            v_m_s = max(v_m_s - accel_m_s2 * step_s, 1e-3)
+        else:
+            v_m_s = min(v_m_s + accel_m_s2 * step_s, speed_m_s)
+        at_m += v_m_s * step_s
+        t_s += step_s
+        if t_s > 1e4:
+            raise AssertionError("it does not arrive")
+    return t_s
+
+
+@pytest.mark.parametrize("distance_m", [0.5, 4.0, 12.5, 40.0, 150.0])
+@pytest.mark.parametrize(("speed_m_s", "accel_m_s2"), [(1.0, 2.0), (5.0, 2.0), (10.0, 1.0)])
+def test_a_leg_takes_at_least_as_long_as_flown(
+    distance_m: float, speed_m_s: float, accel_m_s2: float
+) -> None:
+    model = replace(MODEL, speed_m_s=speed_m_s, accel_m_s2=accel_m_s2)
+    flown = flown_s(distance_m, speed_m_s, accel_m_s2)
+    assert model.leg_s(distance_m) >= flown - 0.05
+    if distance_m >= speed_m_s**2 / accel_m_s2:  # it gets up to speed: the estimate is exact
+        assert model.leg_s(distance_m) == pytest.approx(flown, abs=0.05)
+
+
+def test_a_leg_of_no_length_is_not_free() -> None:
+    """Turning round costs a ramp; a planner must not hop about for nothing."""
+    assert MODEL.leg_s(0.0) == pytest.approx(5.0 / 2.0)
+
+
+def test_wind_below_the_limit_does_not_slow_a_leg_down() -> None:
+    """It leans more, and the margin on the power pays for it."""
+    assert replace(MODEL, wind_m_s=7.0).leg_s(100.0) == MODEL.leg_s(100.0)
+    assert replace(MODEL, wind_m_s=7.1).leg_s(100.0) > MODEL.leg_s(100.0)
+
+
+@pytest.mark.parametrize(
+    ("wind_m_s", "made_good_m_s"), [(8.0, 4.0), (10.0, 2.0), (11.0, 1.0), (11.5, 0.5)]
+)
+def test_against_strong_wind_only_the_rest_of_the_airspeed_is_made_good(
+    wind_m_s: float, made_good_m_s: float
+) -> None:
+    windy = replace(MODEL, wind_m_s=wind_m_s)
+    assert windy.leg_s(1000.0) - windy.leg_s(0.0) == pytest.approx(1000.0 / made_good_m_s)
+
+
+@pytest.mark.parametrize("wind_m_s", [11.6, 12.0, 20.0, 40.0])
+def test_in_wind_beyond_the_airframe_the_figures_stay_finite(wind_m_s: float) -> None:
+    """Measured wind may be anything: the way home is then dear, not endless or negative."""
+    windy = replace(MODEL, wind_m_s=wind_m_s)
+    assert windy.leg_s(1000.0) == pytest.approx(1000.0 / LEAST_HEADWAY_M_S + windy.leg_s(0.0))
+    assert math.isfinite(windy.home_wh(1000.0, 12.0))
+
+
+@FAST
+@given(models, distances, distances)
+def test_farther_never_takes_less(model: EnergyModel, one_m: float, other_m: float) -> None:
+    near_m, far_m = sorted((one_m, other_m))
+    assert model.leg_s(near_m) <= model.leg_s(far_m)
+    assert model.leg_wh(near_m) <= model.leg_wh(far_m)
+    assert model.home_wh(near_m, 12.0) <= model.home_wh(far_m, 12.0)
+
+
+@FAST
+@given(models, distances, st.floats(0, 15))
+def test_more_wind_never_takes_less(model: EnergyModel, distance_m: float, more_m_s: float) -> None:
+    """Also on short legs, which in wind never get up to speed."""
+    windier = replace(model, wind_m_s=model.wind_m_s + more_m_s)
+    assert windier.leg_s(distance_m) >= model.leg_s(distance_m)
+    assert windier.home_wh(distance_m, 12.0) >= model.home_wh(distance_m, 12.0)
+
+
+@FAST
+@given(models, distances, st.floats(0, 15))
+def test_a_stronger_airframe_never_takes_longer(
+    model: EnergyModel, distance_m: float, more_m_s: float
+) -> None:
+    stronger = replace(model, max_airspeed_m_s=model.max_airspeed_m_s + more_m_s)
+    assert stronger.leg_s(distance_m) <= model.leg_s(distance_m)
+
+
+@FAST
+@given(models, distances, distances)
+def test_a_way_in_two_legs_is_never_cheaper_than_in_one(
+    model: EnergyModel, one_m: float, other_m: float
+) -> None:
+    apart = model.leg_wh(one_m) + model.leg_wh(other_m)
+    assert apart >= model.leg_wh(one_m + other_m) - 1e-9
+
+
+@FAST
+@given(models, distances, powers)
+def test_a_leg_costs_power_times_time(
+    model: EnergyModel, distance_m: float, drawn_w: float
+) -> None:
+    expected = model.power_w(drawn_w) * model.leg_s(distance_m) / 3600.0
+    assert model.leg_wh(distance_m, drawn_w) == pytest.approx(expected)
+    hover = model.hover_wh(model.leg_s(distance_m), drawn_w)
+    assert model.leg_wh(distance_m, drawn_w) == pytest.approx(hover)
+
+
+# --- hovering, climbing, landing -------------------------------------------------------------
+def test_an_hour_of_hovering_is_the_power_in_watt_hours() -> None:
+    assert MODEL.hover_wh(3600.0) == pytest.approx(MODEL.power_w(0.0))
+    assert MODEL.hover_wh(0.0) == 0.0
+
+
+def test_a_climb_is_the_height_at_its_speed_and_the_start() -> None:
+    seconds = 12.0 / CLIMB_SPEED_M_S + CLIMB_OVERHEAD_S
+    assert MODEL.climb_wh(12.0) == pytest.approx(MODEL.power_w(0.0) * seconds / 3600.0)
+    assert MODEL.climb_wh(0.0) > 0.0
+
+
+def test_a_landing_is_reckoned_at_the_last_slow_metres_all_the_way_down() -> None:
+    over_home = MODEL.home_wh(0.0, 12.0) - MODEL.reserve_wh - MODEL.leg_wh(0.0)
+    seconds = 12.0 / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+    assert over_home == pytest.approx(MODEL.power_w(0.0) * seconds / 3600.0)
+    assert LANDING_SPEED_M_S < CLIMB_SPEED_M_S
+
+
+@FAST
+@given(models, heights, heights, distances)
+def test_higher_never_takes_less(
+    model: EnergyModel, one_m: float, other_m: float, distance_m: float
+) -> None:
+    low_m, high_m = sorted((one_m, other_m))
+    assert model.home_wh(distance_m, low_m) <= model.home_wh(distance_m, high_m)
+    assert model.climb_wh(low_m) <= model.climb_wh(high_m)
+    assert model.sortie_wh(0.0, 0.0, low_m, 5.0) <= model.sortie_wh(0.0, 0.0, high_m, 5.0)
+
+
+@FAST
+@given(models, distances, heights, powers)
+def test_the_reserve_is_left_at_touch_down(
+    model: EnergyModel, distance_m: float, height_m: float, drawn_w: float
+) -> None:
+    """Whoever turns back with exactly this much has the reserve when it stands."""
+    start_wh = model.home_wh(distance_m, height_m, drawn_w)
+    flown_wh = model.leg_wh(distance_m, drawn_w)
+    landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+    left_wh = start_wh - flown_wh - model.hover_wh(landing_s, drawn_w)
+    assert left_wh == pytest.approx(model.reserve_wh, abs=1e-6)
+
+
+@FAST
+@given(models, distances, heights, powers, powers)
+def test_who_draws_more_turns_back_earlier(
+    model: EnergyModel, distance_m: float, height_m: float, one_w: float, other_w: float
+) -> None:
+    low_w, high_w = sorted((one_w, other_w))
+    calm = model.home_wh(distance_m, height_m, low_w)
+    assert calm <= model.home_wh(distance_m, height_m, high_w)
+
+
+# --- whole sorties ---------------------------------------------------------------------------
+@FAST
+@given(models, distances, distances, heights, durations)
+def test_a_sortie_is_the_sum_of_its_parts(
+    model: EnergyModel, out_m: float, home_m: float, height_m: float, hover_s: float
+) -> None:
+    parts = [
+        model.climb_wh(height_m),
+        model.leg_wh(out_m),
+        model.hover_wh(hover_s),
+        model.home_wh(home_m, height_m),
+    ]
+    sortie = model.sortie_wh(out_m, home_m, height_m, hover_s)
+    assert sortie == pytest.approx(sum(parts))
+    assert sortie > model.reserve_wh
+
+
+@FAST
+@given(models, distances, heights, durations, durations)
+def test_a_longer_stay_never_takes_less(
+    model: EnergyModel, out_m: float, height_m: float, one_s: float, other_s: float
+) -> None:
+    short_s, long_s = sorted((one_s, other_s))
+    brief = model.sortie_wh(out_m, out_m, height_m, short_s)
+    assert brief <= model.sortie_wh(out_m, out_m, height_m, long_s)
+
+
+def test_a_sortie_of_the_runway_by_hand() -> None:
+    """12 m up, 100 m out and home at 5 m/s, five seconds over a cell: 13 s, 22.5 s twice, 5 s and
+    36 s at 345 W, and 9 Wh of reserve."""
+    seconds = 13.0 + 22.5 + 5.0 + 22.5 + 36.0
+    expected = 345.0 * seconds / 3600.0 + 9.0
+    assert MODEL.sortie_wh(100.0, 100.0, 12.0, 5.0) == pytest.approx(expected)
+
+
+def test_what_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight() -> None:
+    """Fly out a metre at a time while the rule allows it, then home against the wind, at the power
+    that the rule reckons with: the reserve is there at touch-down, and not much more."""
+    model = replace(MODEL, wind_m_s=9.0)
+    left_wh, away_m = model.capacity_wh - model.climb_wh(12.0), 0.0
+    per_metre_wh = model.power_w(0.0) / model.speed_m_s / 3600.0
+    while left_wh - per_metre_wh >= model.home_wh(away_m + 1.0, 12.0):
+        left_wh -= per_metre_wh
+        away_m += 1.0
+    home_s = flown_s(away_m, 3.0, model.accel_m_s2) + 12.0 / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
+    at_touch_down_wh = left_wh - model.hover_wh(home_s)
+    assert away_m > 500.0
+    assert model.reserve_wh - 0.01 <= at_touch_down_wh <= model.reserve_wh + 0.5

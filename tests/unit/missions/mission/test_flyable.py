@@ -1,0 +1,288 @@
+"""Missions that cannot be flown are refused: wind, camera, battery, and boxes without a lane."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.affinity import rotate
+from shapely.geometry import Point, box
+
+from missions.flight.setting import Setting
+from missions.geo.grid import Grid
+from missions.mission import flyable
+from missions.mission.checks import parse_mission
+from missions.mission.energy import AIRSPEED_LIMIT_M_S
+from missions.mission.energy_model import energy_model
+from missions.mission.schema import Flight, Mission
+from missions.units import Cell
+from tests.support.small_missions import mission as metres
+from tests.support.small_missions import square
+from tests.unit.missions.mission.test_mission_checks import fault, faults, rectangle, text
+from vision.look import SEEN_SHARE
+
+FAST = settings(max_examples=60, deadline=None)
+
+
+def parsed(**changes: str) -> Mission:
+    return parse_mission(text(**changes), "m.toml")
+
+
+def warned(mission: Mission) -> list[str]:
+    return flyable.warnings(mission, Grid.at(mission.home, mission.grid.cell_m))
+
+
+def area_of(mission: Mission) -> flyable.SearchArea:
+    return flyable.search_area(mission, Grid.at(mission.home, mission.grid.cell_m))
+
+
+# --- wind ------------------------------------------------------------------------------------
+def test_more_wind_than_the_airframe_holds_is_refused() -> None:
+    line = fault(wind__speed_m_s="20.0")
+    assert line.startswith("wind.speed_m_s = 20: ")
+    assert "flight.max_airspeed_m_s = 12" in line
+    assert "less than 11.5 m/s" in line
+
+
+@pytest.mark.parametrize(("wind", "refused"), [("11.5", False), ("11.6", True), ("12.0", True)])
+def test_some_headway_must_be_left(wind: str, refused: bool) -> None:
+    changes = {"wind__speed_m_s": wind, "camera__mounting": "'gimbal'"}
+    if refused:
+        assert fault(**changes).startswith("wind.speed_m_s")
+    else:
+        parsed(**changes)
+
+
+def test_an_airframe_that_holds_more_may_fly_in_more() -> None:
+    changes = {"wind__speed_m_s": "14.0", "camera__mounting": "'gimbal'"}
+    assert fault(**changes).startswith("wind.speed_m_s = 14: ")
+    mission = parsed(flight__max_airspeed_m_s="18.0", **changes)
+    assert energy_model(mission).max_airspeed_m_s == 18.0
+
+
+def test_the_limit_of_the_file_is_that_of_the_energy_model() -> None:
+    assert Flight().max_airspeed_m_s == AIRSPEED_LIMIT_M_S
+    assert Setting.of(parsed()).energy.max_airspeed_m_s == AIRSPEED_LIMIT_M_S
+
+
+# --- camera ----------------------------------------------------------------------------------
+def test_the_share_of_a_cell_is_that_of_the_eyes() -> None:
+    assert flyable.SEEN_SHARE == SEEN_SHARE
+
+
+def test_a_frame_must_show_three_by_three_cells() -> None:
+    line = fault(camera__hfov_deg="60.0")
+    # 2 * 12 * tan(30 deg) = 13.86 m across, three quarters of it along
+    assert "frame shows 13.9 m x 10.4 m" in line
+    assert "reaches 4.4 m to its nearest edge" in line
+    assert "3 x 3 cells of 4 m it needs 5.6 m" in line
+    assert "leaning" not in line  # there is no wind
+
+
+@pytest.mark.parametrize("key", ["flight.altitude_m", "hfov_deg", "grid.cell_m"])
+@pytest.mark.parametrize("wind", ["0.0", "3.6", "8.0"])
+def test_the_remedies_of_a_narrow_camera_suffice(key: str, wind: str) -> None:
+    narrow = {"camera__hfov_deg": "60.0", "wind__speed_m_s": wind}
+    line = fault(**narrow)
+    found = re.search(re.escape(key) + r" to ([\d.]+)|of " + key + r" ([\d.]+)", line)
+    assert found
+    value = found[1] or found[2]
+    full_key = {"hfov_deg": "camera__hfov_deg"}.get(key, key.replace(".", "__"))
+    parsed(**(narrow | {full_key: value}))
+
+
+def test_an_upright_picture_is_short_across() -> None:
+    line = fault(camera__width_px="480", camera__height_px="640", camera__hfov_deg="50.0")
+    across_m = 2 * 12 * math.tan(math.radians(25))
+    assert f"{across_m:.1f} m x {across_m * 4 / 3:.1f} m" in line
+
+
+def test_the_lowest_layer_counts() -> None:
+    assert "from 8 m" in fault(flight__altitude_m="8.0", vehicles="[{}, {}]")
+
+
+def test_exactly_three_cells_leave_no_room_for_what_a_hover_strays() -> None:
+    """9.6 m and 80 degrees: 12.1 m along, three cells of 4 m and nothing besides."""
+    assert "from 9.6 m a frame shows 16.1 m x 12.1 m" in fault(flight__altitude_m="9.6")
+
+
+def test_a_bolted_camera_needs_room_to_lean_and_a_gimbal_does_not() -> None:
+    windy = {"wind__speed_m_s": "5.0"}
+    line = fault(**windy)
+    assert "leaning 6.5 degrees into the wind" in line
+    parsed(camera__mounting="'gimbal'", **windy)
+    parsed(wind__speed_m_s="3.6")
+
+
+def test_the_lean_is_that_of_the_simulator_s_airframe() -> None:
+    """Flown: 4 degrees at 3.6 m/s."""
+    lean_deg = math.degrees(flyable.lean_rad(parsed(wind__speed_m_s="3.6")))
+    assert lean_deg == pytest.approx(4.0, abs=0.05)
+    assert flyable.lean_rad(parsed()) == 0.0
+
+
+@FAST
+@given(yaw_deg=st.floats(0, 360), off_deg=st.floats(0, 360), half_m=st.floats(5.6, 8.0))
+def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(
+    yaw_deg: float, off_deg: float, half_m: float
+) -> None:
+    """Why yaw costs nothing: a square footprint of the least reach, turned, over a cell's cross."""
+    reach_m = half_m + flyable.POSITION_ERROR_M
+    off = (
+        flyable.POSITION_ERROR_M * math.cos(math.radians(off_deg)),
+        flyable.POSITION_ERROR_M * math.sin(math.radians(off_deg)),
+    )
+    frame = box(-reach_m, -reach_m, reach_m, reach_m)
+    frame = shapely.affinity.translate(rotate(frame, yaw_deg, origin=(0, 0)), *off)
+    for cell in Cell(0, 0).cross():
+        ground = Point(4.0 * cell.east, 4.0 * cell.north).buffer(2.0, cap_style="square")
+        assert ground.intersection(frame).area >= (SEEN_SHARE - 1e-6) * ground.area
+
+
+# --- battery ---------------------------------------------------------------------------------
+def test_a_small_battery_is_refused_with_what_would_do() -> None:
+    line = fault(battery__capacity_wh="4.0")
+    assert line.startswith("battery.capacity_wh = 4: without battery.reserve = 0.15 there are 3.4")
+    found = re.search(r"raise battery\.capacity_wh to ([\d.]+)", line)
+    assert found
+    parsed(battery__capacity_wh=found[1])
+    assert fault(battery__capacity_wh=f"{float(found[1]) - 0.2:.1f}")
+
+
+def test_a_reserve_of_nearly_everything_is_refused() -> None:
+    line = fault(battery__reserve="0.99")
+    assert "battery.reserve = 0.99 there are 0.6 Wh" in line
+    found = re.search(r"lower battery\.reserve to ([\d.]+)", line)
+    assert found
+    parsed(battery__reserve=found[1])
+
+
+def test_a_box_too_far_for_the_battery_is_refused() -> None:
+    far = {"search__box": rectangle(1500, 0, 1600, 80)}
+    fence = {"fence__polygon": rectangle(-30, -30, 1700, 110)}
+    line = fault(**far, **fence)
+    assert "1500 m away" in line
+    parsed(**far, **fence, battery__capacity_wh="400.0")
+
+
+def test_the_highest_layer_must_be_reached_too() -> None:
+    """One vehicle has enough, ten do not: the tenth has to climb to 120 m."""
+    parsed(battery__capacity_wh="15.0", team__layer_m="12.0")
+    line = fault(
+        battery__capacity_wh="15.0", team__layer_m="12.0", vehicles="[" + "{}, " * 10 + "]"
+    )
+    assert "vehicles[9] takes" in line
+    assert "climb to 120 m" in line
+
+
+@FAST
+@given(
+    capacity_wh=st.floats(1, 60), reserve=st.floats(0, 0.9), away_m=st.floats(0, 400),
+    wind_m_s=st.floats(0, 11),
+)  # fmt: skip
+def test_what_is_accepted_can_take_off_in_the_reducer_s_own_reckoning(
+    capacity_wh: float, reserve: float, away_m: float, wind_m_s: float
+) -> None:
+    mission = parsed(
+        search__box=rectangle(away_m, 0, away_m + 40, 40),
+        fence__polygon=rectangle(-30, -30, 500, 110),
+        battery__reserve=f"{reserve:.3f}",
+        wind__speed_m_s=f"{wind_m_s:.2f}",
+        camera__mounting="'gimbal'",
+        battery__capacity_wh="9999.0",
+    )
+    battery = mission.battery.model_copy(update={"capacity_wh": capacity_wh})
+    small = mission.model_copy(update={"battery": battery})
+    energy = energy_model(small)
+    refused = bool(list(flyable.search(small, Grid.at(small.home, 4.0))))
+    out_m = max(away_m, 0.0)
+    need_wh = energy.sortie_wh(out_m, out_m, 12.0, Setting.of(small).look_s)
+    if not math.isclose(need_wh, capacity_wh, rel_tol=0.01):
+        assert refused == (need_wh > capacity_wh)
+
+
+def test_a_corner_that_no_battery_reaches_is_a_warning() -> None:
+    far = parsed(
+        search__box=rectangle(0, 0, 1500, 40),
+        fence__polygon=rectangle(-30, -30, 1600, 110),
+        battery__capacity_wh="100.0",
+    )
+    (line,) = warned(far)
+    assert line.startswith("battery.capacity_wh = 100: the corner of search.box that is farthest")
+    assert "1501 m" in line
+
+
+def test_the_way_to_the_farthest_corner_goes_round_the_holes() -> None:
+    fence = square(-60, -60, 160, 160)
+    wall = square(20, -58, 4, 100)
+    made = metres(square(30, 0, 20, 20), fence, [wall])
+    corner = flyable.farthest_corner(made, Grid.at(made.home, 4.0))
+    free = flyable.farthest_corner(metres(square(30, 0, 20, 20), fence), Grid.at(made.home, 4.0))
+    assert free.away_m == pytest.approx(math.hypot(50, 20), abs=0.01)
+    assert corner.away_m > free.away_m + 20
+    assert corner.sortie_wh > free.sortie_wh
+
+
+# --- ground to search ------------------------------------------------------------------------
+def test_a_box_in_the_margin_is_refused() -> None:
+    line = fault(search__box=rectangle(-29, -29, -25, 100), fence__margin_m="8.0")
+    assert line.startswith("search.box: fence.margin_m (8) and fence.holes leave no part")
+
+
+def test_a_box_covered_by_holes_is_refused() -> None:
+    holes = f"[{rectangle(40, 30, 60, 51)}, {rectangle(40, 50, 60, 70)}]"
+    lines = faults(search__box=rectangle(45, 40, 55, 60), fence__holes=holes)
+    assert any("leave no part of it" in line for line in lines)
+
+
+def test_a_box_that_no_way_leads_to_is_refused() -> None:
+    """A hole from edge to edge parts the fence: the box lies on one side, home on the other."""
+    wall = f"[{rectangle(40, -31, 44, 111)}]"
+    assert "leave no part of it" in fault(search__box=rectangle(60, 0, 100, 80), fence__holes=wall)
+    both = parsed(fence__holes=wall)
+    assert all(max(a.east_m, b.east_m) < 40 for a, b in area_of(both).lanes)
+
+
+def test_a_second_vehicle_on_the_other_side_searches_there() -> None:
+    fence, wall = square(-60, -60, 160, 160), square(40, -61, 4, 162)
+    alone = metres(square(0, 0, 80, 40), fence, [wall])
+    two = metres(square(0, 0, 80, 40), fence, [wall], vehicles=2, homes=[(0, 0), (60, 0)])
+    assert area_of(alone).cut_off_m2 == pytest.approx(40 * 35, rel=0.15)
+    assert area_of(two).cut_off_m2 < 8 * 40
+
+
+def test_a_box_well_inside_is_searched_whole() -> None:
+    area = area_of(parsed())
+    assert area.box_m2 == pytest.approx(8000, rel=0.001)
+    assert area.cut_off_m2 == 0.0
+    assert warned(parsed()) == []
+
+
+@pytest.mark.parametrize("depth_m", [20.0, 40.0])
+def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m: float) -> None:
+    """From the rim of the hole the frames still show a cell and a half beyond the margin."""
+    holed = parsed(fence__holes=f"[{rectangle(30, 20, 70, 20 + depth_m)}]", fence__margin_m="10.0")
+    cut_m2 = area_of(holed).cut_off_m2
+    in_margin_m2 = (40 + 20) * (depth_m + 20)
+    assert (40 + 8) * (depth_m + 8) * 0.75 < cut_m2 < in_margin_m2
+    (line,) = warned(holed)
+    assert line.startswith(f"search.box: {cut_m2:.0f} m2 of its 8000 m2 cannot be searched")
+
+
+def test_a_wide_margin_cuts_off_a_rim() -> None:
+    """The box fills the fence; a frame shows six metres beyond a lane."""
+    whole = {"search__box": rectangle(-30, -30, 130, 110)}
+    narrow, wide = (area_of(parsed(**whole, fence__margin_m=m)) for m in ("2.0", "16.0"))
+    assert narrow.cut_off_m2 < 0.02 * narrow.box_m2
+    rim_m2 = 160 * 140 - (160 - 2 * 10) * (140 - 2 * 10)
+    assert wide.cut_off_m2 == pytest.approx(rim_m2, rel=0.35)
+
+
+def test_a_simulation_without_noise_is_told_what_becomes_of_its_pictures() -> None:
+    (line,) = warned(parsed(sim__sensor_noise="0.0"))
+    assert line.startswith("sim.sensor_noise = 0: ")
+    assert warned(parsed(sim__sensor_noise="0.0", camera__noiseless="true")) == []

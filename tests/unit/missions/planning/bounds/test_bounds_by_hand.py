@@ -1,0 +1,186 @@
+"""Lower bounds, certificates and conformance by hand, on regions that can be drawn on a napkin."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.lab.arena.arena_run import Comms, run
+from missions.lab.arena.certificate import Certificate, certify
+from missions.lab.arena.roi import KINDS, grown
+from missions.mapping.tree import Tree
+from missions.planning.bounds.lower_bounds import (
+    LowerBounds,
+    Shell,
+    drift_lower_bound,
+    flight_lower_bound,
+    one_way_lower_bound,
+)
+from missions.planning.bounds.promises import bound_time, promised_moves
+from missions.planning.stepwise import EXPLORERS
+from missions.planning.stepwise.metric import Metric
+from missions.units import Cell
+
+FAST = settings(max_examples=60, deadline=None)
+START = Cell(0, 0)
+
+kinds = st.sampled_from(sorted(KINDS))
+sizes = st.integers(2, 60)
+seeds = st.integers(0, 999)
+
+
+def row(length: int) -> set[Cell]:
+    return {Cell(e, 0) for e in range(length)}
+
+
+def block(width: int, depth: int) -> set[Cell]:
+    return {Cell(e, n) for e in range(width) for n in range(depth)}
+
+
+# --- steps -----------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("cells", "robots", "moves"),
+    [
+        (row(1), 3, 0),
+        (row(2) | {Cell(9, 9)}, 1, 2),  # cells out of reach do not count
+        ({Cell(e, 0) for e in range(-5, 6)}, 1, 20),
+        ({Cell(e, 0) for e in range(-5, 6)}, 2, 10),
+        (row(2), 1, 2),
+        (row(2), 9, 2),  # nobody can be quicker than there and back
+        (row(10), 1, 18),
+        (row(10), 4, 18),  # in a corridor others do not help
+        (block(2, 2), 1, 4),
+        (block(2, 5), 1, 10),  # once round
+        (block(3, 3), 1, 10),  # nine cells: one has to be passed twice
+        (block(4, 4), 1, 16),
+    ],
+)
+def test_bounds_of_regions_that_one_can_draw(cells: set[Cell], robots: int, moves: int) -> None:
+    assert LowerBounds.of(cells, START).moves(robots) == moves
+
+
+def test_a_star_is_shared_by_its_arms() -> None:
+    star = {START, *(Cell(d * e, d * n) for e, n in START.neighbours() for d in range(1, 4))}
+    bounds = LowerBounds.of(star, START)
+    assert bounds.moves(1) == 2 * 12
+    assert bounds.moves(2) == 12
+    assert bounds.moves(4) == 6
+    assert bounds.moves(40) == 6
+
+
+def test_shells_count_what_lies_at_a_distance_or_farther() -> None:
+    bounds = LowerBounds.of(row(4), START)
+    assert bounds.shells == (Shell(1, 2, 6), Shell(2, 1, 4), Shell(3, 1, 2))
+
+
+@FAST
+@given(kinds, sizes, seeds, st.integers(1, 8))
+def test_bounds_are_even_and_never_below_the_farthest_cell(
+    kind: str, size: int, seed: int, robots: int
+) -> None:
+    roi = grown(kind, size, seed)
+    bounds = LowerBounds.of(roi.cells, roi.start)
+    moves = bounds.moves(robots)
+    assert moves % 2 == 0
+    assert moves >= 2 * len(bounds.shells)  # one shell a step of distance
+
+
+@FAST
+@given(kinds, sizes, seeds, st.integers(1, 8))
+def test_more_robots_never_need_longer(kind: str, size: int, seed: int, robots: int) -> None:
+    roi = grown(kind, size, seed)
+    bounds = LowerBounds.of(roi.cells, roi.start)
+    assert bounds.moves(robots + 1) <= bounds.moves(robots)
+    metric = Metric(straight=True)
+    assert flight_lower_bound(roi.cells, roi.start, robots + 1, metric) <= flight_lower_bound(
+        roi.cells, roi.start, robots, metric
+    )
+
+
+@FAST
+@given(st.integers(2, 60), seeds)
+def test_on_a_tree_one_robot_walks_every_edge_twice(size: int, seed: int) -> None:
+    """There the bound is the optimum, whatever the shape."""
+    roi = grown("thin", size, seed)
+    assert LowerBounds.of(roi.cells, roi.start).moves(1) == 2 * (len(roi.cells) - 1)
+
+
+# --- drift and flight ------------------------------------------------------------------------
+def test_a_drift_stretches_every_step_at_least_as_across() -> None:
+    assert drift_lower_bound(30, Metric(1.0)) == 30.0
+    assert drift_lower_bound(30, Metric(1.0, drift_north=0.8)) == pytest.approx(50.0)
+    assert drift_lower_bound(30, Metric(2.0)) == 15.0
+
+
+def test_in_flight_the_way_there_and_back_and_the_cells_on_it() -> None:
+    metric = Metric(straight=True)
+    assert flight_lower_bound(row(6), START, 1, metric) == 10.0
+    assert flight_lower_bound([START, Cell(3, 4)], START, 1, metric) == 10.0
+    assert flight_lower_bound([START], START, 1, metric) == 0.0
+
+
+def test_looks_are_paid_for_each_cell_but_the_start() -> None:
+    """Five looks, and from a neighbour over four legs back to one: that all six cells lie in a row
+    this bound does not know."""
+    looking = Metric(straight=True, look=7.0)
+    assert flight_lower_bound(row(6), START, 1, looking) == 5 * 7.0 + 1 + 4 + 1
+    assert flight_lower_bound([START], START, 1, looking) == 0.0
+
+
+def test_one_way_may_lead_with_the_drift() -> None:
+    """Against a moving ROI: 1 / (Sr + Sp) a cell, which a closed tour could not have."""
+    drifting = Metric(1.0, drift_east=0.5, straight=True)
+    assert one_way_lower_bound(row(6), START, 1, drifting) == pytest.approx(5.0 / 1.5)
+    assert flight_lower_bound(row(6), START, 1, drifting) == pytest.approx(10 / math.sqrt(0.75))
+
+
+# --- certificates ----------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("makespan", "bound", "held"),
+    [(30.0, 38.0, True), (38.0, 38.0, True), (38.0 + 1e-12, 38.0, True), (38.1, 38.0, False),
+     (30.0, None, None)],
+)  # fmt: skip
+def test_a_bound_is_held_up_to_a_rounding(
+    makespan: float, bound: float | None, held: bool | None
+) -> None:
+    certificate = Certificate(makespan, 20.0, bound, tree_depth=9, cells=20, robots=1)
+    assert certificate.bound_held is held
+    assert certificate.ratio == makespan / 20.0
+
+
+def test_a_bound_in_moves_becomes_one_in_time() -> None:
+    assert bound_time(10.0, Metric()) == 10.0
+    assert bound_time(10.0, Metric(speed=2.0)) == 5.0
+    assert bound_time(10.0, Metric(look=4.0)) == 30.0  # every second move ends with a look
+    assert bound_time(None, Metric()) is None
+
+
+def test_promises_are_for_the_tree_that_came_out() -> None:
+    tree = Tree.rooted(START).looked(START, list(START.neighbours()))
+    assert promised_moves(EXPLORERS["rdfs"], tree, 1, Metric()) == 8.0
+    assert promised_moves(EXPLORERS["rdfs-paper"], tree, 1, Metric()) is None
+
+
+def test_where_robots_only_meet_nothing_is_promised() -> None:
+    roi = grown("eden", 30, 4)
+    static = LowerBounds.of(roi.cells, roi.start)
+    for comms, promised in ((Comms.SHARED, True), (Comms.MEETING, False)):
+        done = run(EXPLORERS["rdfs"], roi.cells, roi.start, 3, comms=comms)
+        certificate = certify(done, EXPLORERS["rdfs"], 3, Metric(), static, comms)
+        assert (certificate.bound is not None) is promised
+        assert certificate.ratio is not None
+        assert certificate.ratio >= 1.0
+
+
+def test_in_straight_flight_the_bound_in_steps_does_not_count() -> None:
+    """A diagonal is two steps on foot and 1.4 cells in flight."""
+    stairs = {START, Cell(1, 0), Cell(1, 1), Cell(2, 1), Cell(2, 2)}
+    static = LowerBounds.of(stairs, START)
+    for metric in (Metric(), Metric(straight=True)):
+        done = run(EXPLORERS["greedy"], stairs, START, 1, metric=metric)
+        certificate = certify(done, EXPLORERS["greedy"], 1, metric, static)
+        assert certificate.lower_bound <= certificate.makespan
+        assert (certificate.lower_bound >= static.moves(1)) is (not metric.straight)

@@ -1,0 +1,127 @@
+"""Lanes in the order that shows the region soonest, by hand and against all orders there are."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.geo.grid import Grid
+from missions.mission.checks import parse_mission
+from missions.planning.search.prior import LikelyLane
+from missions.planning.search.search_order import (
+    EXACT_LANES,
+    Block,
+    Pace,
+    expected_s,
+    plain_blocks,
+    soonest,
+)
+from missions.units import GridPoint
+from tests.support.small_missions import CELL_M, START, mission_text, square
+
+HOME = GridPoint(0.0, 0.0)
+PACE = Pace(5.0, 2.0)
+
+
+def lane(north_m: float, probability: float, middle_m: float = 20.0) -> LikelyLane:
+    return LikelyLane((GridPoint(0, north_m), GridPoint(40, north_m)), probability, middle_m)
+
+
+def field(prior: tuple[float, float] | None, vehicles: int = 1, north_m: float = 60.0) -> Setting:
+    """A box of 130 m by so much; the prior is a point in ground metres."""
+    text = mission_text(
+        square(0, 10, 130, north_m),
+        square(-60, -60, 260, 400),
+        vehicles=vehicles,
+        capacity_wh=90.0,
+    )
+    if prior is not None:
+        place = Grid.at(START, CELL_M).position(GridPoint(*prior))
+        text = text.replace(
+            "[search]",
+            f"[search]\nprior = [{{position = [{place.lat_deg}, {place.lon_deg}], spread_m = 8}}]",
+        )
+    return Setting.of(parse_mission(text, "field.toml"))
+
+
+# --- by hand ---------------------------------------------------------------------------------
+def test_the_expected_time_of_two_lanes_by_hand() -> None:
+    """8 s to the middle of the first; then 22 s to its end, the next and that one's middle."""
+    blocks = [(lane(0.0, 0.25), lane(15.0, 0.75).turned)]
+    first_s = 0 / 5 + 2 + 20 / 5
+    second_s = 2 + (40 / 5 + 2) + (15 / 5 + 2) + 20 / 5
+    expected = 0.25 * first_s + 0.75 * second_s
+    assert expected_s(blocks, [HOME], PACE) == pytest.approx(expected)
+
+
+def test_a_lane_is_flown_from_the_end_that_is_likelier() -> None:
+    ((flown,),) = soonest([lane(0.0, 1.0, 36.0)], [GridPoint(20.0, 0.0)], PACE)
+    assert flown.lane[0].east_m == 40.0
+
+
+@pytest.mark.parametrize("vehicles", [1, 2])
+def test_no_order_at_all_is_better(vehicles: int) -> None:
+    likely = [lane(12.0 * i, p, m) for i, (p, m) in enumerate(((0.1, 5), (0.5, 33), (0.4, 20)))]
+    homes = [HOME, GridPoint(60.0, 0.0)][:vehicles]
+    every: list[list[Block]] = []
+    for order in itertools.permutations(likely):
+        for turned in itertools.product((False, True), repeat=3):
+            flown = [part.turned if t else part for part, t in zip(order, turned, strict=True)]
+            cuts = range(4) if vehicles == 2 else (3,)
+            every.extend([tuple(flown[:c]), tuple(flown[c:])][:vehicles] for c in cuts)
+    best_s = min(expected_s(blocks, homes, PACE) for blocks in every)
+    assert expected_s(soonest(likely, homes, PACE), homes, PACE) == pytest.approx(best_s)
+
+
+# --- in a mission ----------------------------------------------------------------------------
+@pytest.mark.parametrize("north_m", [60.0, 220.0])
+def test_a_point_in_the_far_corner_is_looked_at_first(north_m: float) -> None:
+    setting = field((126.0, 4.0 + north_m), north_m=north_m)
+    few = len(setting.lanes) <= EXACT_LANES
+    assert few is (north_m == 60.0)  # the exact order, and the local search
+    first = State.initial(setting).vehicles[1].lanes[0]
+    far = GridPoint(126.0, 4.0 + north_m)
+    assert min(point.distance_to(far) for point in first) < 16.0
+    plain = setting.lanes[0]
+    assert min(point.distance_to(far) for point in plain) > north_m / 2 - 16.0
+
+
+def test_every_lane_is_flown_once() -> None:
+    setting = field((96.0, 64.0), vehicles=2)
+    vehicles = State.initial(setting).vehicles.values()
+    flown = [frozenset(lane) for vehicle in vehicles for lane in vehicle.lanes]
+    assert len(flown) == len(setting.lanes)
+    assert set(flown) == {frozenset(lane) for lane in setting.lanes}
+
+
+def test_it_is_told_how_much_sooner_that_is() -> None:
+    found = field((96.0, 64.0)).first_sighting_s
+    assert found is not None
+    soon_s, late_s = found
+    assert 20.0 < soon_s < 0.5 * late_s
+
+
+def test_two_vehicles_see_it_sooner_than_one() -> None:
+    one, two = (field((50.0, 64.0), vehicles).first_sighting_s for vehicles in (1, 2))
+    assert one is not None
+    assert two is not None
+    assert two[0] < one[0]
+
+
+def test_the_same_mission_has_the_same_order() -> None:
+    one, other = (field((30.0, 90.0), 3, 220.0).shares for _ in range(2))
+    assert one == other
+
+
+def test_without_a_prior_lanes_are_shared_out_as_they_lie() -> None:
+    setting = field(None, vehicles=2)
+    assert tuple(lane for block in setting.shares for lane in block) == setting.lanes
+
+
+def test_plain_blocks_are_those_of_a_search_without_a_prior() -> None:
+    setting, plain = field((96.0, 64.0), 3), field(None, 3)
+    blocks = plain_blocks(setting.likely, 3)
+    assert tuple(tuple(part.lane for part in block) for block in blocks) == plain.shares

@@ -1,0 +1,173 @@
+"""What a leg costs over a drifting ROI, against a robot that flies it in small steps."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from missions.planning.stepwise.bounds import drift_factor
+from missions.planning.stepwise.metric import Metric
+from missions.units import Cell
+
+FAST = settings(max_examples=200, deadline=None)
+
+cells = st.builds(Cell, st.integers(-20, 20), st.integers(-20, 20))
+metrics = st.builds(
+    lambda speed, share, toward: Metric(
+        speed, speed * share * math.sin(toward), speed * share * math.cos(toward)
+    ),
+    st.floats(0.2, 10), st.floats(0, 0.95), st.floats(0, math.tau),
+)  # fmt: skip
+
+
+def flown(metric: Metric, start: Cell, end: Cell) -> float:
+    """When a robot that flies straight at the place where it will meet the cell gets there.
+
+    Bisection over the time, from nothing but speeds over ground.
+    """
+
+    def is_there(t: float) -> bool:
+        east = end.east - start.east + metric.drift_east * t
+        north = end.north - start.north + metric.drift_north * t
+        return math.hypot(east, north) <= metric.speed * t
+
+    low, high = 0.0, 1.0
+    while not is_there(high):
+        high *= 2
+    for _ in range(80):
+        middle = (low + high) / 2
+        low, high = (low, middle) if is_there(middle) else (middle, high)
+    return high
+
+
+@FAST
+@given(metrics, cells, cells)
+def test_a_leg_is_as_long_as_it_is_flown(metric: Metric, start: Cell, end: Cell) -> None:
+    assert metric.leg(start, end) == pytest.approx(flown(metric, start, end), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("towards", "cost"), [(Cell(1, 0), 1 / 0.4), (Cell(-1, 0), 1 / 1.6), (Cell(0, 1), 1 / 0.8)]
+)
+def test_along_the_axes_are_the_costs_of_the_paper(towards: Cell, cost: float) -> None:
+    """With the drift the ROI runs away, against it the ROI comes."""
+    assert Metric(1.0, drift_east=0.6).leg(Cell(0, 0), towards) == pytest.approx(cost)
+
+
+def test_at_rest_a_step_costs_a_cell_at_the_speed() -> None:
+    metric = Metric(speed=4.0)
+    for near in Cell(3, -2).neighbours():
+        assert metric.leg(Cell(3, -2), near) == 0.25
+    assert metric.leg(Cell(0, 0), Cell(3, 4)) == 1.25
+
+
+@FAST
+@given(metrics, cells, cells, cells)
+def test_a_detour_never_saves_time(metric: Metric, a: Cell, b: Cell, c: Cell) -> None:
+    assert metric.leg(a, c) <= metric.leg(a, b) + metric.leg(b, c) + 1e-9
+    assert metric.tour_leg(a, c) <= metric.tour_leg(a, b) + metric.tour_leg(b, c) + 1e-9
+
+
+@FAST
+@given(metrics, st.lists(cells, min_size=2, max_size=7))
+def test_over_a_closed_tour_the_symmetric_part_is_all_there_is(
+    metric: Metric, stops: list[Cell]
+) -> None:
+    tour = list(itertools.pairwise([*stops, stops[0]]))
+    whole = sum(metric.leg(a, b) for a, b in tour)
+    assert sum(metric.tour_leg(a, b) for a, b in tour) == pytest.approx(whole, abs=1e-9)
+    backwards = sum(metric.leg(b, a) for a, b in tour)
+    assert backwards == pytest.approx(whole, abs=1e-9)
+
+
+@FAST
+@given(metrics, cells, cells)
+def test_the_symmetric_part_is_the_same_there_and_back(metric: Metric, a: Cell, b: Cell) -> None:
+    assert metric.tour_leg(a, b) == pytest.approx(metric.tour_leg(b, a), abs=1e-12)
+    both = metric.leg(a, b) + metric.leg(b, a)
+    assert 2 * metric.tour_leg(a, b) == pytest.approx(both, abs=1e-9)
+
+
+@FAST
+@given(metrics, cells, cells)
+def test_a_closed_tour_costs_between_least_and_most_per_length(
+    metric: Metric, a: Cell, b: Cell
+) -> None:
+    length = math.dist(a, b)
+    assert metric.least_per_length * length <= metric.tour_leg(a, b) + 1e-9
+    assert metric.tour_leg(a, b) <= metric.most_per_length * length + 1e-9
+
+
+@FAST
+@given(metrics, st.integers(1, 30))
+def test_the_limits_per_length_are_reached_across_and_along(metric: Metric, length: int) -> None:
+    """So no better bound than these holds for all directions."""
+    assume(metric.drift_speed > 0.01)
+    turned = Metric(metric.speed, drift_east=metric.drift_speed)
+    across = turned.tour_leg(Cell(0, 0), Cell(0, length))
+    along = turned.tour_leg(Cell(0, 0), Cell(length, 0))
+    assert across == pytest.approx(turned.least_per_length * length)
+    assert along == pytest.approx(turned.most_per_length * length)
+
+
+@FAST
+@given(st.floats(0.5, 10), st.floats(0, 0.95))
+def test_the_drift_factor_is_the_most_per_length_beside_the_resting_one(
+    speed: float, share: float
+) -> None:
+    metric = Metric(speed, drift_north=speed * share)
+    factor = drift_factor(speed, speed * share)
+    assert metric.most_per_length * speed == pytest.approx(factor)
+    assert factor >= 1.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "east", "north"), [(1.0, 1.0, 0.0), (1.0, 0.8, 0.7), (0.0, 0.0, 0.0), (2.0, 0, -3)]
+)
+def test_a_robot_must_keep_up_with_the_drift(speed: float, east: float, north: float) -> None:
+    with pytest.raises(ValueError, match="cannot keep up"):
+        Metric(speed, east, north)
+
+
+def test_drift_speed_is_the_length_of_the_drift() -> None:
+    assert Metric(10.0, 3.0, -4.0).drift_speed == 5.0
+
+
+# --- from rest to rest -----------------------------------------------------------------------
+@pytest.mark.parametrize("speed", [1.0, 5.0])
+@pytest.mark.parametrize("distance", np.linspace(0.1, 30.0, 12))
+def test_a_leg_from_rest_is_that_of_even_acceleration(speed: float, distance: float) -> None:
+    """A ramp of r seconds is speed / accel: half of it lost while speeding up, half while braking.
+    Short legs are a triangle of speed, long ones a trapezoid."""
+    accel = 2.0
+    metric = Metric(ramp=speed / accel)
+    if distance >= speed**2 / accel:
+        expected = distance / speed + speed / accel
+    else:
+        expected = 2 * math.sqrt(distance / accel)
+    assert metric.from_rest(distance / speed) == pytest.approx(expected)
+
+
+@FAST
+@given(st.floats(0, 100), st.floats(0, 100), st.floats(0, 10))
+def test_longer_at_full_speed_is_longer_from_rest(one: float, other: float, ramp: float) -> None:
+    metric = Metric(ramp=ramp)
+    short, long = sorted((one, other))
+    assert metric.from_rest(short) <= metric.from_rest(long) + 1e-9
+    assert metric.from_rest(short) >= short - 1e-9
+    assert metric.from_rest(short) <= short + ramp + 1e-9
+
+
+def test_without_a_ramp_nothing_is_added() -> None:
+    assert Metric().from_rest(7.0) == 7.0
+    assert Metric(ramp=2.0).from_rest(0.0) == 0.0
+
+
+def test_the_two_branches_of_a_start_from_rest_meet() -> None:
+    metric = Metric(ramp=3.0)
+    assert metric.from_rest(3.0 - 1e-9) == pytest.approx(metric.from_rest(3.0), abs=1e-6)

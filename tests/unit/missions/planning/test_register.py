@@ -1,0 +1,49 @@
+"""Strategies register themselves by name; missions, simulations and flights then know them."""
+
+from __future__ import annotations
+
+import pytest
+
+from missions.errors import MissionFileError, StrategyError
+from missions.flight.setting import Setting
+from missions.lab.arena.arena_run import run
+from missions.planning.stepwise import EXPLORERS, Decision, Situation, register
+from missions.planning.stepwise.rdfs import Rdfs
+from missions.units import Cell
+from tests.support.small_missions import mission, square
+
+
+class Mine:
+    """A strategy in a file of its own."""
+
+    name = "mine"
+    guarantee = source = when = "in a test only"
+
+    def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
+        return None
+
+    def decide(self, situation: Situation) -> Decision:
+        return Rdfs().decide(situation)
+
+
+def test_register_a_strategy_makes_it_known_to_missions_and_simulations() -> None:
+    box, fence = square(0.0, 0.0, 40.0, 40.0), square(-20.0, -20.0, 90.0, 90.0)
+    with pytest.raises(MissionFileError, match="mine"):
+        mission(box, fence, strategy="mine")
+    mine = Mine()
+    register(mine)
+    try:
+        assert Setting.of(mission(box, fence, strategy="mine")).explorer is mine
+        assert run(EXPLORERS["mine"], {Cell(0, 0), Cell(1, 0)}, Cell(0, 0), 1).makespan == 2.0
+    finally:
+        del EXPLORERS["mine"]
+
+
+def test_register_a_second_strategy_of_a_name_is_refused() -> None:
+    class Other(Mine):
+        name = "rdfs"
+
+    with pytest.raises(StrategyError, match="rdfs: another strategy has this name"):
+        register(Other())
+    assert isinstance(EXPLORERS["rdfs"], Rdfs)
+    register(Rdfs())  # the same once more

@@ -1,0 +1,82 @@
+"""Bytes that no client should send: nothing raises, nothing changes, nothing grows.
+
+`tests/benchmarks/fuzz.py` is the long version.
+"""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.codec.wire import Packer
+from tests.support.hostile import Hostile, bombard, condition
+
+SIZE = 400_000
+
+
+def ask(client):
+    """The vehicle still answers."""
+    client.run(1.0)
+    messages = client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    return [m.get_type() for m in messages]
+
+
+def flush(client):
+    """End a frame that garbage may have begun."""
+    client.vehicle.receive(bytes(300))
+
+
+def test_garbage_in_the_air(make_client):
+    client = make_client()
+    client.take_off()
+    outcome = bombard(client.vehicle, SIZE, seed=1, well_addressed=False)
+    assert outcome.crashes == []
+    assert outcome.changes == []
+    assert outcome.grown_bytes < 100_000
+    assert sum(outcome.sent.values()) >= SIZE
+    flush(client)
+    assert ask(client) == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
+
+
+def test_the_worst_values_on_the_ground(make_client):
+    client = make_client()
+    client.run(6.0)
+    outcome = bombard(client.vehicle, SIZE, seed=2, well_addressed=True)
+    assert outcome.crashes == []
+    assert outcome.changes == []
+    assert outcome.grown_bytes < 100_000
+    flush(client)
+    assert "AUTOPILOT_VERSION" in ask(client)
+
+
+@pytest.mark.parametrize("wrong_target", [True, False])
+def test_every_message_type(make_client, wrong_target):
+    client = make_client()
+    client.run(6.0)
+    before = condition(client.vehicle)
+    for seed in range(8):
+        for frame in Hostile(seed).every_type(wrong_target):
+            client.vehicle.receive(frame)
+        client.vehicle.step(0.1)
+    assert condition(client.vehicle) == before
+    flush(client)
+    assert "AUTOPILOT_VERSION" in ask(client)
+
+
+def test_one_byte_at_a_time(make_client):
+    whole, bits = make_client(), make_client()
+    packer = Packer(255, 190)
+    data = b"".join(
+        [b"\xfd\x00", packer.pack(mav.MAVLink_timesync_message(0, 5)), b"noise\xfe\x09"] * 5
+    )
+    together = whole.vehicle.receive(data)
+    assert b"".join(bits.vehicle.receive(data[i : i + 1]) for i in range(len(data))) == together
+
+
+def test_garbage_on_a_bad_and_signed_link(make_client):
+    client = make_client()
+    client.run(6.0)
+    client.send(mav.MAVLink_setup_signing_message(1, 1, [7] * 32, 10))
+    client.vehicle.fail.link(0.1, 0.1, 0.1, 0.05, 0.1, 0.1)
+    outcome = bombard(client.vehicle, SIZE // 4, seed=3, well_addressed=True)
+    assert (outcome.crashes, outcome.changes) == ([], [])

@@ -1,0 +1,443 @@
+"""Faults on demand: by the Python API, by command 420, by SIM_* parameters and by a scenario."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import MissionFileError
+from missions.mission.schema import parse_fields
+from missions.units import LatLon
+from sitl.body.battery import Battery
+from sitl.body.physics import Body
+from sitl.body.sensors import PositionError
+from sitl.copter.modes import Mode
+from sitl.faults.faults import Faults
+from sitl.faults.injection import CAMERA_UNIT
+from uavmap.runner.simulation import make_vehicles
+
+INJECT = mav.MAV_CMD_INJECT_FAILURE
+GPS, BATTERY, MOTOR, COMPASS = (
+    mav.FAILURE_UNIT_SENSOR_GPS, mav.FAILURE_UNIT_SYSTEM_BATTERY, mav.FAILURE_UNIT_SYSTEM_MOTOR,
+    mav.FAILURE_UNIT_SENSOR_MAG,
+)  # fmt: skip
+OK, OFF, WRONG = mav.FAILURE_TYPE_OK, mav.FAILURE_TYPE_OFF, mav.FAILURE_TYPE_WRONG
+
+
+def set_parameter(client, name, value):
+    return client.send(mav.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
+
+
+def believed(client):
+    """East and north as the vehicle says them."""
+    client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    m = client.seen("GLOBAL_POSITION_INT")[-1]
+    return client.vehicle.world.plane.to_plane(LatLon(m.lat / 1e7, m.lon / 1e7))
+
+
+def voltage(client):
+    client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_BATTERY_STATUS)
+    return client.seen("BATTERY_STATUS")[-1].voltages[0] / 1000.0
+
+
+def test_faults_begin_and_end_on_vehicle_time():
+    faults, error = Faults(), PositionError(np.random.default_rng(1), 0.3, 60.0)
+    device = error, Battery(60.0), Body(0.0, 0.0, 0.0, 0.5)
+    faults.gps(after_s=1.0, for_s=2.0)
+    faults.camera_stall(after_s=2.0)
+    seen = []
+    for tick in range(1, 81):
+        faults.step(tick * 0.05, *device)
+        seen.append((error.lost, faults.camera_stalled))
+    lost = [n for n, (gps, _) in enumerate(seen, 1) if gps]
+    assert (lost[0], lost[-1], len(lost)) == (20, 59, 40)
+    assert [n for n, (_, camera) in enumerate(seen, 1) if camera] == list(range(40, 81))
+    faults.clear("camera_stall")
+    assert not faults.camera_stalled
+
+
+def test_faults_of_a_kind_add_up_or_the_worst_counts():
+    faults = Faults()
+    faults.wind_gust(3.0, from_deg=180.0)
+    faults.wind_gust(4.0, from_deg=270.0)
+    assert faults.gust_m_s == (pytest.approx(4.0), pytest.approx(3.0))
+    faults.link(loss=0.1, delay_s=1.0)
+    faults.link(loss=0.3, way="up")
+    assert (faults.up.loss, faults.down.loss, faults.up.delay_s) == (0.3, 0.1, 1.0)
+    faults.clear("link")
+    assert faults.up == faults.down == type(faults.up)()
+    assert faults.gust_m_s != (0.0, 0.0)
+    faults.clear()
+    assert faults.gust_m_s == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda f: f.gps(after_s=-1.0), "after_s"),
+        (lambda f: f.gps(for_s=float("nan")), "for_s"),
+        (lambda f: f.gps_glitch(float("inf")), "not a number"),
+        (lambda f: f.motor(2.0), "share"),
+        (lambda f: f.link(loss=2.0), "0 to 1"),
+        (lambda f: f.link(way="sideways"), "way"),
+        (lambda f: f.clear("engine"), "no such kind"),
+    ],
+)
+def test_impossible_faults_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call(Faults())
+
+
+def test_without_satellites_the_estimate_wanders_off_and_comes_back(make_client):
+    client = make_client()
+    client.run(6.0)
+    client.vehicle.fail.gps(for_s=30.0)
+    client.run(29.0)
+    assert 5.0 < math.hypot(*believed(client)) < 40.0
+    client.run(15.0)
+    assert math.hypot(*believed(client)) < 0.6
+
+
+@pytest.mark.parametrize(("fault", "mode"), [("gps", Mode.LAND), ("rc", Mode.RTL)])
+def test_what_is_lost_in_the_air_ends_the_flight(make_client, fault, mode):
+    client = make_client()
+    client.take_off()
+    getattr(client.vehicle.fail, fault)()
+    client.run(10.0)
+    assert client.vehicle.truth.mode == mode
+    client.run(60.0)
+    truth = client.vehicle.truth
+    assert (truth.landed, truth.armed, truth.crashed) == (True, False, False)
+
+
+def test_a_glitch_leads_the_vehicle_astray(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.gps_glitch(20.0, toward_deg=90.0)
+    client.run(30.0)
+    # it believes to hold its place, and is 20 m west of it
+    assert believed(client) == (pytest.approx(0.0, abs=0.5), pytest.approx(0.0, abs=0.5))
+    assert client.where[:2] == (pytest.approx(-20.0, abs=0.5), pytest.approx(0.0, abs=0.5))
+    client.vehicle.fail.clear("gps_glitch")
+    client.run(30.0)
+    assert math.hypot(*client.where[:2]) < 0.5
+
+
+def test_drift_carries_it_away(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.gps_drift(1.0, toward_deg=0.0, for_s=20.0)
+    client.run(20.0)
+    assert client.where[1] == pytest.approx(-17.0, abs=3.0)
+
+
+def test_a_gust_pushes_and_goes(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.wind_gust(8.0, for_s=4.0, from_deg=0.0)
+    pushed = []
+    client.run(4.0, lambda: pushed.append(client.where[1]))
+    assert min(pushed) < -0.3
+    client.run(15.0)
+    assert abs(client.where[1]) < 0.3
+
+
+def test_a_wrong_compass_is_told_and_flown_by(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.compass(40.0)
+    client.run(0.5)
+    client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    told = client.seen("GLOBAL_POSITION_INT")[-1].hdg / 100.0
+    yaw = math.degrees(client.vehicle.truth.yaw_rad)
+    assert (told - yaw) % 360.0 == pytest.approx(40.0, abs=0.1)
+    client.target(60.0, 0.0, 12.0)
+    aside = []
+    client.run(15.0, lambda: aside.append(client.where[1]))
+    assert max(map(abs, aside)) > 1.0  # a curve where a line was meant
+
+
+def test_battery_sag_and_a_dead_cell(make_client):
+    client = make_client()
+    client.run(6.0)
+    full = voltage(client)
+    client.vehicle.fail.battery_sag(3.0, for_s=5.0)
+    client.run(1.0)
+    assert voltage(client) == pytest.approx(full - 3.0, abs=0.01)
+    client.run(5.0)
+    assert voltage(client) == pytest.approx(full, abs=0.01)
+    client.vehicle.fail.battery_cell()
+    client.run(1.0)
+    assert voltage(client) == pytest.approx(full * 5 / 6, abs=0.01)
+    assert client.vehicle.truth.energy_wh == pytest.approx(50.0, abs=0.1)
+    # the autopilot counts what flows, and does not know
+    assert client.seen("BATTERY_STATUS")[-1].battery_remaining == 100
+
+
+def test_a_new_pack_has_all_its_cells():
+    battery = Battery(60.0)
+    for _ in range(9):
+        battery.fail_cell()
+    assert battery.energy_wh < 20.0
+    battery.swap()
+    assert (battery.full, battery.remaining_percent) == (True, 100)
+    assert battery.voltage_v == Battery(60.0).voltage_v
+
+
+def test_without_a_motor_the_vehicle_is_lost(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.motor(after_s=2.0)
+    client.run(1.9)
+    assert client.where[2] == pytest.approx(12.0, abs=0.5)
+    client.run(6.0)
+    truth = client.vehicle.truth
+    assert (truth.crashed, truth.armed, truth.landed) == (True, False, True)
+
+
+def test_with_a_weak_motor_it_still_flies(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.motor(share=0.6)
+    client.run(10.0)
+    assert client.where[2] == pytest.approx(12.0, abs=0.5)
+
+
+def capture(client):
+    client.command(mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, 1)
+    client.run(1.0)
+    return client.seen("CAMERA_IMAGE_CAPTURED")
+
+
+def test_a_stalled_camera_accepts_and_takes_none(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.camera_stall(for_s=5.0)
+    assert client.result(mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 1.0, 0) == mav.MAV_RESULT_ACCEPTED
+    client.run(4.8)
+    assert client.seen("CAMERA_IMAGE_CAPTURED") == []
+    client.run(3.0)
+    assert 2 <= len(client.seen("CAMERA_IMAGE_CAPTURED")) <= 4
+
+
+def test_black_and_broken_pictures(make_client):
+    client = make_client()
+    client.take_off()
+    client.vehicle.fail.camera_black(for_s=0.9)
+    capture(client)
+    client.vehicle.fail.camera_corrupt(for_s=0.9)
+    capture(client)
+    urls = [m.file_url for m in capture(client)]
+    night, broken, good = (client.vehicle.image(url) for url in urls)
+    assert good[:2] == night[:2] == b"\xff\xd8"
+    assert cv2.imdecode(np.frombuffer(good, np.uint8), cv2.IMREAD_COLOR).mean() > 50.0
+    dark = cv2.imdecode(np.frombuffer(night, np.uint8), cv2.IMREAD_COLOR)
+    assert (dark.shape, dark.max()) == ((480, 640, 3), 0)
+    assert not broken.endswith(b"\xff\xd9")
+    assert 0 < len(broken) < len(good)
+
+
+def test_a_command_is_rejected_for_a_while(make_client):
+    client = make_client()
+    client.run(6.0)
+    client.vehicle.fail.reject(mav.MAV_CMD_DO_SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED, 0, 2.0)
+    assert client.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    client.run(2.1)
+    assert client.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_ACCEPTED
+
+
+def test_a_silent_link_says_and_hears_nothing(make_client):
+    client = make_client()
+    client.run(6.0)
+    client.vehicle.fail.link(silent=True, for_s=5.0)
+    assert client.run(4.9) == []
+    assert client.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
+    assert client.vehicle.truth.mode == 0
+    assert client.run(3.0) != []
+
+
+def test_a_slow_link_answers_later(make_client):
+    client = make_client()
+    client.run(6.0)
+    client.vehicle.fail.link(delay_s=0.3)
+    assert client.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
+    client.run(0.5)
+    assert client.seen("COMMAND_ACK") == []
+    client.run(0.2)
+    assert client.seen("COMMAND_ACK")[0].result == 0
+
+
+def test_a_companion_comes_back_to_what_it_set_up(make_client):
+    client = make_client()
+    client.run(6.0)
+    client.every(mav.MAVLINK_MSG_ID_ATTITUDE, 0.1)
+    client.vehicle.fail.companion_reboot(after_s=1.0, for_s=10.0)
+    client.run(1.2)
+    assert client.vehicle.fail.reboots == 1
+    assert client.run(9.5) == []
+    client.run(2.0)
+    assert len(client.seen("ATTITUDE")) == pytest.approx(10 + 17, abs=1)
+
+
+def test_equal_seeds_give_equal_bytes_through_a_bad_link(make_client):
+    def flown():
+        client = make_client(gps_sigma_m=0.3)
+        client.every(mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 0.1)
+        client.vehicle.fail.link(0.2, 0.1, 0.1, 0.05, 0.1, 0.05)
+        client.vehicle.fail.gps(after_s=10.0)
+        return b"".join(client.vehicle.step(0.05) for _ in range(600))
+
+    first = flown()
+    assert len(first) > 5000
+    assert flown() == first
+
+
+# --- over the wire -----------------------------------------------------------------------------
+
+
+def test_injection_needs_the_parameter(make_client):
+    client = make_client()
+    client.run(1.0)
+    assert client.result(INJECT, GPS, OFF) == mav.MAV_RESULT_DENIED
+    set_parameter(client, "SYS_FAILURE_EN", 1.0)
+    assert client.result(INJECT, GPS, OFF) == mav.MAV_RESULT_ACCEPTED
+    client.run(0.1)
+    assert client.vehicle._error.lost
+    assert client.result(INJECT, GPS, OK) == mav.MAV_RESULT_ACCEPTED
+    client.run(0.1)
+    assert not client.vehicle._error.lost
+    for unit, failure in ((GPS, 77), (99, OFF), (math.nan, OFF), (GPS, math.inf)):
+        assert client.result(INJECT, unit, failure) == mav.MAV_RESULT_UNSUPPORTED
+
+
+@pytest.mark.parametrize(
+    ("unit", "failure", "kind"),
+    [
+        (BATTERY, OFF, "battery_sag"),
+        (MOTOR, OFF, "motor"),
+        (COMPASS, WRONG, "compass"),
+        (CAMERA_UNIT, OFF, "camera_stall"),
+        (CAMERA_UNIT, WRONG, "camera_black"),
+        (CAMERA_UNIT, mav.FAILURE_TYPE_GARBAGE, "camera_corrupt"),
+    ],
+)
+def test_what_can_be_injected(make_client, unit, failure, kind):
+    client = make_client()
+    set_parameter(client, "SYS_FAILURE_EN", 1.0)
+    assert client.result(INJECT, unit, failure) == mav.MAV_RESULT_ACCEPTED
+    assert [f.kind for f in client.vehicle.fail.active(kind)] == [kind]
+
+
+def test_simulator_parameters(make_client):
+    client = make_client()
+    client.run(6.0)
+    vehicle = client.vehicle
+    set_parameter(client, "SIM_GPS_DISABLE", 1.0)
+    client.run(0.1)
+    assert vehicle._error.lost
+    set_parameter(client, "SIM_GPS_DISABLE", 0.0)
+    set_parameter(client, "SIM_GPS1_ENABLE", 0.0)
+    client.run(0.1)
+    assert vehicle._error.lost
+    set_parameter(client, "SIM_GPS1_ENABLE", 1.0)
+    client.run(0.1)
+    assert not vehicle._error.lost
+    set_parameter(client, "SIM_BATT_VOLTAGE", 20.0)
+    client.run(0.1)
+    assert voltage(client) == pytest.approx(20.0)
+    set_parameter(client, "SIM_WIND_SPD", 5.0)
+    set_parameter(client, "SIM_WIND_DIR", 270.0)
+    assert vehicle.fail.gust_m_s == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-9))
+    set_parameter(client, "SIM_GPS_GLITCH_Y", 0.0001)
+    client.run(30.0)
+    assert believed(client)[0] == pytest.approx(11.1, abs=0.3)
+    set_parameter(client, "SIM_RC_FAIL", 1.0)
+    assert vehicle.fail.rc_lost
+    before = client.seen("PARAM_VALUE")
+    set_parameter(client, "SIM_SPEEDUP", 5.0)
+    answer = client.seen("PARAM_VALUE")[len(before)]
+    assert (answer.param_id, answer.param_value) == ("SIM_SPEEDUP", 1.0)
+
+
+def test_an_engine_by_parameters(make_client):
+    client = make_client()
+    client.take_off()
+    set_parameter(client, "SIM_ENGINE_MUL", 0.0)
+    client.run(3.0)
+    assert client.where[2] == pytest.approx(12.0, abs=0.5)
+    set_parameter(client, "SIM_ENGINE_FAIL", 1.0)
+    client.run(6.0)
+    assert client.vehicle.truth.crashed
+
+
+# --- a scenario in a mission file ---------------------------------------------------------------
+
+MISSION = """
+[start]
+position = [48.0, 11.0]
+[search]
+box = [[48.0, 11.0], [48.001, 11.0], [48.001, 11.001], [48.0, 11.001]]
+[fence]
+polygon = [[47.999, 10.999], [48.002, 10.999], [48.002, 11.002], [47.999, 11.002]]
+"""
+
+
+def scenario(*faults):
+    return MISSION + "".join(f"[[sim.faults]]\n{fault}\n" for fault in faults)
+
+
+def kinds(vehicle):
+    return [(f.kind, f.begin_s, f.end_s) for f in vehicle.fail.scheduled]
+
+
+def test_a_scenario_reaches_its_vehicle():
+    mission = parse_fields(
+        scenario(
+            'at_s = 60\nfor_s = 20\nkind = "gps"',
+            'at_s = 10\nkind = "battery_sag"\nvolts = 2',
+            'at_s = 5\nkind = "gps"\nvehicle = 2',
+        ),
+        "x.toml",
+    )
+    (vehicle,) = make_vehicles(mission, seed=1)
+    assert kinds(vehicle) == [("gps", 60.0, 80.0), ("battery_sag", 10.0, math.inf)]
+    (later,) = make_vehicles(mission, seed=1, start_s=65.0)
+    assert kinds(later) == [("gps", 0.0, 15.0), ("battery_sag", 0.0, math.inf)]
+    (last,) = make_vehicles(mission, seed=1, start_s=100.0)
+    assert kinds(last) == [("battery_sag", 0.0, math.inf)]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ['gps"', 'gps_glitch"\nmetres = 5', 'gps_drift"\nm_s = 1', 'battery_sag"\nvolts = 1',
+     'battery_cell"', 'compass"\ndeg = 20', 'wind_gust"\nm_s = 5\nfrom_deg = 90', 'motor"',
+     'camera_stall"', 'camera_black"', 'camera_corrupt"', 'reject"\ncommand = 22\nresult = 2',
+     'rc"', 'link"\nloss = 0.2\njitter_s = 0.1', 'link"\nsilent = true', 'companion_reboot"'],
+)  # fmt: skip
+def test_every_kind_can_be_written(kind):
+    mission = parse_fields(scenario(f'at_s = 3\nkind = "{kind}'), "x.toml")
+    (vehicle,) = make_vehicles(mission, seed=1)
+    assert vehicle.fail.scheduled
+    assert all(f.begin_s == 3.0 for f in vehicle.fail.scheduled)
+    vehicle.step(4.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ('at_s = 1\nkind = "gps_glitch"', r"sim.faults\[0\]: kind = 'gps_glitch' needs metres"),
+        ('at_s = 1\nkind = "gps"\nvolts = 2', "kind = 'gps' has no volts"),
+        ('at_s = 1\nkind = "link"', "needs one of loss"),
+        ('at_s = 1\nkind = "link"\nloss = 3', r"sim.faults\[0\].loss = 3"),
+        ('at_s = 1\nkind = "birds"', r"sim.faults\[0\].kind = 'birds'"),
+        ('at_s = 1\nkind = "battery_cell"\nfor_s = 2', "has no for_s"),
+        ('at_s = 1\nkind = "gps"\nvehicel = 2', "did you mean 'vehicle'"),
+    ],
+)
+def test_a_wrong_scenario_is_explained(fault, says):
+    with pytest.raises(MissionFileError, match=says):
+        parse_fields(scenario(fault), "x.toml")

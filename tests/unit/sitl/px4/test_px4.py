@@ -1,0 +1,593 @@
+"""The PX4 flavour on virtual time: modes, arming, targets, offboard flight, missions, failsafes."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from sitl.px4.modes import Px4Mode, packed, wanted
+from sitl.px4.params import TABLE, bytewise, from_bytewise
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.world.world import World, WorldSpec
+from tests.support.hostile import bombard
+
+NAN = math.nan
+AMSL_M = 488.0
+LAT, LON = 473977420, 85455940
+NORTH = LAT + 2700  # 30 m
+INT32, REAL32 = mav.MAV_PARAM_TYPE_INT32, mav.MAV_PARAM_TYPE_REAL32
+ACCEPTED, REJECTED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_TEMPORARILY_REJECTED
+UNSUPPORTED = mav.MAV_RESULT_UNSUPPORTED
+ARM, TAKEOFF, LAND, RTL, SET_MODE = 400, 22, 21, 20, 176
+MAIN = {
+    "HOLD": (4, 3), "MISSION": (4, 4), "RTL": (4, 5), "LAND": (4, 6), "OFFBOARD": (6, 0),
+    "POSITION": (3, 0),
+}  # fmt: skip
+
+
+@pytest.fixture
+def sitl():
+    """A PX4 that has found its position, and a ground station, which reads what it says."""
+    vehicle = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0))[0]
+    vehicle.run(6.0)
+    vehicle.ground_station()
+    vehicle.receive()
+    return vehicle
+
+
+def mode(sitl, name):
+    """The commander's answer; the receiver's, before it, is always yes."""
+    assert sitl.command(SET_MODE, 1, *MAIN[name]) == ACCEPTED
+    return sitl.expect("COMMAND_ACK", timeout_s=0.1, command=SET_MODE).result
+
+
+def take_off(sitl, height_m=10.0):
+    assert sitl.command(ARM, 1) == ACCEPTED
+    assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, AMSL_M + height_m) == ACCEPTED
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.HOLD)
+
+
+def reposition(
+    sitl, lat, lon, amsl_m, *, flags=1, frame=mav.MAV_FRAME_GLOBAL_INT, yaw=NAN, speed=-1.0
+):
+    p = (speed, flags, 0.0, yaw)
+    sitl.send(mav.MAVLink_command_int_message(1, 1, frame, 192, 0, 0, *p, lat, lon, amsl_m))
+    return sitl.expect("COMMAND_ACK", command=192).result
+
+
+def set_param(sitl, name, value):
+    kind = next(p.type for p in TABLE if p.name == name)
+    sent = bytewise(value) if kind == INT32 else value
+    sitl.send(mav.MAVLink_param_set_message(1, 1, name.encode(), sent, kind))
+    answer = sitl.expect("PARAM_VALUE", param_id=name)
+    got = from_bytewise(answer.param_value) if kind == INT32 else answer.param_value
+    assert (answer.param_type, got) == (kind, pytest.approx(value))
+
+
+def local(x, y, z, mask=0xDF8, frame=1, velocity=(0.0, 0.0, 0.0)):
+    return mav.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, frame, mask, x, y, z, *velocity, 0, 0, 0, 0, 0
+    )
+
+
+def stream(sitl, message, seconds, every_s=0.1):
+    for _ in range(round(seconds / every_s)):
+        sitl.send(message)
+        sitl.run(every_s)
+
+
+def texts(sitl):
+    return " | ".join(m.text for m in sitl.receive() if m.get_type() == "STATUSTEXT")
+
+
+def said(sitl, text):
+    while text not in sitl.expect("STATUSTEXT").text:
+        pass
+
+
+def upload(sitl, items, kind=0):
+    sitl.send(mav.MAVLink_mission_count_message(1, 1, len(items), kind))
+    while True:
+        sitl.run(0.05)
+        for m in sitl.receive():
+            if m.get_type() == "MISSION_REQUEST_INT":
+                command, x, y, z, *p = items[m.seq]
+                p = tuple(p) + (0.0,) * (4 - len(p))
+                sitl.send(
+                    mav.MAVLink_mission_item_int_message(
+                        1, 1, m.seq, 6, command, 0, 1, *p, x, y, z, kind
+                    )
+                )
+            elif m.get_type() == "MISSION_ACK":
+                return m.type
+
+
+# --- on the wire --------------------------------------------------------------------------------
+
+
+def test_what_is_streamed_unasked(sitl):
+    sitl.run(4.0)
+    seen = [m.get_type() for m in sitl.receive()]
+    assert seen.count("GLOBAL_POSITION_INT") == 20
+    assert seen.count("SYS_STATUS") == 4
+    assert seen.count("HOME_POSITION") == 2
+    assert "EKF_STATUS_REPORT" not in seen
+
+
+def test_an_interval_of_zero_is_the_default_and_less_stops(sitl):
+    for interval_us, in_four_seconds in ((100_000, 40), (0, 20), (-1, 0)):
+        assert sitl.command(511, 33, interval_us) == ACCEPTED
+        sitl.receive()
+        sitl.run(4.0)
+        seen = [m.get_type() for m in sitl.receive()]
+        assert seen.count("GLOBAL_POSITION_INT") == in_four_seconds
+
+
+def test_heartbeat_and_version(sitl):
+    beat = sitl.expect("HEARTBEAT", autopilot=mav.MAV_AUTOPILOT_PX4)
+    assert (beat.base_mode, beat.custom_mode) == (29, 0x03040000)
+    assert sitl.command(512, 148) == ACCEPTED
+    version = sitl.expect("AUTOPILOT_VERSION")
+    assert version.capabilities & mav.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    assert not version.capabilities & mav.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+
+
+def test_parameters_of_both_types(sitl):
+    set_param(sitl, "COM_OBL_RC_ACT", 5)
+    set_param(sitl, "RTL_RETURN_ALT", 22.5)
+    sitl.send(mav.MAVLink_param_request_list_message(1, 1))
+    values = {m.param_id: m for m in sitl.receive() if m.get_type() == "PARAM_VALUE"}
+    assert len(values) == len(TABLE) == values["GF_ACTION"].param_count
+    assert {m.param_type for m in values.values()} == {INT32, REAL32}
+    assert struct.pack("<f", values["COM_OBL_RC_ACT"].param_value) == b"\5\0\0\0"
+
+
+def test_a_parameter_of_another_type_stays(sitl):
+    sitl.send(mav.MAVLink_param_set_message(1, 1, b"GF_ACTION", 3.0, REAL32))
+    assert not [m for m in sitl.receive() if m.get_type() == "PARAM_VALUE"]
+    sitl.send(mav.MAVLink_param_set_message(1, 1, b"NO_SUCH", 3.0, REAL32))
+    said(sitl, "unknown param: NO_SUCH")
+
+
+@given(st.integers(-4_000_000, 2_000_000_000))
+def test_integers_travel_bytewise(value):
+    assert from_bytewise(bytewise(value)) == value
+
+
+def test_modes_are_packed():
+    for each in Px4Mode:
+        main, sub = each >> 16 & 0xFF, each >> 24
+        assert wanted(main, sub) == each == packed(main, sub)
+
+
+# --- arming, take-off, targets --------------------------------------------------------------------
+
+
+def test_arming_without_a_position_is_rejected_with_a_reason():
+    sitl = Fleet(Setup(autopilot="px4"))[0]
+    sitl.ground_station()
+    sitl.run(1.0)
+    assert sitl.command(ARM, 1) == REJECTED
+    said(sitl, "Arming denied! Preflight Fail: no global position")
+
+
+def test_disarmed_every_mode_can_be_chosen_but_not_armed_in(sitl):
+    for name, reason in (
+        ("RTL", "prevents arming"),
+        ("OFFBOARD", "no offboard signal"),
+        ("MISSION", "no valid mission"),
+        ("POSITION", "no manual control"),
+    ):
+        assert mode(sitl, name) == ACCEPTED
+        assert sitl.command(ARM, 1) == REJECTED
+        said(sitl, reason)
+
+
+def test_without_a_take_off_it_disarms(sitl):
+    assert sitl.command(ARM, 1) == ACCEPTED
+    sitl.run(9.0)
+    assert sitl.truth.armed
+    sitl.run(1.5)
+    assert not sitl.truth.armed
+
+
+def test_take_off_by_the_parameter_then_hold(sitl):
+    set_param(sitl, "MIS_TAKEOFF_ALT", 6.0)
+    assert sitl.command(ARM, 1) == ACCEPTED
+    assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN) == ACCEPTED
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.HOLD)
+    sitl.run(5.0)
+    assert sitl.truth.height_m == pytest.approx(6.0, abs=0.2)
+
+
+def test_take_off_may_be_asked_for_before_arming(sitl):
+    assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, AMSL_M + 5.0) == ACCEPTED
+    sitl.run(3.0)
+    assert sitl.truth.landed
+    assert sitl.command(ARM, 1) == ACCEPTED
+    sitl.until(lambda: sitl.truth.height_m > 4.5, timeout_s=20.0)
+
+
+def test_a_height_that_is_not_above_the_sea_does_not_lift_it(sitl):
+    assert sitl.command(ARM, 1) == ACCEPTED
+    assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, 10.0) == ACCEPTED
+    said(sitl, "Already higher than takeoff altitude")
+    sitl.run(12.0)
+    assert sitl.truth.landed
+    assert not sitl.truth.armed
+
+
+def test_a_take_off_to_nowhere_goes_there(sitl):
+    """Zeros for latitude and longitude are a place: in the Gulf of Guinea."""
+    assert sitl.command(ARM, 1) == ACCEPTED
+    assert sitl.command(TAKEOFF, 0, 0, 0, NAN, 0, 0, AMSL_M + 10.0) == ACCEPTED
+    sitl.run(15.0)
+    assert sitl.truth.position.lat_deg < LAT / 1e7 - 1e-4
+
+
+def test_reposition_is_amsl_whatever_the_frame(sitl):
+    take_off(sitl)
+    for frame in (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, 5):
+        assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, frame=frame) == ACCEPTED
+        sitl.run(15.0)
+        assert sitl.truth.height_m == pytest.approx(15.0, abs=0.3)
+        assert sitl.truth.position.lat_deg == pytest.approx(NORTH / 1e7, abs=3e-6)
+    assert reposition(sitl, NORTH, LON, 15.0) == ACCEPTED  # 473 m below the ground
+    sitl.until(lambda: sitl.truth.landed, timeout_s=60.0)
+
+
+def test_reposition_leaves_what_it_is_not_told(sitl):
+    take_off(sitl)
+    far = 2**31 - 1
+    assert reposition(sitl, far, far, AMSL_M + 14.0) == ACCEPTED
+    sitl.run(10.0)
+    assert sitl.truth.height_m == pytest.approx(14.0, abs=0.3)
+    assert sitl.truth.position.lat_deg == pytest.approx(LAT / 1e7, abs=3e-6)
+    assert reposition(sitl, NORTH, LON, NAN, yaw=1.0) == ACCEPTED
+    sitl.run(15.0)
+    assert sitl.truth.height_m == pytest.approx(14.0, abs=0.3)
+    assert sitl.truth.yaw_rad == pytest.approx(1.0, abs=0.05)
+
+
+def test_reposition_without_its_flag_does_nothing_in_another_mode(sitl):
+    take_off(sitl)
+    assert mode(sitl, "RTL") == ACCEPTED
+    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
+    assert sitl.truth.mode == Px4Mode.RTL
+    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=1) == ACCEPTED
+    assert sitl.truth.mode == Px4Mode.HOLD
+
+
+def test_reposition_without_its_flag_is_flown_in_hold_and_answered_by_unsupported(sitl):
+    take_off(sitl)
+    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
+    sitl.run(15.0)
+    assert sitl.truth.position.lat_deg == pytest.approx(NORTH / 1e7, abs=3e-6)
+
+
+def test_at_rest_its_estimator_says_that_the_position_is_constant(sitl):
+    assert sitl.expect("ESTIMATOR_STATUS").flags == 1023
+    take_off(sitl)
+    sitl.receive()
+    assert not sitl.expect("ESTIMATOR_STATUS").flags & 0x80
+
+
+def test_in_the_air_it_does_not_disarm_and_by_hand_is_not_possible(sitl):
+    take_off(sitl)
+    assert sitl.command(ARM, 0) == REJECTED
+    said(sitl, "Not landed")
+    assert mode(sitl, "POSITION") == REJECTED
+    assert sitl.command(ARM, 0, 21196) == ACCEPTED
+    sitl.until(lambda: sitl.truth.crashed, timeout_s=10.0)
+
+
+def test_return_lands_disarms_and_can_be_armed_again(sitl):
+    take_off(sitl)
+    assert reposition(sitl, NORTH, LON, AMSL_M + 10.0) == ACCEPTED
+    sitl.run(12.0)
+    assert sitl.command(RTL) == ACCEPTED
+    sitl.until(lambda: sitl.truth.height_m > 25.0)  # the cone, then RTL_RETURN_ALT
+    sitl.until(lambda: not sitl.truth.armed)
+    assert sitl.truth.landed
+    assert sitl.truth.position.lat_deg == pytest.approx(LAT / 1e7, abs=5e-6)
+    assert sitl.truth.mode == Px4Mode.HOLD
+    assert sitl.command(ARM, 1) == ACCEPTED
+
+
+def test_the_heartbeat_tells_a_mode_in_its_own_time(sitl):
+    sitl.expect("HEARTBEAT", autopilot=12)
+    assert mode(sitl, "RTL") == ACCEPTED
+    assert not [m for m in sitl.receive() if m.get_type() == "HEARTBEAT"]
+    assert sitl.expect("HEARTBEAT", autopilot=12).custom_mode == Px4Mode.RTL
+
+
+# --- offboard ------------------------------------------------------------------------------------
+
+
+def test_offboard_needs_a_stream(sitl):
+    take_off(sitl)
+    assert mode(sitl, "OFFBOARD") == REJECTED
+    said(sitl, "no offboard signal")
+    sitl.send(local(0, 10, -12))
+    sitl.run(0.6)
+    assert mode(sitl, "OFFBOARD") == REJECTED  # one in more than half a second is no stream
+    sitl.send(local(0, 10, -12))
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    stream(sitl, local(0, 10, -12), 12.0)
+    assert sitl.truth.mode == Px4Mode.OFFBOARD
+    assert sitl.truth.height_m == pytest.approx(12.0, abs=0.3)
+    assert sitl.truth.position.lon_deg > LON / 1e7 + 1.2e-4
+
+
+def test_setpoints_outside_offboard_are_ignored(sitl):
+    take_off(sitl)
+    stream(sitl, local(0, 30, -20), 5.0)
+    assert sitl.truth.mode == Px4Mode.HOLD
+    assert sitl.truth.height_m == pytest.approx(10.0, abs=0.4)
+    assert sitl.truth.position.lon_deg == pytest.approx(LON / 1e7, abs=1e-5)
+
+
+@pytest.mark.parametrize("frame", ["local", "global"])
+def test_a_stream_of_places_and_velocities_is_followed_a_fifth_of_a_second_late(sitl, frame):
+    """Measured at 6 m/s, in both kinds of message: 0.17 to 0.19 s."""
+    take_off(sitl)
+    far = mav.MAV_FRAME_GLOBAL_INT
+    metres = 1e7 / 111_319.49  # a metre north, in 1e-7 degrees
+    lags = []
+
+    def send(north_m, v_north_m_s):
+        velocity = (v_north_m_s, 0.0, 0.0)
+        message = local(north_m, 0.0, -12.0, 0xDC0, velocity=velocity)
+        if frame == "global":
+            place = (round(LAT + metres * north_m), LON, AMSL_M + 12.0)
+            message = mav.MAVLink_set_position_target_global_int_message(
+                0, 1, 1, far, 0xDC0, *place, *velocity, 0, 0, 0, 0, 0
+            )
+        sitl.send(message)
+
+    for _ in range(6):
+        send(0.0, 0.0)
+        sitl.run(0.1)
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    for tick in range(160):
+        t_s = tick / 10.0
+        speed = min(3.0 * t_s, 6.0)
+        north_m = 1.5 * t_s**2 if t_s < 2.0 else 6.0 + 6.0 * (t_s - 2.0)
+        if t_s > 10.0:
+            lags.append((north_m - (sitl.truth.position.lat_deg * 1e7 - LAT) / metres) / 6.0)
+        send(north_m, speed)
+        sitl.run(0.1)
+    assert sum(lags) / len(lags) == pytest.approx(0.18, abs=0.03)
+    assert sitl.truth.velocity_m_s[1] == pytest.approx(6.0, abs=0.2)
+    assert sitl.truth.height_m == pytest.approx(12.0, abs=0.3)
+
+
+def test_velocities_to_the_nose(sitl):
+    take_off(sitl)
+    mask = 0xDC7
+    forward = local(0, 0, 0, mask, mav.MAV_FRAME_BODY_NED, (3.0, 0.0, 0.0))
+    stream(sitl, forward, 0.5)
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    stream(sitl, forward, 4.0)
+    assert sitl.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)  # it looks north
+
+
+def test_offboard_takes_off_from_the_ground(sitl):
+    stream(sitl, local(0, 0, -5), 1.0)
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    assert sitl.command(ARM, 1) == ACCEPTED
+    stream(sitl, local(0, 0, -5), 15.0)
+    assert sitl.truth.height_m == pytest.approx(5.0, abs=0.3)
+
+
+@pytest.mark.parametrize(("action", "then"), [(0, "RTL"), (3, "RTL"), (4, "LAND"), (5, "HOLD")])
+def test_a_stream_that_ends_is_a_failsafe(sitl, action, then):
+    """Without waiting in Hold, and without a stick by returning: so did a real one."""
+    set_param(sitl, "COM_OBL_RC_ACT", action)
+    take_off(sitl)
+    sitl.send(local(0, 10, -12))
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    stream(sitl, local(0, 10, -12), 3.0)
+    sitl.run(0.8)
+    assert sitl.truth.mode == Px4Mode.OFFBOARD
+    sitl.run(0.4)  # COM_OF_LOSS_T is 1 s
+    assert sitl.truth.mode.name == then
+    said(sitl, "Offboard control lost")
+    assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
+
+
+# --- missions ------------------------------------------------------------------------------------
+
+MISSION = [
+    (22, LAT, LON, 8.0, NAN, NAN, NAN, NAN),
+    (16, NORTH, LON, 10.0, 0.0, NAN, NAN, NAN),
+    (21, NORTH, LON, 0.0, NAN, NAN, NAN, NAN),
+]
+
+
+def test_a_mission_by_its_mode_alone(sitl):
+    assert upload(sitl, MISSION) == 0
+    assert sitl.command(ARM, 1) == ACCEPTED
+    assert mode(sitl, "MISSION") == ACCEPTED
+    reached = [sitl.expect("MISSION_ITEM_REACHED", 60.0).seq for _ in MISSION]
+    assert reached == [0, 1, 2]
+    sitl.until(lambda: not sitl.truth.armed)
+    assert sitl.truth.mode == Px4Mode.HOLD
+    assert sitl.truth.position.lat_deg == pytest.approx(NORTH / 1e7, abs=1e-5)
+
+
+def test_mission_start_arms_too_and_takes_off_before_a_waypoint(sitl):
+    assert sitl.command(300) == mav.MAV_RESULT_DENIED
+    said(sitl, "No valid mission")
+    assert upload(sitl, MISSION[1:]) == 0
+    assert sitl.command(300) == ACCEPTED
+    assert sitl.truth.armed
+    assert sitl.expect("MISSION_ITEM_REACHED", 60.0).seq == 0
+    assert sitl.truth.height_m == pytest.approx(10.0, abs=2.1)
+
+
+def test_in_the_air_without_a_mission_the_switch_is_rejected(sitl):
+    take_off(sitl)
+    assert mode(sitl, "MISSION") == REJECTED
+    said(sitl, "no valid mission")
+    assert sitl.truth.mode == Px4Mode.HOLD
+
+
+def test_a_mission_goes_on_after_a_pause_in_hold(sitl):
+    assert upload(sitl, MISSION) == 0
+    assert sitl.command(300) == ACCEPTED
+    assert sitl.expect("MISSION_ITEM_REACHED", 60.0).seq == 0
+    assert mode(sitl, "HOLD") == ACCEPTED
+    sitl.run(5.0)
+    before = sitl.truth.position
+    sitl.run(3.0)
+    assert sitl.truth.position.lat_deg == pytest.approx(before.lat_deg, abs=2e-6)
+    assert mode(sitl, "MISSION") == ACCEPTED
+    assert sitl.expect("MISSION_ITEM_REACHED", 60.0).seq == 1
+
+
+def test_items_are_asked_for_again_after_a_quarter_of_a_second(sitl):
+    sitl.send(mav.MAVLink_mission_count_message(1, 1, 3, 0))
+    sitl.run(1.02)
+    asked = [m for m in sitl.receive() if m.get_type() == "MISSION_REQUEST_INT"]
+    assert [m.seq for m in asked] == [0] * 5
+
+
+def test_an_upload_that_stalls_leaves_the_old_mission(sitl):
+    assert upload(sitl, MISSION) == 0
+    sitl.send(mav.MAVLink_mission_count_message(1, 1, 3, 0))
+    sitl.run(6.0)
+    sitl.receive()
+    sitl.send(mav.MAVLink_mission_request_list_message(1, 1, 0))
+    assert sitl.expect("MISSION_COUNT").count == 3
+    sitl.send(mav.MAVLink_mission_request_int_message(1, 1, 0, 0))
+    assert sitl.expect("MISSION_ITEM_INT").command == 22
+
+
+# --- failsafes -----------------------------------------------------------------------------------
+
+
+def square(d=3000):
+    return [(5001, LAT + a, LON + b, 0.0, 4.0) for a, b in ((-d, -d), (-d, d), (d, d), (d, -d))]
+
+
+def test_the_fence_refuses_targets_and_stops_what_leaves(sitl):
+    set_param(sitl, "GF_ACTION", 3)
+    assert upload(sitl, square(), kind=1) == 0
+    take_off(sitl)
+    assert reposition(sitl, LAT + 9000, LON, AMSL_M + 10.0) == ACCEPTED
+    said(sitl, "Reposition is outside geofence")
+    forward = local(0, 0, 0, 0xDC7, 1, (4.0, 0.0, 0.0))
+    stream(sitl, forward, 0.5)
+    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    stream(sitl, forward, 13.0)
+    assert sitl.truth.mode in (Px4Mode.HOLD, Px4Mode.RTL)
+    said(sitl, "Geofence violated")
+    sitl.run(6.0)
+    assert sitl.truth.mode == Px4Mode.RTL
+    assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
+
+
+def test_a_silent_ground_station(sitl):
+    set_param(sitl, "NAV_DLL_ACT", 2)
+    take_off(sitl, 4.0)
+    sitl.ground_station()
+    sitl.run(9.5)
+    assert sitl.truth.mode == Px4Mode.HOLD
+    sitl.run(1.0)
+    said(sitl, "Connection to ground station lost")
+    sitl.run(5.0)
+    assert sitl.truth.mode == Px4Mode.RTL
+
+
+def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
+    set_param(sitl, "NAV_RCL_ACT", 2)
+    take_off(sitl)
+    sitl.fail.rc()
+    sitl.run(2.0)
+    assert mode(sitl, "HOLD") == ACCEPTED
+    sitl.run(8.0)
+    assert sitl.truth.mode == Px4Mode.HOLD
+    assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_ACTIVE
+
+
+def test_without_satellites_it_comes_down(sitl):
+    take_off(sitl)
+    sitl.fail.gps()
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=6.0)
+    sitl.until(lambda: not sitl.truth.armed)
+    assert sitl.command(ARM, 1) == REJECTED
+
+
+@pytest.mark.parametrize(("action", "then"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
+def test_the_battery_ends(action, then):
+    sitl = Fleet(Setup(autopilot="px4", battery_wh=6.0))[0]
+    sitl.run(6.0)
+    set_param(sitl, "COM_LOW_BAT_ACT", action)
+    set_param(sitl, "BAT_CRIT_THR", 0.3)
+    set_param(sitl, "BAT_EMERGEN_THR", 0.2 if action == 2 else 0.01)
+    take_off(sitl, 4.0)
+    sitl.until(lambda: sitl.truth.energy_wh < 1.1)
+    assert sitl.truth.mode.name == ("HOLD" if then == "LAND" else then)
+    sitl.run(5.5)
+    assert sitl.truth.mode.name == then
+
+
+def test_a_weak_pack_by_its_voltage(sitl):
+    set_param(sitl, "COM_LOW_BAT_ACT", 2)
+    take_off(sitl)
+    sitl.fail.battery_sag(8.0)
+    said(sitl, "Dangerous battery level")
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=7.0)
+
+
+def test_failure_injection_wants_its_parameter(sitl):
+    assert sitl.command(420, mav.FAILURE_UNIT_SENSOR_GPS, mav.FAILURE_TYPE_OFF) != ACCEPTED
+    set_param(sitl, "SYS_FAILURE_EN", 1)
+    take_off(sitl)
+    assert sitl.command(420, mav.FAILURE_UNIT_SENSOR_GPS, mav.FAILURE_TYPE_OFF) == ACCEPTED
+    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=6.0)
+
+
+@pytest.mark.parametrize("flying", [False, True])
+def test_garbage(flying):
+    """On the ground any mode may be chosen by it, so only what matters is looked at."""
+    sitl = Fleet(Setup(autopilot="px4"))[0]
+    sitl.run(6.0)
+    if flying:
+        take_off(sitl)
+    outcome = bombard(sitl._vehicle, 200_000, seed=4, well_addressed=not flying)
+    assert outcome.crashes == []
+    assert sitl.truth.armed is flying
+    if flying:
+        assert outcome.changes == []
+    sitl._vehicle.receive(bytes(300))  # ends a frame that garbage may have begun
+    assert sitl.command(512, 148) == ACCEPTED
+
+
+def test_the_same_seed_gives_the_same_bytes():
+    def flight():
+        sitl = Fleet(Setup(autopilot="px4", seed=3, wind_speed_m_s=4.0, gust_m_s=1.0))[0]
+        sitl.run(6.0)
+        sitl.command(ARM, 1)
+        sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN)
+        sitl.run(10.0)
+        return sitl.receive_bytes()
+
+    first = flight()
+    assert len(first) > 10_000
+    assert first == flight()
+
+
+def test_an_autopilot_that_is_not_there():
+    home = LatLon(47.0, 8.0)
+    with pytest.raises(ValueError, match="there is ardupilot, px4"):
+        SimVehicle(VehicleSpec(1, home, autopilot="inav"), World(WorldSpec(home, 0.0, ())))

@@ -1,0 +1,141 @@
+"""Pictures over MAVLink FTP, from a server that loses packets."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from tests.support.mavlink_peer import Peer, heartbeat
+from uavmap.aircraft.cameras import mavlink_ftp as ftp
+from uavmap.aircraft.cameras.mavlink import MavlinkSource
+from uavmap.base.clock import VirtualClock, run
+
+PICTURE = random.Random(3).randbytes(50_000)
+BURST_PACKETS = 20
+
+
+class Server:
+    """The files of a camera component; `loses` says of each packet whether it is lost."""
+
+    def __init__(self, peer: Peer, loses: Callable[[], bool]) -> None:
+        self.files = {b"/DCIM/1.jpg": PICTURE, b"/empty.jpg": b""}
+        self.peer, self.loses = peer, loses
+        self.open: dict[int, bytes] = {}
+        peer.answer = self.take
+
+    def take(self, message: Any) -> None:
+        if message.get_type() != "FILE_TRANSFER_PROTOCOL" or self.loses():
+            return
+        assert (message.target_system, message.target_component) == (1, 100)
+        payload = bytes(message.payload)
+        sequence, session, opcode, size, _, _, offset = ftp._HEAD.unpack_from(payload)
+        data = payload[ftp._HEAD.size : ftp._HEAD.size + size]
+        sequence += 1
+        if opcode == ftp.OPEN:
+            if data not in self.files:
+                self.say(sequence, 0, ftp.NAK, opcode, b"\x0a", 0)
+                return
+            self.open = {7: self.files[data]}
+            size_of = len(self.files[data]).to_bytes(4, "little")
+            self.say(sequence, 7, ftp.ACK, opcode, size_of, 0)
+        elif opcode == ftp.BURST:
+            content = self.open[session]
+            for packet in range(BURST_PACKETS):
+                part = content[offset : offset + 239]
+                if not part:
+                    self.say(sequence, session, ftp.NAK, opcode, b"\x06", offset)
+                    return
+                last = packet == BURST_PACKETS - 1
+                self.say(sequence + packet, session, ftp.ACK, opcode, part, offset, last)
+                offset += len(part)
+        elif opcode == ftp.TERMINATE:
+            self.open.clear()
+
+    def say(
+        self, sequence: int, session: int, opcode: int, of: int, data: bytes, offset: int,
+        last: bool = False,
+    ) -> None:  # fmt: skip
+        if self.loses():
+            return
+        head = ftp._HEAD.pack(sequence & 0xFFFF, session, opcode, len(data), of, last, offset)
+        payload = list((head + data).ljust(251, b"\0"))
+        self.peer.say(
+            mav.MAVLink_file_transfer_protocol_message(0, 245, 191, payload), component=100
+        )
+
+
+def served(
+    body: Callable[[Server, Callable[[str], Awaitable[bytes]]], Awaitable[None]],
+    loses: Callable[[], bool] = lambda: False,
+) -> None:
+    async def main() -> None:
+        peer = Peer()
+        server = Server(peer, loses)
+        peer.session.feed(peer.frame(heartbeat()))
+
+        async def by_http(url: str) -> bytes:
+            return url.encode()
+
+        source = MavlinkSource(peer.session, by_http)
+        await body(server, source.fetch)
+
+    run(main(), VirtualClock())
+
+
+def test_a_picture_comes_whole_and_the_session_is_closed() -> None:
+    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+        assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
+        assert await fetch("mftp://[;comp=100]/DCIM/1.jpg") == PICTURE
+        assert await fetch("mftp:///empty.jpg") == b""
+        await asyncio.sleep(1.0)
+        assert server.open == {}
+
+    served(body)
+
+
+def test_over_a_link_that_loses_a_fifth() -> None:
+    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+        assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
+
+    rng = random.Random(5)
+    served(body, lambda: rng.random() < 0.2)
+
+
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [
+        ("mftp:///none.jpg", "there is no such file"),
+        ("mftp://", "it names no file"),
+        ("mftp://[;comp=1000]/x", "it names no file"),
+        ("mftp:///\x1b[2J", "it names no file"),
+    ],
+)
+def test_what_cannot_be_fetched_is_a_link_error(url: str, reason: str) -> None:
+    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+        with pytest.raises(LinkError, match=f"cannot be fetched: {reason}") as raised:
+            await fetch(url)
+        assert str(raised.value).isprintable()
+
+    served(body)
+
+
+def test_silence_ends_the_wait() -> None:
+    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+        with pytest.raises(LinkError, match="it does not answer"):
+            await fetch("mftp:///DCIM/1.jpg")
+        assert asyncio.get_running_loop().time() < 10.0
+
+    served(body, lambda: True)
+
+
+def test_other_addresses_go_by_http() -> None:
+    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+        assert await fetch("http://127.0.0.1/1.jpg") == b"http://127.0.0.1/1.jpg"
+
+    served(body)

@@ -1,0 +1,237 @@
+"""The pose of an exposure where the camera tells none: telemetry, interpolated."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from datetime import UTC, datetime
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import ExifTags, Image
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import ImageError
+from missions.geo.grid import Grid
+from missions.units import LatLon, Pose, Quaternion
+from sitl.camera.pinhole import CameraSpec
+from tests.support.mavlink_peer import Peer, heartbeat
+from tests.unit.uavmap.aircraft.cameras.conformance import (
+    LATENCY_S,
+    folder_bench,
+    jpeg,
+    running,
+    triggered_bench,
+)
+from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.pose import Poses
+from uavmap.aircraft.cameras.source import Announcement, ToldPose
+from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.continuity import distance_m
+
+HOME = LatLon(48.0, 11.0)
+GRID = Grid.at(HOME, 4.0)
+RADIUS_M, SPEED_M_S, BANK_RAD = 15.0, 8.0, 0.3
+TURN_RAD_S = SPEED_M_S / RADIUS_M
+AHEAD_S = 50.0
+ANGLE = st.floats(-math.pi, math.pi)
+SMALL = st.floats(-0.6, 0.6)
+
+
+async def nothing() -> bytes:
+    return b""
+
+
+def truth(t_s: float) -> tuple[LatLon, float, Quaternion]:
+    """Where a vehicle is that flies a circle, banked, climbing a little."""
+    angle = TURN_RAD_S * t_s
+    north_m, east_m = RADIUS_M * math.sin(angle), RADIUS_M * (1.0 - math.cos(angle))
+    place = LatLon(
+        HOME.lat_deg + north_m / 111_195.0,
+        HOME.lon_deg + east_m / (111_195.0 * math.cos(math.radians(HOME.lat_deg))),
+    )
+    return place, 12.0 + 0.2 * t_s, Quaternion.from_euler(BANK_RAD, 0.05, angle)
+
+
+def told_at(t_s: float, peer: Peer, *, attitude_off_s: float = 0.0) -> None:
+    place, height_m, _ = truth(t_s)
+    heading = math.remainder(TURN_RAD_S * t_s, 2.0 * math.pi)
+    velocity = (round(800 * math.cos(heading)), round(800 * math.sin(heading)), -20)
+    boot_ms = round((t_s + AHEAD_S) * 1000)
+    turned_ms = boot_ms + round(attitude_off_s * 1000)
+    for message in (
+        heartbeat(),
+        mav.MAVLink_global_position_int_message(
+            boot_ms, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 512_000,
+            round(height_m * 1000), *velocity, 0,
+        ),
+        mav.MAVLink_attitude_message(turned_ms, BANK_RAD, 0.05, heading, 0, 0, 0),
+    ):  # fmt: skip
+        peer.session.feed(peer.frame(message))
+
+
+def flown(body: Callable[[Peer, Poses], Awaitable[None]], *, attitude_off_s: float = 0.0) -> Peer:
+    """Run a test beside a vehicle that circles and tells of it ten times a second."""
+    peers: list[Peer] = []
+
+    async def main() -> None:
+        peer = Peer()
+        peers.append(peer)
+        loop = asyncio.get_running_loop()
+
+        async def telemetry() -> None:
+            while True:
+                told_at(loop.time(), peer, attitude_off_s=attitude_off_s)
+                await asyncio.sleep(0.1)
+
+        poses = Poses(peer.session, Mount(yaw_deg=90.0), GRID)
+        async with running(telemetry):
+            await asyncio.sleep(2.0)
+            await body(peer, poses)
+
+    run(main(), VirtualClock())
+    return peers[0]
+
+
+def angle_deg(a: Quaternion, b: Quaternion) -> float:
+    cosine = abs(sum(p * q for p, q in zip(a, b, strict=True)))
+    return math.degrees(2.0 * math.acos(min(cosine, 1.0)))
+
+
+def test_in_a_turn_between_two_messages() -> None:
+    errors_m, errors_deg = [], []
+
+    async def body(peer: Peer, poses: Poses) -> None:
+        for _ in range(60):
+            await asyncio.sleep(0.237)
+            taken_s = asyncio.get_running_loop().time()
+            pose = await poses.of(Announcement("a", taken_s, nothing))
+            place, height_m, turned = truth(taken_s)
+            errors_m.append(distance_m(pose.position, place))
+            assert pose.height_m == pytest.approx(height_m, abs=0.02)
+            errors_deg.append(angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)))
+
+    flown(body)
+    assert max(errors_m) < 0.05
+    assert max(errors_deg) < 0.1
+
+
+def test_what_a_camera_tells_comes_first() -> None:
+    place, height_m, turned = truth(2.0)
+    told = ToldPose(place, height_m, turned)
+
+    async def body(peer: Peer, poses: Poses) -> None:
+        taken_s = asyncio.get_running_loop().time()
+        assert await poses.of(Announcement("a", taken_s, nothing, told=told)) == Pose(
+            place, height_m, turned
+        )
+        assert poses.streams == {}  # nothing was asked for
+        half = ToldPose(place, height_m, None)
+        pose = await poses.of(Announcement("a", taken_s, nothing, told=half))
+        assert (pose.position, pose.height_m) == (place, height_m)
+        assert angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)) < 0.1
+        assert poses.streams == {mav.MAVLINK_MSG_ID_ATTITUDE: 10.0}
+
+    flown(body)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "fault"),
+    [(100.0, None), (3.0, "in the future"), (0.0, "its time cannot be right")],
+)
+def test_a_time_that_cannot_be_right_is_refused_and_counted(
+    late_s: float, fault: str | None
+) -> None:
+    async def body(peer: Peer, poses: Poses) -> None:
+        now_s = asyncio.get_running_loop().time()
+        taken_s = now_s + 20.0 if fault == "in the future" else now_s - late_s
+        said = fault if late_s == 0.0 else None
+        with pytest.raises(ImageError, match="tells no usable pose"):
+            await poses.of(Announcement("a", taken_s, nothing, fault=said))
+
+    peer = flown(body)
+    assert sum(peer.session.view.gate.refused.values()) == 1
+
+
+def test_an_attitude_of_another_clock_is_refused_and_counted() -> None:
+    async def body(peer: Peer, poses: Poses) -> None:
+        taken_s = asyncio.get_running_loop().time()
+        with pytest.raises(ImageError, match="the vehicle did not tell its own of then"):
+            await poses.of(Announcement("a", taken_s, nothing))
+
+    peer = flown(body, attitude_off_s=-30.0)
+    refused = peer.session.view.gate.refused
+    assert refused["ATTITUDE", "its time is not that of the vehicle's position"] > 10
+
+
+@settings(max_examples=100, deadline=None)
+@given(SMALL, SMALL, ANGLE, st.floats(-180.0, 180.0), st.booleans())
+def test_a_mount_is_that_of_the_simulator(
+    roll: float, pitch: float, yaw: float, yaw_deg: float, fixed: bool
+) -> None:
+    """Which was written apart from it."""
+    theirs = CameraSpec(fixed=fixed, yaw_deg=yaw_deg).attitude(roll, pitch, yaw)
+    ours = Mount(fixed, yaw_deg).attitude(Quaternion.from_euler(roll, pitch, yaw))
+    assert angle_deg(ours, theirs) < 1e-4
+
+
+def test_a_plate_that_is_not_level() -> None:
+    """Pitched up by 10 degrees the camera looks forward, rolled to the right it looks left."""
+    level = Quaternion.from_euler(0.0, 0.0, 0.0)
+    for mount, axis in (
+        (Mount(pitch_deg=10.0), (math.sin(math.radians(10.0)), 0.0)),
+        (Mount(roll_deg=10.0), (0.0, -math.sin(math.radians(10.0)))),
+    ):
+        w, x, y, z = mount.attitude(level)
+        north, east = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
+        assert (north, east) == pytest.approx(axis, abs=1e-9)
+
+
+# --- the time of a file ----------------------------------------------------------------------
+def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_path) -> None:
+    """EXIF time with parts of a second: the delay of each file does not matter."""
+    camera_ahead_s = 1_790_000_000.25
+
+    async def main() -> None:
+        async with folder_bench(tmp_path) as bench:
+            loop = asyncio.get_running_loop()
+            await bench.source.start(1.0, 0)
+            times = []
+            for number, late_s in enumerate((0.0, 0.9, 0.3, 0.9, 0.1, 0.7)):
+                times.append(loop.time())
+                stamp = datetime.fromtimestamp(loop.time() + camera_ahead_s, UTC)
+                exif = Image.Exif()
+                detail = exif.get_ifd(ExifTags.IFD.Exif)
+                detail[ExifTags.Base.DateTimeOriginal] = stamp.strftime("%Y:%m:%d %H:%M:%S")
+                detail[ExifTags.Base.SubsecTimeOriginal] = f"{stamp.microsecond // 1000:03}"
+                path = bench.hardware.folder / f"{number}.jpg"
+                loop.call_later(LATENCY_S + late_s, path.write_bytes, jpeg(number, exif))
+                await asyncio.sleep(1.0)
+            await asyncio.sleep(2.0)
+            assert len(bench.heard) == 6
+            for picture, exposed_s in zip(bench.heard, times, strict=True):
+                assert picture.taken_s == pytest.approx(exposed_s, abs=0.05)
+
+    run(main(), VirtualClock())
+
+
+def test_a_feedback_that_was_lost_costs_its_picture_and_no_other(tmp_path) -> None:
+    async def main() -> None:
+        async with triggered_bench(tmp_path) as bench:
+            await bench.source.start(1.0, 0)
+            await bench.shoot(2)
+            feed = bench.hardware.peer.say
+            bench.hardware.peer.say = lambda *messages, **how: None
+            times = await bench.shoot(1, first=2)
+            bench.hardware.peer.say = feed
+            times = await bench.shoot(3, first=3)
+            await asyncio.sleep(7.0)
+            assert len(bench.heard) == 5
+            assert await bench.load() == [True] * 5
+            assert [p.name[-5] for p in bench.heard] == ["0", "1", "3", "4", "5"]
+            assert [p.taken_s for p in bench.heard[2:]] == pytest.approx(times, abs=0.05)
+            assert any("no CAMERA_FEEDBACK of its time" in line for line in bench.told)
+
+    run(main(), VirtualClock())

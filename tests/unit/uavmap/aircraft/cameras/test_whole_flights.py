@@ -1,0 +1,189 @@
+"""Whole flights in the simulator whose pictures come another way than from its own camera."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import struct
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import FrameLost, FrameSeen
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.mission.schema import Mission
+from tests.support.flights import small_mission
+from tests.support.plans import plan_of
+from tests.support.said import Said
+from tests.unit.uavmap.aircraft.cameras.conformance import inline, running
+from uavmap.aircraft.cameras.folder import FolderSource
+from uavmap.aircraft.cameras.mavlink import MavlinkSource
+from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.source import FrameSource
+from uavmap.aircraft.cameras.triggered import TriggeredSource
+from uavmap.base.messages import shown_on
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.mavlink.commands import MavlinkCommands
+from uavmap.mavlink.session import Session
+from uavmap.runner.flight_links import Link
+from uavmap.runner.one_flight import Flight
+from uavmap.runner.simulation import Simulation, Truth
+
+LATENCY_S = 0.35
+INTERVAL_S = 0.4
+_APP1 = 0xE1
+
+
+def bare(jpeg: bytes) -> bytes:
+    """The same picture without its tags: nothing tells when or where it was taken."""
+    out, at = bytearray(jpeg[:2]), 2
+    while jpeg[at + 1] != 0xDA:
+        (length,) = struct.unpack(">H", jpeg[at + 2 : at + 4])
+        if jpeg[at + 1] != _APP1:
+            out += jpeg[at : at + 2 + length]
+        at += 2 + length
+    return bytes(out + jpeg[at:])
+
+
+class Card:
+    """The simulated camera's pictures into a folder, some time after they were taken."""
+
+    def __init__(self, simulation: Simulation, session: Session, folder: Path) -> None:
+        self._simulation = simulation
+        self._folder = folder
+        session.listen(self._on_message)
+
+    def _on_message(self, message: Any) -> None:
+        if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+            loop = asyncio.get_running_loop()
+            loop.call_later(LATENCY_S, self._write, message.image_index, message.file_url)
+
+    def _write(self, index: int, url: str) -> None:
+        data = self._simulation._vehicles[0].image(url)
+        assert data is not None
+        (self._folder / f"DSC{index:05}.JPG").write_bytes(bare(data))
+
+    async def shoot(self) -> None:
+        """As a camera with an interval timer: all the time, whatever the mission wants."""
+        codec = mav.MAVLink(None, 255, 190)
+        start = mav.MAVLink_command_long_message(
+            1, 100, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, INTERVAL_S, 0, 0, 0, 0, 0
+        )
+        while True:
+            self._simulation._vehicles[0].receive(start.pack(codec))
+            await asyncio.sleep(5.0)
+
+
+Rig = Callable[
+    [Simulation, Session, Path, list[str]], contextlib.AbstractAsyncContextManager[FrameSource]
+]
+
+
+class RiggedFlight(Flight):
+    """A simulated flight with another camera."""
+
+    def __init__(self, rig: Rig, said: list[str], *how: Any) -> None:
+        super().__init__(*how)
+        self.rig, self.said = rig, said
+
+    async def _fly_simulated(self) -> Truth:
+        simulation = Simulation(self._setting, self._plan.seed)
+        session = simulation.open_session(0, lambda frame: None)
+        card = self._folder / "card"
+        card.mkdir()
+        async with asyncio.TaskGroup() as tasks:
+            world = tasks.create_task(simulation.run())
+            async with self.rig(simulation, session, card, self.said) as source:
+                await self._serve([Link("sim", session, source, MavlinkCommands(session))])
+            world.cancel()
+        return simulation.truth
+
+
+def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[Any], list[str]]:
+    """The summary, the events and what was said of a flight."""
+    plan = plan_of("m.toml", made, None, None, 1, (), None, SIM_EPOCH_UTC_S)
+    setting, said = Setting.of(made), Said()
+    folder.mkdir()
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
+        flight = RiggedFlight(rig, said, plan, setting, folder, journal, State.initial(setting))
+        with shown_on(said):
+            return flight.run(), list(journal.events()), said
+
+
+def mission(latency_s: float = LATENCY_S, **how: Any) -> Mission:
+    made = small_mission(interval_s=INTERVAL_S, **how)
+    camera = made.camera.model_copy(update={"latency_s": latency_s})
+    return made.model_copy(update={"camera": camera})
+
+
+@contextlib.asynccontextmanager
+async def own_camera(
+    simulation: Simulation, session: Session, card: Path, said: list[str]
+) -> AsyncIterator[FrameSource]:
+    yield MavlinkSource(session, simulation.fetch)
+
+
+@contextlib.asynccontextmanager
+async def folder(
+    simulation: Simulation, session: Session, card: Path, said: list[str]
+) -> AsyncIterator[FrameSource]:
+    """A folder that fills up; nothing but the autopilot tells where a picture was taken."""
+    source = FolderSource(card, LATENCY_S, said.append, inline)
+    await source.begin()
+    writer = Card(simulation, session, card)
+    async with running(source.run), running(writer.shoot):
+        yield source
+
+
+@contextlib.asynccontextmanager
+async def triggered(
+    simulation: Simulation, session: Session, card: Path, said: list[str]
+) -> AsyncIterator[FrameSource]:
+    """The autopilot triggers and tells; the pictures come into a folder."""
+    source = TriggeredSource(session, Mount(), card, LATENCY_S, said.append, inline)
+    await source.begin()
+    Card(simulation, session, card)
+    async with running(source.run):
+        yield source
+
+
+RIGS = [folder, triggered]
+FIGURES = (
+    "completed",
+    "cells_roi",
+    "cells_missed",
+    "iou_cells",
+    "false_positives",
+    "false_negatives",
+)
+
+
+@pytest.fixture(scope="module")
+def by_own_camera(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    summary, _, _ = flown(own_camera, mission(), tmp_path_factory.mktemp("own") / "flight")
+    assert summary["completed"]
+    return summary
+
+
+@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: rig.__name__)
+def test_a_mission_is_mapped(rig: Rig, tmp_path: Path, by_own_camera: dict[str, Any]) -> None:
+    summary, events, said = flown(rig, mission(), tmp_path / "flight")
+    assert {k: summary[k] for k in FIGURES} == {k: by_own_camera[k] for k in FIGURES}
+    assert len([e for e in events if isinstance(e, FrameSeen)]) >= 20
+    assert not [e for e in events if isinstance(e, FrameLost)]
+    assert not any("refused" in line for line in said)
+
+
+@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: rig.__name__)
+def test_without_stopping(rig: Rig, tmp_path: Path) -> None:
+    """From a moving camera that tilts: poses of another moment would shift the map."""
+    summary, events, said = flown(rig, mission(strategy="swath"), tmp_path / "flight")
+    assert summary["completed"], said
+    assert summary["cells_missed"] == 0
+    assert summary["iou_cells"] == 1.0
+    assert not [e for e in events if isinstance(e, FrameLost)]

@@ -1,0 +1,143 @@
+"""However a mission ends, its aircraft are looked after first."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from missions.errors import AircraftError, JournalError
+from uavmap.aircraft.guardian.last_watch import watched_over
+from uavmap.base.clock import VirtualClock, run
+
+
+class Kept:
+    """A guardian whose vehicle takes a while to come home."""
+
+    def __init__(self, *, takes_s: float = 30.0, fate: str = "") -> None:
+        self.said: list[tuple[str, str, float]] = []
+        self.home = False
+        self.running = False
+        self._takes_s = takes_s
+        self._fate = fate
+
+    async def run(self) -> None:
+        self.running = True
+        try:
+            await asyncio.Event().wait()
+        finally:
+            self.running = False
+
+    async def bring_home(self, reason: str) -> None:
+        assert self.running
+        self.said.append(("home", reason, asyncio.get_running_loop().time()))
+        await asyncio.sleep(self._takes_s)
+        self.home = True
+
+    async def leave(self, reason: str) -> None:
+        assert self.running
+        self.said.append(("leave", reason, asyncio.get_running_loop().time()))
+
+    def fate(self) -> str:
+        return self._fate
+
+
+async def failing(after_s: float, failure: Exception) -> None:
+    await asyncio.sleep(after_s)
+    raise failure
+
+
+def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
+    kept = [Kept(), Kept(takes_s=50.0)]
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        with pytest.raises(JournalError, match="disk is full"):
+            await watched_over(kept, failing(10.0, JournalError("disk is full")), leave=True)
+        assert loop.time() == pytest.approx(60.0)
+        assert len(asyncio.all_tasks()) == 1
+
+    run(main(), VirtualClock())
+    assert all(k.home and not k.running for k in kept)
+    assert all("disk is full" in reason for k in kept for _, reason, _ in k.said)
+
+
+def test_who_is_not_at_home_at_the_end_is_named() -> None:
+    kept = [Kept(), Kept(fate="on the ground 40 m from home")]
+    with pytest.raises(AircraftError, match="vehicle 2: on the ground 40 m from home"):
+        run(watched_over(kept, failing(1.0, JournalError("full")), leave=True), VirtualClock())
+
+
+def test_a_bug_is_a_failure_like_any_other() -> None:
+    kept = [Kept()]
+    with pytest.raises(ZeroDivisionError):
+        run(watched_over(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())
+    assert kept[0].home
+
+
+def test_who_leaves_has_the_autopilots_return() -> None:
+    kept = [Kept(fate="left to its autopilot in RTL")]
+
+    async def main() -> None:
+        flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+        await asyncio.sleep(5.0)
+        flying.cancel()
+        with pytest.raises(AircraftError, match="left to its autopilot in RTL"):
+            await flying
+
+    run(main(), VirtualClock())
+    assert [what for what, _, _ in kept[0].said] == ["leave"]
+
+
+def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot() -> None:
+    kept = [Kept(takes_s=1000.0, fate="left to its autopilot in RTL")]
+
+    async def main() -> None:
+        failure = JournalError("full")
+        flying = asyncio.ensure_future(watched_over(kept, failing(1.0, failure), leave=True))
+        await asyncio.sleep(5.0)
+        flying.cancel()
+        with pytest.raises(AircraftError):
+            await flying
+        assert asyncio.get_running_loop().time() == pytest.approx(5.0)
+
+    run(main(), VirtualClock())
+    assert [what for what, _, _ in kept[0].said] == ["home", "leave"]
+
+
+def test_a_guardian_that_fails_ends_the_mission_loudly() -> None:
+    class Broken(Kept):
+        async def run(self) -> None:
+            self.running = True
+            await asyncio.sleep(3.0)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run(watched_over([Broken()], asyncio.Event().wait(), leave=True), VirtualClock())
+
+
+def test_a_third_interruption_still_has_the_aircraft_named() -> None:
+    class Slow(Kept):
+        async def leave(self, reason: str) -> None:
+            await super().leave(reason)
+            await asyncio.sleep(15.0)
+
+    kept = [Slow(fate="left to its autopilot in RTL")]
+
+    async def main() -> None:
+        flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+        for _ in range(2):
+            await asyncio.sleep(5.0)
+            flying.cancel()
+        with pytest.raises(AircraftError, match="vehicle 1: left to its autopilot in RTL"):
+            await flying
+        assert asyncio.get_running_loop().time() == pytest.approx(10.0)
+
+    run(main(), VirtualClock())
+
+
+def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home() -> None:
+    kept = [Kept(), Kept(fate="on the ground 40 m from home")]
+    with pytest.raises(ZeroDivisionError) as caught:
+        run(watched_over(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())
+    assert caught.value.__notes__ == ["vehicle 2: on the ground 40 m from home"]

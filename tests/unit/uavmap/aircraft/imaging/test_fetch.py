@@ -1,0 +1,258 @@
+"""Pictures over HTTP: whatever the camera's server does, it is a picture or a `LinkError`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from missions.errors import LinkError
+from uavmap.aircraft.imaging import http_pictures
+from uavmap.aircraft.imaging.http_pictures import PictureFetcher
+from uavmap.base.clock import ScaledClock, run
+
+OK = b"HTTP/1.0 200 OK\r\n"
+LOOPBACK = ("127.0.0.1",)
+
+
+def fetch(url: str, *hosts: str, timeout_s: float = 10.0) -> bytes:
+    return asyncio.run(PictureFetcher(lambda: hosts or LOOPBACK, timeout_s)(url))
+
+
+class Server:
+    """Serves one client by a function and counts who came."""
+
+    def __init__(self, talk: Callable[[socket.socket], None]) -> None:
+        self._talk = talk
+        self.clients = 0
+        self.request = b""
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listening.getsockname()[1]
+        self.url = f"http://127.0.0.1:{self.port}/1/0.jpg"
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):  # closed, or the other end hangs up first
+            while True:
+                client, _ = self._listening.accept()
+                with client, contextlib.suppress(OSError):
+                    self.clients += 1
+                    self.request = client.recv(4096)
+                    self._talk(client)
+
+    def __enter__(self) -> Server:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listening.shutdown(socket.SHUT_RDWR)
+        self._listening.close()
+        self._thread.join(10.0)
+        assert not self._thread.is_alive()
+
+
+@contextlib.contextmanager
+def server(answer: bytes) -> Iterator[Server]:
+    """A server that sends these bytes to its clients and hangs up."""
+    with Server(lambda client: client.sendall(answer)) as served:
+        yield served
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        OK + b"Content-Length: 4\r\n\r\nJPEG",
+        OK + b"\r\nJPEG",
+        OK + b"content-length: 4\r\n\r\nJPEG and more than it said",
+        b"HTTP/1.1 200 OK\r\nContent-Type: image/jpeg\r\nContent-Length: 4\r\n\r\nJPEG",
+    ],
+)
+def test_a_picture(answer: bytes) -> None:
+    with server(answer) as there:
+        assert fetch(there.url) == b"JPEG"
+        assert there.request.startswith(b"GET /1/0.jpg HTTP/1.0\r\n")
+        assert f"Host: 127.0.0.1:{there.port}".encode() in there.request
+
+
+def test_a_server_that_keeps_the_connection_open_is_not_waited_for() -> None:
+    hold = threading.Event()
+
+    def talk(client: socket.socket) -> None:
+        client.sendall(OK + b"Content-Length: 4\r\n\r\nJPEG")
+        hold.wait(10.0)
+
+    with Server(talk) as there:
+        assert fetch(there.url) == b"JPEG"
+        hold.set()
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"",
+        b"\xff\xd8 no HTTP at all\r\n\r\n",
+        b"HTTP/1.0 404 Not Found\r\n\r\n",
+        b"HTTP/1.0 500 Oops\r\n\r\n",
+        b"HTTP/1.0 200 OK\r\nX: " + b"x" * 70_000 + b"\r\n\r\n",
+        OK + b"A: b\r\n" * 300 + b"\r\nJPEG",
+        OK + b"Content-Length: 10\r\n\r\nJPEG",
+        OK + b"Content-Length: -4\r\n\r\nJPEG",
+        OK + b"Content-Length: 99999999999999999999999\r\n\r\nJPEG",
+        OK + b"Content-Length: 999999999\r\n\r\nJPEG",
+        OK + b"Transfer-Encoding: chunked\r\n\r\n4\r\nJPEG\r\n0\r\n\r\n",
+        OK + b"Content-Encoding: gzip\r\n\r\nJPEG",
+    ],
+)
+def test_no_picture(answer: bytes) -> None:
+    with server(answer) as there:
+        with pytest.raises(LinkError, match="cannot be fetched") as caught:
+            fetch(there.url)
+        assert there.url in str(caught.value)
+
+
+@pytest.mark.parametrize("location", ["file:///etc/hostname", "http://127.0.0.1:{port}/secret"])
+def test_no_redirect_is_followed(location: str) -> None:
+    with server(OK + b"\r\nsecret") as other:
+        target = location.format(port=other.port).encode()
+        with server(b"HTTP/1.0 302 Found\r\nLocation: " + target + b"\r\n\r\n") as there:
+            with pytest.raises(LinkError, match="redirect, which is not followed"):
+                fetch(there.url)
+            assert (there.clients, other.clients) == (1, 0)
+
+
+def test_a_reason_phrase_cannot_write_to_a_terminal() -> None:
+    answer = b"HTTP/1.0 404 \x1b]0;owned\x07\x1b[31mred\r\n\r\n"
+    with server(answer) as there, pytest.raises(LinkError) as caught:
+        fetch(there.url)
+    assert str(caught.value).endswith("HTTP 404 red")
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "", "sim://1/0.jpg", "file:///etc/hostname", "ftp://127.0.0.1/x", "http://[1/x",
+        "http:///x", "http://127.0.0.1:99999/x", "http://127.0.0.1/a b", "gopher://127.0.0.1/x",
+        "http://127.0.0.1/\r\nX: y", "http://127.0.0.1/\u202e.jpg", "HTTP:\x00//x",
+    ],
+)  # fmt: skip
+def test_no_address(url: str) -> None:
+    with pytest.raises(LinkError, match="cannot be fetched") as caught:
+        fetch(url)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "localhost", "127.0.0.1", "0x7f000001", "2130706433", "127.1", "0.0.0.0", "[::1]",
+        "[::ffff:127.0.0.1]", "camera@127.0.0.1", "192.0.2.7@127.0.0.1",
+    ],
+)  # fmt: skip
+def test_a_host_that_was_not_named_gets_no_request(host: str) -> None:
+    """A camera at 192.0.2.7 that wants us to ask this machine's own services."""
+    with server(OK + b"\r\nsecret") as there:
+        with pytest.raises(
+            LinkError, match=r"neither the vehicle's host nor named in camera\.hosts"
+        ):
+            fetch(f"http://{host}:{there.port}/latest/meta-data", "192.0.2.7")
+        assert there.clients == 0
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed"),
+    [
+        ("localhost", "127.0.0.1"),
+        ("127.0.0.1", "localhost"),
+        ("127.0.0.1", "::1"),
+        ("127.0.0.1", "::ffff:127.0.0.1"),
+        ("LOCALHOST", "localhost"),
+    ],
+)
+def test_names_of_one_host(host: str, allowed: str) -> None:
+    with server(OK + b"\r\nJPEG") as there:
+        assert fetch(f"http://{host}:{there.port}/0.jpg", allowed) == b"JPEG"
+
+
+def test_nobody_is_heard_yet() -> None:
+    with pytest.raises(LinkError, match="neither the vehicle's host"):
+        fetch("http://127.0.0.1:1/0.jpg", "")
+
+
+def test_nobody_there() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with pytest.raises(LinkError, match="cannot be fetched"):
+        fetch(f"http://127.0.0.1:{port}/0.jpg")
+
+
+@pytest.mark.parametrize("head", [b"", OK, OK + b"\r\n", OK + b"Content-Length: 9000\r\n\r\n"])
+@pytest.mark.parametrize("speedup", [1.0, 20.0])
+def test_a_byte_now_and_then_is_cut_off(head: bytes, speedup: float) -> None:
+    """One limit over the whole download, in real seconds whatever the clock."""
+    done = threading.Event()
+
+    def talk(client: socket.socket) -> None:
+        client.sendall(head)
+        while not done.wait(0.02):
+            client.sendall(b"H")
+
+    with Server(talk) as there:
+
+        async def main() -> None:
+            with pytest.raises(LinkError, match=r"not done within 0\.3 s"):
+                await PictureFetcher(lambda: LOOPBACK, 0.3)(there.url)
+
+        begin_s = time.monotonic()
+        run(main(), ScaledClock(speedup))
+        assert time.monotonic() - begin_s > 0.29
+        done.set()
+
+
+def test_a_download_that_is_called_off_leaves_nothing_behind() -> None:
+    asked, done = threading.Event(), threading.Event()
+
+    def talk(client: socket.socket) -> None:
+        asked.set()
+        done.wait(10.0)
+
+    with Server(talk) as there:
+
+        async def main() -> None:
+            task = asyncio.create_task(PictureFetcher(lambda: LOOPBACK)(there.url))
+            await asyncio.to_thread(asked.wait, 10.0)
+            task.cancel()
+            await asyncio.wait([task])
+            assert task.cancelled()
+
+        asyncio.run(main())
+        done.set()
+
+
+def test_a_flood_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(http_pictures, "MAX_PICTURE_BYTES", 100_000)
+
+    def talk(client: socket.socket) -> None:
+        client.sendall(OK + b"\r\n")
+        while True:  # until the other end hangs up
+            client.sendall(bytes(65_536))
+
+    with Server(talk) as there, pytest.raises(LinkError, match="at most 100000 bytes"):
+        fetch(there.url)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc to count descriptors in")
+def test_no_socket_is_left_open() -> None:
+    before = len(os.listdir("/proc/self/fd"))
+    with server(b"HTTP/1.0 404 Not Found\r\n\r\n") as there:
+        for _ in range(5):
+            with pytest.raises(LinkError):
+                fetch(there.url)
+    assert len(os.listdir("/proc/self/fd")) == before

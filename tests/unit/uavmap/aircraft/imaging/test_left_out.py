@@ -1,0 +1,73 @@
+"""Pictures of a path that come faster than they are judged: the newest count, and that is told."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any, cast
+
+from missions.events import FrameLost, FrameSeen
+from uavmap.aircraft.imaging.imaging import MOST_WAITING, CameraDriver, Frames
+from uavmap.base.clock import VirtualClock, run
+
+
+class SlowCamera:
+    """Takes a second for each picture."""
+
+    burst_size = 5
+
+    def __init__(self) -> None:
+        self.indices: list[int] = []
+
+    async def judge(self, picture: Any, vantage: None, *, anywhere: bool) -> FrameSeen:
+        await asyncio.sleep(1.0)
+        self.indices.append(picture.index)
+        return FrameSeen(1, float(picture.index), None, ())
+
+    def lost(self, reason: str) -> FrameLost:
+        return FrameLost(1, 0.0, reason)
+
+    def ask_again(self, index: int) -> None:
+        raise AssertionError(f"picture {index} is asked for again")
+
+
+def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameSeen | FrameLost]]:
+    """Ten pictures a second for ten seconds, judged for thirty."""
+    camera = SlowCamera()
+    events: list[FrameSeen | FrameLost] = []
+
+    async def body() -> None:
+        frames = Frames(cast("CameraDriver", camera), None, 0.1, anywhere=anywhere)
+
+        async def judge() -> None:
+            async for event in frames.judged(None):
+                events.append(event)
+
+        judging = asyncio.create_task(judge())
+        for index in range(100):
+            frames.announced(cast("Any", SimpleNamespace(index=index)))
+            await asyncio.sleep(0.1)
+        await asyncio.sleep(3.0)
+        judging.cancel()
+
+    run(body(), VirtualClock())
+    return camera, events
+
+
+def test_the_newest_of_those_that_wait_is_judged_next() -> None:
+    camera, events = taken(anywhere=True)
+    assert camera.indices == sorted(camera.indices)
+    assert camera.indices[-1] == 99
+    # each is judged soon after it was taken: the backlog never grows
+    steps = [b - a for a, b in zip(camera.indices, camera.indices[1:], strict=False)]
+    assert max(steps) <= 10 + MOST_WAITING
+    lost = [event for event in events if isinstance(event, FrameLost)]
+    assert [event.reason for event in lost] == [
+        "pictures are judged slower than they are taken: from now on some are left out"
+    ]
+
+
+def test_pictures_of_a_lane_are_all_judged() -> None:
+    camera, events = taken(anywhere=False)
+    assert camera.indices == list(range(len(camera.indices)))
+    assert not [event for event in events if isinstance(event, FrameLost)]

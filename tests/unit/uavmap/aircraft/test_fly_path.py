@@ -1,0 +1,422 @@
+"""Paths that are flown without stopping, by the driver against simulated vehicles, as bytes."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import math
+import random
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import (
+    Airborne,
+    Arrived,
+    Connected,
+    FrameLost,
+    FrameSeen,
+    Landed,
+    LinkLost,
+    LookEnded,
+    OrderFailed,
+    Overridden,
+    Released,
+)
+from missions.flight.strategy.sweep_passes import NOTICE_S
+from missions.geo.trajectory import Trajectory, rounded_path
+from missions.mission.schema import Mission
+from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
+from missions.units import Cell, GridPoint
+from sitl.copter.modes import Mode
+from sitl.px4.modes import Px4Mode
+from tests.benchmarks.path_following import followed, mean, most
+from tests.support.flights import Flight, Message, fly, small_mission
+
+UP_M = 12.0
+EVERY_S = 0.2
+LEAST_M_S = 3.0
+SETPOINT = "SET_POSITION_TARGET_GLOBAL_INT"
+START_CAPTURE: int = mav.MAV_CMD_IMAGE_START_CAPTURE
+
+both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+def over(autopilot: str, **how: Any) -> Mission:
+    made = small_mission(**how)
+    sim = made.sim.model_copy(update={"autopilot": autopilot})
+    return made.model_copy(update={"sim": sim})
+
+
+def corner(begin_s: float, **how: Any) -> Trajectory:
+    """An L: 30 m to the east, then 30 m to the north."""
+    points = [GridPoint(0, 0), GridPoint(30, 0), GridPoint(30, 30)]
+    return rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5, **how)
+
+
+def order(plan: Trajectory, every_s: float = EVERY_S) -> FlyPath:
+    return FlyPath(plan, UP_M, 0.0, every_s)
+
+
+def speed_of(flight: Flight) -> float:
+    return math.hypot(*flight.vehicle.truth.velocity_m_s[:2])
+
+
+def where(flight: Flight) -> GridPoint:
+    return flight.setting.grid.fixed(flight.vehicle.truth.position)
+
+
+async def on_the_way(flight: Flight, seconds: float = 5.5) -> Trajectory:
+    """Up, and some way along the L."""
+    await flight.after(TakeOff(UP_M), Airborne)
+    plan = corner(flight.now_s() + NOTICE_S)
+    flight.driver.give(order(plan))
+    await asyncio.sleep(seconds)
+    return plan
+
+
+def turned_off(plan: Trajectory, begin_s: float) -> Trajectory:
+    """From where a plan is then, on for some metres, and back over the region beside it."""
+    here = plan.at(begin_s)
+    speed_m_s = math.hypot(here.v_east_m_s, here.v_north_m_s)
+    east, north = here.v_east_m_s / speed_m_s, here.v_north_m_s / speed_m_s
+    ahead = GridPoint(here.east_m + 14.0 * east, here.north_m + 14.0 * north)
+    points = [here.place, ahead, GridPoint(ahead.east_m, 18.0), GridPoint(8.0, 18.0)]
+    return rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5, begin_speed_m_s=speed_m_s)
+
+
+def count(flight: Flight, command: int) -> int:
+    return sum(getattr(m, "command", None) == command for _, m in flight.sent)
+
+
+def kinds(flight: Flight, kind: str) -> list[tuple[float, Message]]:
+    return [(t_s, m) for t_s, m in flight.sent if m.get_type() == kind]
+
+
+@both
+def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(autopilot: str) -> None:
+    speeds: list[float] = []
+    announced: set[int] = set()
+
+    async def body(flight: Flight) -> None:
+        def note(message: Message) -> bool:
+            if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+                announced.add(message.image_index)
+            return True
+
+        flight.to_driver = note
+        first = await on_the_way(flight)
+        second = turned_off(first, flight.now_s() + NOTICE_S)
+        flight.driver.give(order(second))
+        while flight.now_s() < second.end_s - 2.5:
+            await asyncio.sleep(0.05)
+            speeds.append(speed_of(flight))
+        arrived = await flight.sees(Arrived, within_s=12.0)
+        end = second.at(second.end_s).place
+        assert arrived.t_s >= second.end_s
+        assert arrived.position.distance_to(end) < 0.7
+        assert where(flight).distance_to(end) < 0.5
+        follows = Px4Mode.HOLD if autopilot == "px4" else Mode.GUIDED
+        assert flight.vehicle.truth.mode == follows
+        assert flight.vehicle.truth.yaw_rad == pytest.approx(0.0, abs=0.1)
+        await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
+        await flight.after(Land(), Landed)
+
+    flight = fly(body, over(autopilot))
+    assert min(speeds) > LEAST_M_S
+    seen = flight.seen(FrameSeen)
+    assert {event.vantage for event in seen} == {None}
+    assert len(seen) == len(announced)
+    gaps = [b.t_s - a.t_s for a, b in itertools.pairwise(seen)]
+    assert gaps == pytest.approx([EVERY_S] * len(gaps), abs=0.051)
+    assert any(vote.positive for event in seen for vote in event.votes)
+    assert count(flight, START_CAPTURE) == 1
+    assert len(flight.seen(Arrived)) == 2
+    for kind in (OrderFailed, Overridden, FrameLost):
+        assert not flight.seen(kind)
+    stream = [t_s for t_s, _ in kinds(flight, SETPOINT)]
+    assert max(b - a for a, b in itertools.pairwise(stream)) < 0.11
+    assert not flight.said
+
+
+def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> None:
+    """At 6 m/s: 0.18 m in the mean, 0.54 in 95 % of the time, and as long as planned."""
+    flown = followed("ardupilot", 6.0)
+    assert not flown.failed
+    assert mean(flown.errors_m) < 0.35
+    assert 0.3 < most(flown.errors_m) <= 0.7
+    assert abs(flown.late) <= 0.01
+
+
+@both
+def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(autopilot: str) -> None:
+    errors: list[float] = []
+    dice = random.Random(7)
+
+    async def body(flight: Flight) -> None:
+        flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
+        plan = await on_the_way(flight, 1.5)
+        while flight.now_s() < plan.end_s:
+            await asyncio.sleep(0.05)
+            errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
+        await flight.sees(Arrived, within_s=12.0)
+
+    assert not fly(body, over(autopilot)).seen(OrderFailed)
+    assert max(errors) < 1.5
+
+
+def test_the_timeout_is_short_while_paths_are_flown_and_set_back_at_the_end() -> None:
+    async def body(flight: Flight) -> None:
+        parameters = flight.vehicle._ap.parameters
+        assert parameters["GUID_TIMEOUT"] == 3.0
+        await on_the_way(flight)
+        assert parameters["GUID_TIMEOUT"] == 1.0
+        await flight.sees(Arrived, within_s=20.0)
+        await flight.driver.leave_as_found()
+        assert parameters["GUID_TIMEOUT"] == 3.0
+
+    fly(body)
+
+
+# --- what ends a stream --------------------------------------------------------------------------
+def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told() -> None:
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight, 5.0)
+        assert speed_of(flight) > 5.0
+        lost_s, lost_at = flight.now_s(), where(flight)
+        flight.to_vehicle = lambda m: m.get_type() != SETPOINT
+        failed = await flight.sees(OrderFailed, within_s=9.0)
+        assert failed.order == "FlyPath"
+        assert "off its path" in failed.reason
+        assert failed.t_s - lost_s < 9.0
+        await asyncio.sleep(8.0)
+        assert speed_of(flight) < 0.3
+        assert where(flight).distance_to(lost_at) < 16.0
+
+    fly(body)
+
+
+def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone() -> None:
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight, 5.0)
+        flight.to_vehicle = lambda m: m.get_type() != SETPOINT
+        lost_s = flight.now_s()
+        overridden = await flight.sees(Overridden, within_s=3.0)
+        assert overridden.mode == "RTL by a failsafe"
+        assert overridden.t_s - lost_s < 2.5
+        flight.to_vehicle = lambda m: True
+        index = len(flight.sent)
+        await flight.sees(Landed)
+        assert flight.commands_after(index) == []
+
+    fly(body, over("px4"))
+
+
+def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight, 5.0)
+        lost_at = where(flight)
+        flight.to_driver = flight.to_vehicle = lambda message: False
+        await flight.sees(LinkLost, within_s=6.0)
+        flight.driver.give(StandDown())
+        index = len(flight.sent)
+        await asyncio.sleep(3.0)
+        assert not any(m.get_type() == SETPOINT for _, m in flight.sent[index:])
+        assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
+        assert speed_of(flight) < 0.3
+        flight.to_driver = flight.to_vehicle = lambda message: True
+        await flight.sees(Connected, 2, within_s=5.0)
+        plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + 2.0, speed_m_s=6.0)
+        await flight.after(order(plan), Arrived)
+        assert where(flight).distance_to(GridPoint(0, 0)) < 0.5
+
+    assert not fly(body).seen(OrderFailed)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode"),
+    [
+        ("ardupilot", Mode.LOITER),
+        ("ardupilot", Mode.RTL),
+        ("px4", Px4Mode.HOLD),  # while it is in OFFBOARD that is somebody else's word
+        ("px4", Px4Mode.RTL),
+    ],
+)
+def test_a_pilot_takes_over_on_a_path(autopilot: str, mode: Mode | Px4Mode) -> None:
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight)
+        if isinstance(mode, Px4Mode):
+            flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
+        else:
+            flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
+        assert flight.vehicle.truth.mode == mode
+        await flight.sees(Overridden, within_s=1.1)
+        index = len(flight.sent)
+        await asyncio.sleep(5.0)
+        assert flight.commands_after(index) == []
+        assert flight.vehicle.truth.mode == mode
+        assert not flight.seen(Released)
+        assert not flight.seen(OrderFailed)
+
+    fly(body, over(autopilot))
+
+
+# --- other orders on the way ---------------------------------------------------------------------
+@both
+def test_hold_brakes_on_the_shortest_way_and_stays(autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight, 5.0)
+        begin, farthest = where(flight), 0.0
+        assert speed_of(flight) > 5.0
+        flight.driver.give(Hold())
+        for _ in range(200):
+            await asyncio.sleep(0.05)
+            farthest = max(farthest, where(flight).distance_to(begin))
+        assert farthest < 13.0
+        assert farthest - where(flight).distance_to(begin) < 1.0
+        assert abs(where(flight).north_m - begin.north_m) < 1.0
+        assert speed_of(flight) < 0.2
+        if autopilot == "px4":
+            assert flight.vehicle.truth.mode == Px4Mode.HOLD
+
+    flight = fly(body, over(autopilot))
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Overridden)
+
+
+@both
+def test_every_other_order_may_follow_in_the_middle_of_a_path(autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight)
+        await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
+        for following, ends in (
+            (Look(Cell(2, 4), 5, UP_M), LookEnded),
+            (Sweep(GridPoint(20, 16), 4.0, UP_M), Arrived),
+        ):
+            plan = rounded_path(
+                [where(flight), GridPoint(30, 30)], flight.now_s() + NOTICE_S, speed_m_s=6.0
+            )
+            flight.driver.give(order(plan))
+            await asyncio.sleep(3.0)
+            assert speed_of(flight) > 2.0
+            await flight.after(following, ends)
+        plan = rounded_path(
+            [where(flight), GridPoint(0, 0)], flight.now_s() + NOTICE_S, speed_m_s=6.0
+        )
+        flight.driver.give(order(plan))
+        await asyncio.sleep(3.0)
+        await flight.after(Land(), Landed)
+
+    flight = fly(body, over(autopilot, speed_m_s=3.0))
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Overridden)
+
+
+@both
+def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(autopilot: str) -> None:
+    """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
+    fastest: list[float] = []
+
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight)
+        await flight.sees(Arrived, within_s=20.0)
+        flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
+        for _ in range(140):
+            await asyncio.sleep(0.05)
+            fastest.append(speed_of(flight))
+
+    fly(body, over(autopilot, speed_m_s=3.0))
+    assert 2.5 < max(fastest) < 3.6
+
+
+# --- replacements at the seams -------------------------------------------------------------------
+@both
+@pytest.mark.parametrize("after_end_s", [-0.5, 0.3, 0.8, 1.5])
+def test_a_path_that_comes_at_the_very_end_is_flown_and_no_picture_is_lost(
+    autopilot: str, after_end_s: float
+) -> None:
+    """Whether the camera takes pictures still, is being stopped, or is done."""
+
+    async def body(flight: Flight) -> None:
+        plan = await on_the_way(flight, 0.0)
+        await asyncio.sleep(plan.end_s + after_end_s - flight.now_s())
+        here = plan.at(plan.end_s).place
+        back = [here, GridPoint(here.east_m, here.north_m - 20.0)]
+        again = rounded_path(back, flight.now_s() + 1.2, speed_m_s=6.0)
+        arrived = len(flight.seen(Arrived))
+        flight.driver.give(order(again))
+        await flight.sees(Arrived, arrived + 1, within_s=20.0)
+        assert where(flight).distance_to(back[-1]) < 0.5
+        late = [event for event in flight.seen(FrameSeen) if event.t_s > again.begin_s]
+        assert len(late) > 15
+
+    flight = fly(body, over(autopilot))
+    assert not flight.seen(FrameLost)
+    assert not flight.seen(OrderFailed)
+    times = [event.t_s for event in flight.seen(FrameSeen)]
+    assert times == sorted(set(times))
+
+
+def test_a_path_with_another_interval_changes_the_pace_of_the_pictures() -> None:
+    async def body(flight: Flight) -> None:
+        plan = await on_the_way(flight)
+        second = turned_off(plan, flight.now_s() + NOTICE_S)
+        flight.driver.give(order(second, every_s=0.5))
+        await flight.sees(Arrived, within_s=20.0)
+        late = [e.t_s for e in flight.seen(FrameSeen) if e.t_s > second.begin_s + 0.5]
+        gaps = [b - a for a, b in itertools.pairwise(late)]
+        assert gaps == pytest.approx([0.5] * len(gaps), abs=0.051)
+
+    flight = fly(body)
+    assert not flight.seen(FrameLost)
+
+
+def test_a_path_that_was_called_off_is_not_gone_on_with() -> None:
+    """Two orders in one breath: the path after them begins anew."""
+
+    async def body(flight: Flight) -> None:
+        await on_the_way(flight)
+        flight.driver.give(Hold())
+        plan = rounded_path(
+            [GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0
+        )
+        flight.driver.give(order(plan))
+        await flight.sees(Arrived, within_s=20.0)
+        assert where(flight).distance_to(GridPoint(25, 20)) < 0.5
+
+    fly(body)
+
+
+@both
+def test_a_path_over_a_drifting_region_moves_with_it(autopilot: str) -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        grid = flight.setting.grid
+        drift = (grid.drift_east_m_s, grid.drift_north_m_s)
+        begin_s = flight.now_s() + NOTICE_S
+        start = grid.to_moving(where(flight), begin_s)
+        points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
+        plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
+        flight.driver.give(order(plan))
+        await flight.sees(Arrived, within_s=20.0)
+        off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
+        assert off_m < 0.8
+
+    assert not fly(body, over(autopilot, drift_m_s=0.4, toward_deg=60.0)).seen(OrderFailed)
+
+
+def test_a_camera_that_refuses_ends_the_order_and_the_stream() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.vehicle.fail.reject(START_CAPTURE)
+        plan = corner(flight.now_s() + NOTICE_S)
+        flight.driver.give(order(plan))
+        failed = await flight.sees(OrderFailed, within_s=30.0)
+        assert "IMAGE_START_CAPTURE was refused" in failed.reason
+        await asyncio.sleep(0.2)
+        index = len(kinds(flight, SETPOINT))
+        await asyncio.sleep(2.0)
+        assert len(kinds(flight, SETPOINT)) == index
+
+    fly(body)

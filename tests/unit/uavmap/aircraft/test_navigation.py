@@ -1,0 +1,171 @@
+"""What a vehicle goes by: what its filter and its receiver say, and what follows from it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import MissionFileError
+from missions.events import Event, Navigated
+from missions.geo.grid import Grid
+from missions.mission.schema import Mission, NavigationSection
+from missions.units import GridPoint, LatLon
+from tests.support.small_missions import CELL_M, START, mission_text, parse_mission, square
+from uavmap.aircraft.map_navigation import BACK_S, LOST_S, TELL_S, UNSURE_S, Navigation
+from uavmap.aircraft.reporter import Reporter
+from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, EKF_RELATIVE, VehicleView
+
+GOOD = EKF_ABSOLUTE | EKF_RELATIVE
+LOST = EKF_RELATIVE
+
+
+@dataclass
+class Craft:
+    """A vehicle that says what it is told to say."""
+
+    mission: Mission
+    view: VehicleView = field(default_factory=VehicleView)
+    now_s: float = 0.0
+    events: list[Event] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+    acts: list[tuple[str, str]] = field(default_factory=list)
+    fails: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        reporter = Reporter(
+            1,
+            "one",
+            self.view,
+            60.0,
+            Grid.at(START, CELL_M),
+            lambda: self.now_s,
+            lambda: self.now_s,
+        )
+        reporter.report = self.events.append
+        self.reporter = reporter
+        self.navigation = Navigation(reporter, self.view, self.mission, self.told.append)
+        self.navigation.act = lambda action, reason: self.acts.append((action, reason))
+        self.navigation.fail = self.fails.append
+        self.view.ekf_flags = GOOD
+        self.at(0.0, 0.0)
+
+    def at(self, east_m: float, north_m: float) -> None:
+        """It tells to be there."""
+        self.view.told = self.reporter.grid.position(GridPoint(east_m, north_m))
+        self.view.position = self.view.corrected(self.view.told)
+
+    def pass_s(self, seconds: float, *, airborne: bool = True) -> None:
+        """Ten positions a second."""
+        for _ in range(round(10 * seconds)):
+            self.now_s = round(self.now_s + 0.1, 3)
+            self.navigation.look(airborne=airborne)
+
+
+def craft(**navigation: object) -> Craft:
+    text = mission_text(square(10, 10, 40, 40), square(-20, -20, 90, 90))
+    made = parse_mission(text, "test.toml")
+    section = NavigationSection.model_validate(navigation)
+    return Craft(made.model_copy(update={"navigation": section}))
+
+
+def gnss(craft: Craft) -> list[str]:
+    return [event.gnss for event in craft.events if isinstance(event, Navigated)]
+
+
+@pytest.mark.parametrize("action", ["rtl", "land"])
+def test_lost_satellites_end_the_flight_as_the_mission_says(action: str) -> None:
+    flown = craft(gnss_loss=action)
+    flown.pass_s(5.0)
+    assert not flown.acts
+    flown.view.ekf_flags = LOST
+    flown.pass_s(LOST_S - 0.2)
+    assert not flown.acts  # a flag that flickers is no loss
+    flown.pass_s(1.0)
+    assert flown.acts == [(action, "satellite navigation is lost")]
+    assert gnss(flown) == ["lost"]
+
+
+def test_a_flicker_begins_anew() -> None:
+    flown = craft()
+    for _ in range(5):
+        flown.view.ekf_flags = LOST
+        flown.pass_s(LOST_S - 0.3)
+        flown.view.ekf_flags = GOOD
+        flown.pass_s(0.2)
+    assert not flown.acts
+    assert not flown.events
+
+
+def test_a_filter_that_holds_a_constant_position_is_its_autopilots_matter() -> None:
+    flown = craft(gnss_loss="map")
+    flown.view.ekf_flags = EKF_RELATIVE | EKF_CONSTANT
+    flown.pass_s(20.0)
+    assert not gnss(flown)
+
+
+def test_on_the_ground_nothing_is_lost() -> None:
+    flown = craft()
+    flown.view.ekf_flags = LOST
+    flown.pass_s(10.0, airborne=False)
+    assert not flown.acts
+    assert not flown.events
+
+
+def test_a_receiver_without_a_fix_is_believed_before_the_filter() -> None:
+    flown = craft(gnss_loss="map")
+    assert mav.MAVLINK_MSG_ID_GPS_RAW_INT in flown.navigation.streams
+    flown.view.gps_fix = 1
+    flown.pass_s(LOST_S + 0.2)
+    assert gnss(flown) == ["lost"]
+    flown.view.gps_fix = 3
+    flown.pass_s(BACK_S - 0.5)
+    assert flown.navigation.gnss == "lost"
+    flown.pass_s(1.0)
+    assert flown.navigation.gnss == "good"
+    assert gnss(flown)[-1] == "good"
+
+
+def test_without_pictures_it_knows_less_with_every_metre_and_comes_home() -> None:
+    flown = craft(gnss_loss="map")
+    flown.view.ekf_flags = LOST
+    flown.pass_s(LOST_S + 0.2)
+    sigmas = []
+    for metres in range(0, 600, 5):
+        flown.at(float(metres % 40), float(metres // 40))
+        flown.pass_s(1.0)
+        sigmas.append(flown.navigation.sigma_m)
+    assert len(flown.fails) == 1
+    assert "its own map tells where it is" in flown.fails[0]
+    told = [event for event in flown.events if isinstance(event, Navigated)]
+    gaps = [b.t_s - a.t_s for a, b in itertools.pairwise(told)]
+    assert all(gap >= TELL_S - 0.2 for gap in gaps)
+    assert flown.now_s > UNSURE_S
+
+
+def test_told_and_corrected_places_are_each_others_inverse() -> None:
+    view = VehicleView()
+    view.off_deg = (1.5e-5, -2.5e-5)
+    place = LatLon(47.1, 8.2)
+    back = view.corrected(view.as_told(place))
+    assert math.isclose(back.lat_deg, place.lat_deg, abs_tol=1e-12)
+    assert math.isclose(back.lon_deg, place.lon_deg, abs_tol=1e-12)
+
+
+def test_a_receiver_without_a_fix_alone_sends_nobody_home() -> None:
+    flown = craft(gnss_loss="rtl")
+    flown.view.gps_fix = 1  # the filter may have another receiver
+    flown.pass_s(20.0)
+    assert not flown.acts
+    assert not flown.events
+
+
+@pytest.mark.parametrize("asked", ['gnss_loss = "map"', "watch = true"])
+def test_ground_that_moves_leads_nobody(asked: str) -> None:
+    text = mission_text(square(10, 10, 40, 40), square(-20, -20, 90, 90), drift_m_s=0.3)
+    parse_mission(text, "film.toml")
+    with pytest.raises(MissionFileError, match=f"navigation.{asked} does not go with drift"):
+        parse_mission(f"{text}\n[navigation]\n{asked}\n", "film.toml")

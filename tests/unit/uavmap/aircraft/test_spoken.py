@@ -1,0 +1,253 @@
+"""Words of a vehicle: put together, made harmless, told within limits; failsafes by name."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import Overridden, Told
+from missions.flight.operator_orders import UNTOLD
+from tests.support.flights import Flight, fly
+from tests.support.mavlink_peer import Peer, heartbeat
+from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD
+from uavmap.aircraft.failsafes import failsafe_of, may_be_a_failsafe
+from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.px4_events import event_text, number_of
+from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts
+
+CRITICAL, WARNING, INFO, DEBUG = (
+    mav.MAV_SEVERITY_CRITICAL, mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO,
+    mav.MAV_SEVERITY_DEBUG,
+)  # fmt: skip
+
+
+def statustext(words: bytes, severity: int = WARNING, number: int = 0, chunk: int = 0) -> Any:
+    return mav.MAVLink_statustext_message(severity, words, number, chunk)
+
+
+# --- putting together --------------------------------------------------------------------------
+def test_a_text_of_many_chunks() -> None:
+    words = b"PreArm: " + b"x" * 60 + b"y" * 60
+    texts, said = Texts(), []
+    for k in range(0, len(words), 50):
+        said += texts.take(1, statustext(words[k : k + 50], number=9, chunk=k // 50), 0.001 * k)
+    assert [text.words.encode() for text in said] == [words]
+
+
+def test_chunks_of_two_texts_and_two_components_between_each_other() -> None:
+    texts, said = Texts(), []
+    for component, number, chunk, words in (
+        (1, 3, 0, b"a" * 50), (1, 4, 0, b"b" * 50), (100, 3, 0, b"c" * 50),
+        (100, 3, 1, b"!"), (1, 3, 1, b"?"), (1, 4, 1, b""),
+    ):  # fmt: skip
+        said += texts.take(component, statustext(words, number=number, chunk=chunk), 0.0)
+    assert [text.words for text in said] == ["c" * 50 + "!", "a" * 50 + "?", "b" * 50]
+
+
+def test_a_chunk_that_is_lost_leaves_a_gap() -> None:
+    texts = Texts()
+    texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 0.0)
+    assert texts.take(1, statustext(b"end", number=5, chunk=2), 0.1) == []
+    assert texts.late(LATE_S) == []
+    (text,) = texts.late(LATE_S + 0.2)
+    assert text.words == "a" * 50 + "[...]end"
+    texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 10.0)
+    assert [text.words for text in texts.late(20.0)] == ["a" * 50 + "[...]"]
+
+
+def test_what_is_half_told_is_bounded() -> None:
+    texts, said = Texts(), 0
+    for number in range(1, 1000):
+        said += len(texts.take(1, statustext(b"z" * 50, number=number, chunk=0), 0.0))
+    assert said == 999 - MOST_OPEN
+    assert texts.take(1, statustext(b"z", number=1, chunk=200), 0.0) == []
+
+
+def test_control_characters_are_stripped() -> None:
+    (text,) = Texts().take(1, statustext(b"\x1b]0;owned\x07low \x1b[31mbattery\x07"), 0.0)
+    assert text.words == "low battery"
+
+
+# --- told and kept -----------------------------------------------------------------------------
+def said_by(flight: Flight, *messages: Any) -> None:
+    codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    for message in messages:
+        flight.session.feed(message.pack(codec))
+
+
+def test_words_are_told_with_severity_and_kept() -> None:
+    async def body(flight: Flight) -> None:
+        said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
+        await asyncio.sleep(1.0)
+
+    flight = fly(body)
+    assert "[vehicle 1, warning] Compass not calibrated" in flight.told
+    told = [e for e in flight.seen(Told) if e.text in ("Compass not calibrated", "x")]
+    assert [(e.severity, e.text) for e in told] == [(WARNING, "Compass not calibrated")]
+
+
+def test_a_repeated_text_is_counted() -> None:
+    async def body(flight: Flight) -> None:
+        for _ in range(140):
+            said_by(flight, statustext(b"PreArm: no"))
+            await asyncio.sleep(1.0)
+
+    flight = fly(body)
+    kept = [event.times for event in flight.seen(Told) if event.text == "PreArm: no"]
+    assert kept == [1, 60, 60]
+
+
+def test_a_flood_fills_neither_screen_nor_disk() -> None:
+    async def body(flight: Flight) -> None:
+        for k in range(20_000):
+            said_by(flight, statustext(f"flood {k}".encode(), k % 8))
+        await asyncio.sleep(10.0)
+        said_by(flight, statustext(b"after it", CRITICAL))
+
+    flight = fly(body)
+    kept = [event.text for event in flight.seen(Told)]
+    assert len([text for text in kept if text.startswith("flood")]) == 2 * BURST
+    assert kept[-1] == "after it"
+    assert any("17" in line and "not shown" in line for line in flight.told)
+    assert len(kept) < MOST_TOLD
+
+
+# --- failsafes ---------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["Battery 1 is low 9.90V used 31 mAh"], "battery failsafe: Battery 1 is low 9.90V"),
+        (["Battery Failsafe"], "battery failsafe"),
+        (["Fence Breached"], "fence breached"),
+        (["GPS Glitch or Compass error"], "GPS glitch: GPS Glitch or Compass error"),
+        (["EKF Failsafe: changed to LAND Mode"], "EKF failsafe"),
+        (["Radio Failsafe - Continuing"], "radio failsafe"),
+        (["GCS Failsafe"], "ground station failsafe: GCS Failsafe"),
+        (["Vibration Failsafe"], "vibration failsafe"),
+        (["Manual control lost"], "radio failsafe: Manual control lost"),
+        (["Low battery level! Return advised"], "battery failsafe: Low battery"),
+        (["Geofence exceeded"], "fence breached: Geofence exceeded"),
+        (["Connection to ground control station lost"], "ground station failsafe"),
+        (["Failsafe activated: switching to Return"], "failsafe: Failsafe activated"),
+        (["EKF3 IMU0 MAG0 in-flight yaw alignment complete"], None),
+        (["Mission: 3 WP"], None),
+        (["GPS Glitch cleared"], None),
+        (["Radio Failsafe Cleared"], None),
+        ([], None),
+    ],
+)
+def test_failsafes_by_name(words: list[str], named: str | None) -> None:
+    found = failsafe_of(words)
+    assert (found or "").startswith(named or "")
+    assert (found is None) == (named is None)
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "STABILIZE", "POSHOLD", "POSITION", "AUTO"])
+def test_a_pilots_mode_is_no_failsafe(mode: str) -> None:
+    assert not may_be_a_failsafe(mode)
+
+
+def overridden(flight: Flight) -> Overridden:
+    (event,) = flight.seen(Overridden)
+    assert isinstance(event, Overridden)
+    return event
+
+
+def test_a_failsafe_is_named_in_the_event() -> None:
+    async def body(flight: Flight) -> None:
+        said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
+        said_by(flight, heartbeat(6, armed=True))
+        await asyncio.sleep(0.2)
+
+    assert overridden(fly(body)).cause == "battery failsafe: Battery 1 is low 9.90V"
+
+
+def test_the_cause_may_come_after_the_mode() -> None:
+    async def body(flight: Flight) -> None:
+        said_by(flight, heartbeat(6, armed=True))
+        await asyncio.sleep(0.3)
+        said_by(flight, statustext(b"Fence Breached", CRITICAL))
+        await asyncio.sleep(0.3)
+
+    flight = fly(body)
+    assert overridden(flight).cause is None
+    assert [e.cause for e in flight.seen(Told) if e.cause] == ["fence breached"]
+
+
+@pytest.mark.parametrize(("mode", "after_s"), [(5, 0.1), (6, 6.0)])
+def test_a_pilot_and_old_words_are_no_cause(mode: int, after_s: float) -> None:
+    async def body(flight: Flight) -> None:
+        said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
+        await asyncio.sleep(after_s)
+        said_by(flight, heartbeat(mode, armed=True))
+        await asyncio.sleep(0.2)
+
+    assert overridden(fly(body)).cause is None
+
+
+def test_a_state_that_is_critical_says_that_much() -> None:
+    async def body(flight: Flight) -> None:
+        beat = heartbeat(9, armed=True)
+        beat.system_status = mav.MAV_STATE_CRITICAL
+        said_by(flight, beat)
+        await asyncio.sleep(0.2)
+
+    assert overridden(fly(body)).cause == UNTOLD
+
+
+# --- who we are to it --------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("autopilot", "onboard", "type_"),
+    [
+        (mav.MAV_AUTOPILOT_ARDUPILOTMEGA, False, mav.MAV_TYPE_ONBOARD_CONTROLLER),
+        (mav.MAV_AUTOPILOT_PX4, False, mav.MAV_TYPE_GCS),
+        (mav.MAV_AUTOPILOT_PX4, True, mav.MAV_TYPE_ONBOARD_CONTROLLER),
+    ],
+)
+def test_a_px4_takes_us_for_a_ground_station(autopilot: int, onboard: bool, type_: int) -> None:
+    peer = Peer()
+    peer.session.onboard = onboard
+
+    async def body() -> None:
+        mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
+        peer.session.feed(peer.frame(heartbeat(mode, autopilot=autopilot)))
+        peer.session.heartbeat()
+
+    run(body(), VirtualClock())
+    assert [message.type for _, message in peer.heard] == [type_]
+
+
+def event_frame(number: int, levels: int, *, garbled: bool = False) -> bytes:
+    payload = struct.pack("<IIHBBB", number, 1234, 7, 0, 0, levels) + b"\x05\x01"
+    head = bytes([len(payload), 0, 0, 3, 1, 1]) + (410).to_bytes(3, "little")
+    crc = mav.x25crc(head + payload + bytes([160])).crc ^ garbled
+    return b"\xfd" + head + payload + crc.to_bytes(2, "little")
+
+
+@pytest.mark.parametrize(("onboard", "garbled"), [(True, False), (True, True), (False, False)])
+def test_an_event_is_told_by_its_number_where_no_text_comes(onboard: bool, garbled: bool) -> None:
+    peer, heard = Peer(), []
+    peer.session.onboard = onboard
+    peer.session.view.hear = heard.append
+
+    async def body() -> None:
+        peer.session.feed(peer.frame(heartbeat()))
+        peer.session.feed(event_frame(0x01ABCDEF, 0x42, garbled=garbled))
+        peer.session.feed(peer.frame(heartbeat()))
+
+    run(body(), VirtualClock())
+    found = [(text.severity, text.words[:17]) for text in heard]
+    assert found == ([(CRITICAL, "event 0x01abcdef:")] if onboard and not garbled else [])
+    assert peer.session.view.system_id == 1
+
+
+def test_the_events_of_failsafes_have_words() -> None:
+    number = 1 << 24 | number_of("commander_failsafe_enter_low_bat")
+    text = event_text(event_frame(number, 0x44))
+    assert text is not None
+    assert text.words == f"event {number:#010x}: Low battery level, return advised"
+    assert (failsafe_of([text.words]) or "").startswith("battery failsafe: ")

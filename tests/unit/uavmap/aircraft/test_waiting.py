@@ -1,0 +1,50 @@
+"""After its landing a member waits for the others, and an operator may end that."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import cast
+
+import pytest
+
+from tests.support.said import Said
+from uavmap.fleet.exchange import talking
+from uavmap.fleet.member import Member
+
+
+class Waits:
+    """A member whose others never come down."""
+
+    level = all_done = False
+
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
+    def end(self) -> None:
+        """Nothing is to be ended."""
+
+
+async def flight(landed: asyncio.Event, *, may_leave: bool) -> str:
+    async with talking(cast(Member, Waits()), may_leave=may_leave):
+        landed.set()
+    return "results"
+
+
+async def interrupted(*, may_leave: bool) -> str:
+    landed = asyncio.Event()
+    task = asyncio.create_task(flight(landed, may_leave=may_leave))
+    await landed.wait()
+    await asyncio.sleep(0)
+    task.cancel()
+    return await task
+
+
+def test_an_operator_ends_the_wait_and_gets_the_results(said: Said) -> None:
+    assert asyncio.run(interrupted(may_leave=True)) == "results"
+    assert "Ctrl-C ends it" in said[0]
+    assert "uavmap merge" in said[1]
+
+
+def test_without_an_operator_it_ends_as_any_task() -> None:
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(interrupted(may_leave=False))

@@ -1,0 +1,180 @@
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable
+
+import pytest
+
+from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
+
+
+async def at_s(delay_s: float) -> float:
+    await asyncio.sleep(delay_s)
+    return asyncio.get_running_loop().time()
+
+
+def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
+    seen: list[tuple[str, float]] = []
+
+    async def one(name: str, delays_s: list[float]) -> None:
+        for delay_s in delays_s:
+            seen.append((name, await at_s(delay_s)))
+
+    async def main() -> None:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(one("a", [1.0, 2.0, 0.5]))
+            tasks.create_task(one("b", [0.25, 0.25, 3.25]))
+
+    run(main(), VirtualClock())
+    assert seen == [
+        ("b", 0.25),
+        ("b", 0.5),
+        ("a", 1.0),
+        ("a", 3.0),
+        ("a", 3.5),
+        ("b", 3.75),
+    ]
+
+
+def test_a_virtual_hour_takes_no_time() -> None:
+    async def main() -> float:
+        for _ in range(3600):
+            await asyncio.sleep(1.0)
+        return asyncio.get_running_loop().time()
+
+    begin_s = time.monotonic()
+    assert run(main(), VirtualClock()) == pytest.approx(3600.0, abs=1e-6)
+    assert time.monotonic() - begin_s < 1.0
+
+
+def test_small_steps_do_not_drift() -> None:
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        for step in range(20_000):
+            await asyncio.sleep((step + 1) * 0.05 - loop.time())
+        return loop.time()
+
+    assert run(main(), VirtualClock()) == pytest.approx(1000.0, abs=1e-6)
+
+
+def test_virtual_time_stands_still_while_somebody_works() -> None:
+    async def main() -> tuple[float, float]:
+        loop = asyncio.get_running_loop()
+        before = loop.time()
+        for _ in range(100):
+            await asyncio.sleep(0)
+        return before, loop.time()
+
+    assert run(main(), VirtualClock()) == (0.0, 0.0)
+
+
+def test_a_time_out_is_virtual() -> None:
+    async def main() -> float:
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(600.0):
+                await asyncio.get_running_loop().create_future()
+        return asyncio.get_running_loop().time()
+
+    begin_s = time.monotonic()
+    assert run(main(), VirtualClock()) == pytest.approx(600.0)
+    assert time.monotonic() - begin_s < 1.0
+
+
+def test_pace_holds_virtual_time_back() -> None:
+    async def main() -> float:
+        return await at_s(20.0)
+
+    begin_s = time.monotonic()
+    assert run(main(), VirtualClock(pace=200.0)) == 20.0
+    assert 0.09 < time.monotonic() - begin_s < 2.0
+
+
+def test_a_scaled_clock_is_faster_than_real_time() -> None:
+    async def main() -> float:
+        return await at_s(20.0)
+
+    begin_s = time.monotonic()
+    assert run(main(), ScaledClock(200.0)) >= 20.0
+    assert 0.09 < time.monotonic() - begin_s < 2.0
+
+
+@pytest.mark.parametrize(
+    "make", [VirtualClock, lambda: VirtualClock(pace=5.0), lambda: ScaledClock(5.0)]
+)
+def test_a_socket_is_served_before_time_moves_on(make: Callable[[], Clock]) -> None:
+    async def main() -> tuple[bytes, float]:
+        here, there = socket.socketpair()
+        here.setblocking(False)
+        with here, there:
+            loop = asyncio.get_running_loop()
+            there.send(b"frame")
+            async with asyncio.timeout(5.0):
+                return await loop.sock_recv(here, 16), loop.time()
+
+    data, now_s = run(main(), make())
+    assert data == b"frame"
+    assert now_s < 5.0
+
+
+@pytest.mark.parametrize("make", [lambda: VirtualClock(pace=1.0), ScaledClock])
+def test_a_signal_is_handled_at_once(make: Callable[[], Clock]) -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        heard = asyncio.Event()
+        loop.add_signal_handler(signal.SIGUSR1, heard.set)
+        loop.call_soon(os.kill, os.getpid(), signal.SIGUSR1)
+        try:
+            async with asyncio.timeout(30.0):
+                await heard.wait()
+        finally:
+            loop.remove_signal_handler(signal.SIGUSR1)
+
+    begin_s = time.monotonic()
+    run(main(), make())
+    assert time.monotonic() - begin_s < 5.0
+
+
+def test_a_signal_between_virtual_instants() -> None:
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        heard = asyncio.Event()
+        loop.add_signal_handler(signal.SIGUSR1, heard.set)
+        loop.call_later(7.0, os.kill, os.getpid(), signal.SIGUSR1)
+        ticking = asyncio.create_task(tick())
+        await heard.wait()
+        now_s = loop.time()
+        ticking.cancel()
+        loop.remove_signal_handler(signal.SIGUSR1)
+        return now_s
+
+    async def tick() -> None:
+        for _ in range(1000):
+            await asyncio.sleep(0.05)
+
+    assert run(main(), VirtualClock()) == pytest.approx(7.0, abs=0.1)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_a_run_leaves_behind_is_cancelled_and_errors_come_out() -> None:
+    seen: list[str] = []
+
+    async def straggler() -> None:
+        try:
+            await asyncio.sleep(1e9)
+        except asyncio.CancelledError:
+            seen.append("cancelled")
+            raise
+
+    async def main() -> None:
+        task = asyncio.create_task(straggler())
+        await asyncio.sleep(1.0)
+        assert not task.done()
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run(main(), VirtualClock())
+    assert seen == ["cancelled"]

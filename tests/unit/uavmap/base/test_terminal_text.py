@@ -1,0 +1,59 @@
+"""What is shown on a terminal: text from outside stays text."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missions.events import FrameLost
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from tests.support.small_missions import mission, square
+from uavmap.base.printable import printable
+from uavmap.base.terminal import Terminal
+from uavmap.runner.operator.progress import ProgressTable
+
+
+class Tty(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@given(st.text(max_size=400), st.integers(0, 100))
+def test_printable_is_printable(text: str, limit: int) -> None:
+    safe = printable(text, limit)
+    assert safe.isprintable()
+    assert len(safe) <= max(limit, 3)
+    assert printable(safe, limit) == safe
+
+
+@given(st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=100))
+def test_plain_text_stays(text: str) -> None:
+    assert printable(text, 100) == text
+
+
+def test_bidi_and_zero_width_marks_go() -> None:
+    marks = "".join(map(chr, (0x200B, 0x200E, 0x202A, 0x202E, 0x2066, 0x2069, 0xFEFF, 0xD800)))
+    assert printable(f"a{marks}b") == "ab"
+
+
+def test_say_writes_no_escape_sequences_but_keeps_its_lines() -> None:
+    out = io.StringIO()
+    Terminal(out).show("      5 s  vehicle 1:\x1b[2J\x1b]0;owned\x07 [/x] gone\nnext\x9b31m line")
+    assert out.getvalue() == "      5 s  vehicle 1: [/x] gone\nnext line\n"
+
+
+def test_a_note_that_looks_like_markup_breaks_no_table() -> None:
+    setting = Setting.of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    state = State.initial(setting)
+    lost = replace(state.vehicles[1], phase=Phase.FAILED, note="[/x] \x1b[2Jrefused [bold]")
+    out = Tty()
+    terminal = ProgressTable(Terminal(out))
+    terminal.begin(setting, again=False)
+    terminal.update(FrameLost(1, 0.0, "[/y]\x1b]0;owned\x07"), state.with_vehicle(lost), 0)
+    terminal.end()
+    assert "[/x] refused [bold]" in out.getvalue()
+    assert "owned" not in out.getvalue()

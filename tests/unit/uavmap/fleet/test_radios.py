@@ -1,0 +1,165 @@
+"""Radios on loopback: links over Zenoh, and a multicast group."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import re
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from tests.support.said import Said
+from uavmap.fleet.endpoints import parse_endpoint
+from uavmap.fleet.multicast_radio import MulticastRadio
+from uavmap.fleet.radio import Radios
+from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio
+
+PATIENCE_S = 30.0
+LOOK_S = 0.02
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+class Ear:
+    """Keeps what it hears."""
+
+    def __init__(self, radio: ZenohRadio | MulticastRadio | Radios) -> None:
+        self.heard: set[bytes] = set()
+        radio.listen(self.heard.add)
+
+
+async def until(condition: Callable[[], bool], meanwhile: Callable[[], None]) -> None:
+    """Do something again and again until a condition holds: any datagram may be lost."""
+    due_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < due_s
+        meanwhile()
+        await asyncio.sleep(LOOK_S)
+
+
+async def exchanged(
+    one: ZenohRadio, at_one: Ear, other: ZenohRadio, at_other: Ear, word: bytes
+) -> None:
+    """Two say something to each other until both have heard it."""
+
+    def speak() -> None:
+        one.send(b"to other")
+        other.send(word)
+
+    await until(lambda: word in at_one.heard and b"to other" in at_other.heard, speak)
+
+
+@contextlib.asynccontextmanager
+async def over_zenoh(**where: str) -> AsyncIterator[ZenohRadio]:
+    links = ZenohLinks(**{name: (parse_endpoint("--x", text),) for name, text in where.items()})
+    radio = ZenohRadio(links, "uavmap/test")
+    radio.open()
+    try:
+        yield radio
+    finally:
+        await radio.close()
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+def test_who_was_gone_and_comes_again_is_heard_again(kind: str, said: Said) -> None:
+    pytest.importorskip("zenoh", reason="the extra fleet is not installed")
+    type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
+    endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
+
+    async def talk() -> None:
+        async with over_zenoh(listen=endpoint) as one:
+            at_one = Ear(one)
+            for word in (b"first", b"second"):
+                async with over_zenoh(peers=endpoint) as other:
+                    await exchanged(one, at_one, other, Ear(other), word)
+            assert one.opened == 1
+            assert b"to other" not in at_one.heard  # nobody hears itself
+            one.send(bytes(2000))  # more than any beat: left out
+
+    asyncio.run(talk())
+    assert said == []
+
+
+def test_a_port_that_is_taken_is_told_and_tried_again(said: Said) -> None:
+    pytest.importorskip("zenoh", reason="the extra fleet is not installed")
+
+    async def try_it() -> None:
+        with socket.socket() as taken:
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+            async with over_zenoh(listen=endpoint) as radio:
+                await until(lambda: bool(said), lambda: radio.send(b"into the void"))
+
+    asyncio.run(try_it())
+    assert len(said) == 1
+    assert said[0].endswith("tried again")
+    assert re.search(r"/[^/\s]+/", said[0]) is None, "a path of a machine is told"
+    assert ".rs" not in said[0]
+
+
+def group(interface: str) -> MulticastRadio:
+    port = free_port(socket.SOCK_DGRAM)
+    endpoint = parse_endpoint("--listen", f"udp/224.0.0.224:{port}#iface={interface}")
+    return MulticastRadio(endpoint)
+
+
+def test_all_of_a_group_hear_what_one_says() -> None:
+    async def talk() -> None:
+        one = group("lo")
+        others = [MulticastRadio(one._endpoint) for _ in range(2)]
+        ears = [Ear(radio) for radio in (one, *others)]
+        for radio in (one, *others):
+            radio.open()
+        try:
+            await until(
+                lambda: all(b"to all" in ear.heard for ear in ears[1:]),
+                lambda: Radios((one,)).send(b"to all"),
+            )
+            one.send(bytes(2000))
+        finally:
+            for radio in (one, *others):
+                radio.close()
+        assert all(ear.heard <= {b"to all"} for ear in ears)
+
+    asyncio.run(talk())
+
+
+def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) -> None:
+
+    async def wait() -> None:
+        endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
+        radio = MulticastRadio(endpoint)
+        radio.open()
+        radio.open()
+        radio.send(b"into the void")
+        radio.close()
+
+    asyncio.run(wait())
+    assert len(said) == 1
+    assert "it is tried again" in said[0]
+
+
+def test_two_speak_by_a_router() -> None:
+    zenoh = pytest.importorskip("zenoh", reason="the extra fleet is not installed")
+    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+
+    async def talk() -> None:
+        async with over_zenoh(routers=endpoint) as one:
+            with zenoh.open(config):  # it comes up after the first has called
+                async with over_zenoh(routers=endpoint) as other:
+                    await exchanged(one, Ear(one), other, Ear(other), b"word")
+
+    asyncio.run(talk())

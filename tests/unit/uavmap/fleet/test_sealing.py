@@ -1,0 +1,128 @@
+"""Nothing is taken that no holder of the key has said now, and nothing twice."""
+
+from __future__ import annotations
+
+import random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavmap.fleet.sealing import ASKS, WINDOW, Seal
+
+KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
+
+
+def met(one: Seal, other: Seal) -> None:
+    """Two members have proven to each other that they are alive."""
+    for _ in range(2):
+        for speaker, listener in ((one, other), (other, one)):
+            listener.opened(speaker.sealed(b"here"))
+        for speaker, listener in ((one, other), (other, one)) * 2:
+            for errand in speaker.errands():
+                listener.opened(errand)
+
+
+def pair() -> tuple[Seal, Seal]:
+    one, other = Seal(KEY, 1, 1), Seal(KEY, 2, 1)
+    met(one, other)
+    return one, other
+
+
+def test_members_that_have_met_hear_each_other() -> None:
+    one, other = pair()
+    assert other.opened(one.sealed(b"hello")) == (1, b"hello")
+    assert one.opened(other.sealed(b"")) == (2, b"")
+
+
+def test_of_ten_thousand_strange_datagrams_none_is_taken() -> None:
+    one, other = pair()
+    chance = random.Random(1)
+    stranger = Seal(OTHER, 1, 1)
+    good = one.sealed(b"a fact of ours")
+    taken = 0
+    for k in range(10_000):
+        kind = k % 4
+        if kind == 0:
+            datagram = stranger.sealed(chance.randbytes(20))
+        elif kind == 1:
+            datagram = chance.randbytes(chance.randrange(60))
+        elif kind == 2:
+            damaged = bytearray(good)
+            damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
+            datagram = bytes(damaged)
+        else:
+            datagram = good[: chance.randrange(len(good))]
+        taken += other.opened(datagram) is not None
+    assert taken == 0
+    assert other.refused["not sealed with our key"] == 10_000
+    assert other.opened(good) == (1, b"a fact of ours")
+
+
+def test_of_ten_thousand_replayed_datagrams_none_is_taken() -> None:
+    one, other = pair()
+    said = [one.sealed(bytes([k % 256])) for k in range(500)]
+    assert sum(other.opened(datagram) is not None for datagram in said) == 500
+    chance = random.Random(2)
+    assert not any(other.opened(chance.choice(said)) for _ in range(10_000))
+    assert other.refused["heard before"] == 10_000
+
+
+def test_an_earlier_flight_is_not_played_to_who_has_just_started() -> None:
+    """Recorded with the same key, questions and answers of that day among it."""
+    one, other = Seal(KEY, 1, 5), Seal(KEY, 2, 5)
+    recorded: list[bytes] = []
+    for _ in range(3):
+        for speaker, listener in ((one, other), (other, one)) * 2:
+            for datagram in (speaker.sealed(b"old"), *speaker.errands()):
+                recorded.append(datagram)
+                listener.opened(datagram)
+    new = Seal(KEY, 2, 1)  # its journal is gone, and its clock stands in the past
+    for _ in range(20):
+        assert not any(new.opened(datagram) for datagram in recorded)
+        new.errands()
+    assert new.refused["not known to be alive yet"] > 0
+
+
+def test_who_starts_again_is_believed_and_the_earlier_start_no_more() -> None:
+    one, other = pair()
+    late = one.sealed(b"from before")
+    again = Seal(KEY, 1, 2)
+    met(again, other)
+    assert other.opened(again.sealed(b"now")) == (1, b"now")
+    assert other.opened(late) is None
+    assert other.refused["from an earlier start"] == 1
+
+
+def test_two_with_one_number_are_told() -> None:
+    one, other = pair()
+    twin = Seal(KEY, 1, 9)
+    assert one.opened(twin.sealed(b"I am 1")) is None
+    assert one.refused["from another with our number"] == 1
+    assert one.opened(one.sealed(b"echo")) is None
+    assert one.refused["from another with our number"] == 1
+    assert other.opened(one.sealed(b"still 1")) == (1, b"still 1")
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.integers(0, 120), max_size=200))
+def test_each_counter_is_taken_once_in_any_order(order: list[int]) -> None:
+    one, other = pair()
+    said = [one.sealed(bytes([k])) for k in range(121)]
+    taken: list[int] = []
+    newest = -1
+    for k in order:
+        opened = other.opened(said[k])
+        fresh = k not in taken and newest - k <= WINDOW
+        assert (opened is not None) == fresh, k
+        if opened is not None:
+            assert opened == (1, bytes([k]))
+            taken.append(k)
+            newest = max(newest, k)
+
+
+def test_a_question_is_answered_once_and_is_no_fact() -> None:
+    one, other = pair()
+    question = one.sealed(bytes(8), ASKS)
+    assert other.opened(question) is None
+    assert len(other.errands()) == 1
+    assert other.errands() == []

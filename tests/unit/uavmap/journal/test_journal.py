@@ -1,0 +1,403 @@
+"""The journal: what is confirmed stays, after kills and on full disks; what is no journal is left
+as it is."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import textwrap
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from missions.errors import EventError, JournalError
+from missions.events import Airborne, Landed, Recalled
+from tests.support.journals import META, contents, read, some_events, write
+from uavmap.journal import event_log
+from uavmap.journal.event_log import Journal, JournalReader, planner, unfinished
+
+ROOT = Path(__file__).resolve().parents[4]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A journal of 80 events, closed."""
+    return write(tmp_path_factory.mktemp("journal") / "journal.jsonl", some_events(40))
+
+
+@pytest.fixture
+def path(tmp_path: Path, written: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copy(written, tmp_path / "journal.jsonl"))
+
+
+def assert_refused_untouched(path: Path, words: str) -> None:
+    before = contents(path.parent)
+    with pytest.raises(JournalError) as caught:
+        Journal.open(path)
+    assert words in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert contents(path.parent) == before
+
+
+def test_what_was_appended_is_read_in_order(path: Path) -> None:
+    with Journal.open(path) as journal:
+        assert list(journal.events()) == some_events(40)
+        assert journal.meta == META
+        journal.append(Recalled(99.0))
+        journal.put_meta("truth", {"crashes": 0})
+        assert journal.meta["truth"] == {"crashes": 0}
+    with Journal.open(path) as journal:
+        assert list(journal.events()) == [*some_events(40), Recalled(99.0)]
+        assert journal.meta == {**META, "truth": {"crashes": 0}}
+
+
+def test_lines_are_json_with_number_event_and_checksum(path: Path) -> None:
+    lines = path.read_text("utf-8").splitlines()
+    opening, *rest = map(json.loads, lines)
+    assert opening["journal"] == {
+        "format": 1, "version": event_log.__version__, "planner": planner(), "meta": META,
+    }  # fmt: skip
+    assert [line["seq"] for line in rest] == list(range(2, 82))
+    assert rest[0]["event"]["kind"] == "tracked"
+    heads = "".join(line[: line.rindex(',"crc"')] for line in lines)
+    assert rest[-1]["crc"] == f"{zlib.crc32(heads.encode()):08x}"
+
+
+def test_flight_plan_does_not_change(path: Path) -> None:
+    with Journal.open(path) as journal, pytest.raises(ValueError, match="does not change"):
+        journal.put_meta("plan", {"seed": 8})
+
+
+def test_each_line_is_synced_before_append_returns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, synced = tmp_path / "out" / "journal.jsonl", list[tuple[bool, int]]()
+
+    def seen(file: int) -> None:
+        what = os.fstat(file)
+        synced.append((stat.S_ISDIR(what.st_mode), what.st_size))
+
+    monkeypatch.setattr(os, "fsync", seen)
+    with Journal.create(path, META) as journal:
+        assert [folder for folder, _ in synced] == [False, True, True]
+        for event in some_events(2):
+            journal.append(event)
+            assert synced[-1] == (False, path.stat().st_size)
+
+
+@pytest.mark.parametrize("what", ["journal", "text", "empty"])
+def test_nothing_is_ever_overwritten(path: Path, what: str) -> None:
+    if what != "journal":
+        path.write_text("notes" * (what == "text"))
+    before = contents(path.parent)
+    with pytest.raises(JournalError, match="exists already"):
+        Journal.create(path, META)
+    assert contents(path.parent) == before
+
+
+def test_there_is_no_journal(tmp_path: Path) -> None:
+    for place in (tmp_path / "journal.jsonl", tmp_path, tmp_path / "no" / "journal.jsonl"):
+        with pytest.raises(JournalError, match="no journal here"):
+            Journal.open(place)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("data", [b"", b"x", b"some notes\n" * 50, b"{}\n", bytes(4096)])
+def test_foreign_file(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(data)
+    assert_refused_untouched(path, "is not a journal of uavmap")
+
+
+def test_another_format(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_log, "FORMAT", 2)
+    assert_refused_untouched(path, "has journal format 1, this program knows 2")
+
+
+def test_second_writer_is_refused_and_reader_is_not(path: Path) -> None:
+    with Journal.open(path) as journal:
+        with pytest.raises(JournalError, match="in use"):
+            Journal.open(path)
+        reader = JournalReader(path)
+        assert len(reader.new_events()) == 80
+        journal.append(Recalled(99.0))
+        assert reader.new_events() == [Recalled(99.0)]
+        assert reader.new_events() == []
+
+
+def test_whole_journal_that_cannot_be_written_is_said(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = os.open
+
+    def read_only(name: object, flags: int, *more: int) -> int:
+        if flags & os.O_RDWR:
+            raise PermissionError(13, "Permission denied")
+        return opened(name, flags, *more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(os, "open", read_only)
+    assert_refused_untouched(path, "is whole, but cannot be opened for writing: Permission denied")
+
+
+def test_journal_with_events_is_not_discarded(path: Path) -> None:
+    with Journal.open(path) as journal, pytest.raises(JournalError, match="holds events"):
+        journal.discard()
+    empty = path.with_name("empty.jsonl")
+    Journal.create(empty, META).discard()
+    assert not empty.exists()
+
+
+def test_events_that_come_again_are_checked_not_written(path: Path) -> None:
+    events = some_events(40)
+    with Journal.open(path) as journal:
+        assert journal.start_verification() == 80
+        for event in events[:79]:
+            journal.append(event)
+        assert journal.expected == 1
+        with pytest.raises(JournalError, match=r"does not repeat itself.*--from-home"):
+            journal.append(Recalled(1.0))
+        assert len(journal.bodies()) == 80
+    with Journal.open(path) as journal:
+        journal.start_verification()
+        for event in events:
+            journal.append(event)
+        journal.append(Recalled(99.0))
+        assert len(journal.bodies()) == 81
+
+
+def test_event_that_json_cannot_hold_is_refused_and_the_journal_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal.create(path, META) as journal:
+        journal.append(Airborne(1, 1.0))
+        for wild in (float("nan"), float("inf"), float("-inf")):
+            with pytest.raises(EventError, match="landed: remaining_wh = "):
+                journal.append(Landed(1, 2.0, wild))
+        with pytest.raises(EventError, match="landed"):
+            journal.append_all([Airborne(1, 2.5), Landed(1, 2.5, float("nan"))])
+        journal.append(Airborne(1, 3.0))
+    assert read(path)[0] == [Airborne(1, 1.0), Airborne(1, 3.0)]
+
+
+# --- kills -----------------------------------------------------------------------------------
+PROGRAM = """
+    import sys
+    from pathlib import Path
+    from missions.events import Airborne
+    from uavmap.journal.event_log import Journal
+    from tests.support.journals import META
+    path = Path(sys.argv[1])
+    journal = Journal.open(path) if path.exists() else Journal.create(path, META)
+    for number in range(len(journal), 100000):
+        journal.append(Airborne(1, float(number)))
+        print(number, flush=True)
+"""
+
+
+def test_killed_process_loses_nothing_that_it_acknowledged(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    acknowledged = -1
+    for after in (1, 40, 7, 150):
+        process = subprocess.Popen(
+            [sys.executable, "-c", textwrap.dedent(PROGRAM), str(path)],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+        assert process.stdout is not None
+        with process.stdout:
+            said = [int(process.stdout.readline()) for _ in range(after)]
+            process.send_signal(signal.SIGKILL)
+            said += [int(line) for line in process.stdout.read().split("\n")[:-1]]
+        assert process.wait() == -signal.SIGKILL
+        assert said[0] > acknowledged
+        acknowledged = said[-1]
+        found = [event.t_s for event in JournalReader(path).events()]
+        assert found == [float(n) for n in range(len(found))]
+        assert acknowledged < len(found) <= acknowledged + 2
+
+
+# A child is ended, as by a kill, before the n-th line of the code that makes a journal; n grows
+# until a child comes through.
+KILLED_AT_EACH_LINE = """
+    import os, sys
+    from pathlib import Path
+    from tests.support.journals import META
+    from uavmap.journal.event_log import Journal
+
+    def ended_before(line, path):
+        seen = 0
+        def trace(frame, event, argument):
+            nonlocal seen
+            if "uavmap/journal" not in frame.f_code.co_filename:
+                return None
+            if event == "line":
+                seen += 1
+                if seen == line:
+                    os._exit(9)
+            return trace
+        sys.settrace(trace)
+        Journal.create(path, META)
+        os._exit(0)
+
+    for line in range(1, 1000):
+        path = Path(sys.argv[1]) / str(line) / "journal.jsonl"
+        if (child := os.fork()) == 0:
+            ended_before(line, path)
+        _, status = os.waitpid(child, 0)
+        print(line, os.waitstatus_to_exitcode(status))
+        if status == 0:
+            break
+"""
+
+
+def test_killed_at_each_line_of_its_creation(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(KILLED_AT_EACH_LINE), str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[-1].endswith(" 0")
+    assert all(line.endswith(" 9") for line in lines[:-1])
+    whole = 0
+    for number in range(1, len(lines)):
+        path = tmp_path / str(number) / "journal.jsonl"
+        if path.exists():
+            whole += 1
+            assert read(path) == ([], META)
+        else:
+            with pytest.raises(JournalError, match="no journal here"):
+                Journal.open(path)
+            write(path, some_events(1))
+            assert read(path) == (some_events(1), META)
+        assert [p.name for p in path.parent.iterdir()] == ["journal.jsonl"]
+    assert 20 < whole < len(lines) - 20
+
+
+def test_folder_in_which_another_process_writes_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal.create(tmp_path / "other.jsonl", META):
+        unfinished(path).write_bytes(b"half")
+        with pytest.raises(JournalError, match="in use"):
+            Journal.create(path, META)
+        assert unfinished(path).exists()
+
+
+# --- a full disk -----------------------------------------------------------------------------
+@pytest.mark.parametrize("cuttable", [True, False])
+def test_full_disk_keeps_what_was_confirmed_and_goes_on_with_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cuttable: bool
+) -> None:
+    """A write is cut in the middle of a line; the rest of it may stay where it is for a while."""
+    events, path = some_events(50), tmp_path / "journal.jsonl"
+    pwrite = os.pwrite
+
+    def limited(file: int, data: bytes, offset: int) -> int:
+        if offset >= 9000:
+            raise OSError(28, "No space left on device")
+        return pwrite(file, data[: 9000 - offset], offset)
+
+    def refused(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    with Journal.create(path, META) as journal:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "pwrite", limited)
+            if not cuttable:
+                patch.setattr(os, "ftruncate", refused)
+            with pytest.raises(JournalError, match="cannot be written: No space left on device"):
+                deque(map(journal.append, events))
+            confirmed = len(journal)
+            assert 20 < confirmed < 100
+            with pytest.raises(JournalError, match="cannot be written"):
+                journal.append_all(events[confirmed:])
+            assert (path.stat().st_size == 9000) is not cuttable
+        left = shutil.copytree(tmp_path, tmp_path / "killed") / path.name
+        assert read(left)[0] == events[:confirmed]
+        journal.append(Recalled(1.0))
+    assert read(path)[0] == [*events[:confirmed], Recalled(1.0)]
+
+
+# One process that has imported the journal, and a copy of it for each that fills the file system.
+LIMITED = """
+    import json, os, resource, sys
+    from pathlib import Path
+    from missions.errors import JournalError
+    from tests.support.journals import META, some_events
+    from uavmap.journal.event_log import Journal
+
+    def fill(path, room):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+        try:
+            journal = Journal.open(path) if path.exists() else Journal.create(path, META)
+            for event in some_events(400)[len(journal):]:
+                journal.append(event)
+                print(len(journal), flush=True)
+        except JournalError as error:
+            print("refused", error, flush=True)
+        os._exit(0)  # no orderly end: the file system takes nothing more
+
+    for line in sys.stdin:
+        name, room = json.loads(line)
+        if (child := os.fork()) == 0:
+            fill(Path(name), room)
+        print("ended", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+Fill = Callable[[Path, int], list[str]]
+
+
+@pytest.fixture(scope="module")
+def fill() -> Iterator[Fill]:
+    """Has a process of its own write a journal while no file may grow beyond so many bytes."""
+    command = [sys.executable, "-c", textwrap.dedent(LIMITED)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:
+        asked, told = process.stdin, process.stdout
+        assert asked is not None
+        assert told is not None
+
+        def filled(path: Path, room: int) -> list[str]:
+            print(json.dumps([str(path), room]), file=asked, flush=True)
+            *lines, end = _until_ended(told)
+            assert end == "ended 0"
+            return lines
+
+        yield filled
+        asked.close()
+
+
+def _until_ended(told: IO[str]) -> Iterator[str]:
+    """The lines of one that fills, and of its end."""
+    for line in told:
+        yield line.rstrip("\n")
+        if line.startswith("ended "):
+            return
+
+
+@pytest.mark.parametrize("kilobytes", [1, 13, 33, 101])
+def test_file_system_that_takes_no_more(tmp_path: Path, kilobytes: int, fill: Fill) -> None:
+    """No file may grow beyond so much; the second process finds it so, the third has room."""
+    path, confirmed = tmp_path / "out" / "journal.jsonl", 0
+    for _ in range(2):
+        *numbers, last = fill(path, kilobytes * 1000)
+        assert last.startswith("refused")
+        confirmed = int(numbers[-1]) if numbers else confirmed
+        if path.exists():
+            assert list(JournalReader(path).events()) == some_events(400)[:confirmed]
+    assert fill(path, 10**9)[-1] == "800"
+    assert read(path) == (some_events(400), META)

@@ -1,0 +1,216 @@
+"""`uavmap simulate` and `uavmap strategies`, in process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions.planning.stepwise import EXPLORERS
+from missions.planning.sweep.strategies import ON_PATHS
+from uavmap.lab.commands import runs, simulate
+from uavmap.lab.trials import Trial, trials
+from uavmap.ui.cli import main
+
+KEYS = {"makespan", "lower_bound", "bound", "bound_held", "moves", "tree_depth"}
+TIMES = {"wall_s", "lower_bound_wall_s"}
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: object) -> Any:
+    assert main([str(a) for a in arguments]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def row_file(folder: Path) -> Path:
+    """A row of four and a square of four, with a key that nobody knows."""
+    rois = [
+        {"start": [0, 0], "cells": [[i, 0] for i in range(4)], "seed": 9},
+        {"start": [0, 0], "cells": [[0, 0], [1, 0], [0, 1], [1, 1]]},
+    ]
+    path = folder / "rois.json"
+    path.write_text(json.dumps({"rois": rois}))
+    return path
+
+
+def test_figures_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = printed(capsys, "simulate", "--roi", row_file(tmp_path), "--json")
+    assert set(values) == {"rois", "means"}
+    row, square = values["rois"]
+    assert set(row) == KEYS | TIMES
+    assert (row["makespan"], row["lower_bound"], row["bound"]) == (6.0, 6.0, 6.0)
+    assert (row["bound_held"], row["moves"], row["tree_depth"]) == (True, 6, 3)
+    assert (square["makespan"], square["lower_bound"], square["moves"]) == (6.0, 4.0, 6)
+    means = values["means"]
+    assert (means["makespan"], means["lower_bound"], means["ratio"]) == (6.0, 5.0, 1.2)
+    assert means["bound_held"] is True
+
+
+def test_a_drift_across_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Across the drift every step costs 1 / sqrt(1 - 0.36) = 1.25; along it 1.5625 in the mean."""
+    roi = row_file(tmp_path)
+    across, along = (
+        printed(capsys, "simulate", "--roi", roi, "--drift", f"0.6,{towards}", "--json")["rois"][0]
+        for towards in (0, 90)
+    )
+    assert (across["makespan"], across["lower_bound"]) == (7.5, 7.5)
+    assert along["makespan"] == pytest.approx(6 * 1.5625)
+    assert along["bound"] == pytest.approx(6 * 1.5625)
+    assert along["bound_held"]
+    fast = printed(capsys, "simulate", "--roi", roi, "--speed", "2", "--json")["rois"][0]
+    assert fast["makespan"] == 3.0
+
+
+@pytest.mark.parametrize("comms", ["shared", "meeting"])
+def test_several_strategies_on_grown_rois(capsys: pytest.CaptureFixture[str], comms: str) -> None:
+    arguments = ["simulate", "--generate", "ragged", "--cells", 40, "--count", 3, "--robots", 3]
+    arguments += ["--comms", comms, "--strategy", "rdfs,rdfs-paper", "--strategy", "rdfs", "--json"]
+    once, again = (printed(capsys, *arguments) for _ in range(2))
+    assert list(once) == ["rdfs", "rdfs-paper"]
+    for name, values in once.items():
+        assert len(values["rois"]) == 3
+        for row in values["rois"]:
+            assert row["makespan"] >= row["lower_bound"]
+            promised = name == "rdfs" and comms == "shared"
+            assert row["bound_held"] is (True if promised else None)
+        for row in (*values["rois"], *again[name]["rois"], values["means"], again[name]["means"]):
+            assert all(row.pop(key) > 0.0 for key in TIMES)
+    assert once["rdfs-paper"]["means"]["bound"] is None
+    assert once == again
+
+
+def test_a_radio_is_stated_and_bounds_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--comms", "range:3,loss:0.5"]
+    once, again, other = (
+        printed(capsys, *arguments, "--json", "--strategy", "rdfs,greedy", "--seed", seed)
+        for seed in (1, 1, 2)
+    )
+    for name in ("rdfs", "greedy"):
+        assert once[name]["comms"] == "range:3,loss:0.5"
+        assert once[name]["means"]["bound"] is None
+    moves = [
+        [values[name]["rois"][0]["moves"] for name in values] for values in (once, again, other)
+    ]
+    assert moves[0] == moves[1] != moves[2]
+    assert main([str(a) for a in arguments]) == 0
+    assert "eden:40:3, 3 robots, range:3,loss:0.5" in capsys.readouterr().out
+
+
+def test_free_is_shared(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--json", "--comms"]
+    free, shared = (printed(capsys, *arguments, comms) for comms in ("free", "shared"))
+    for values in (free, shared):
+        for row in (*values["rois"], values["means"]):
+            assert all(row.pop(key) > 0.0 for key in TIMES)
+    assert free == shared
+    assert shared["means"]["bound_held"]
+
+
+def test_a_film_of_robots_with_a_radio(tmp_path: Path) -> None:
+    film = tmp_path / "film.gif"
+    arguments = ["simulate", "--roi", "eden:12:3", "--robots", "2", "--comms", "range:1,delay:2"]
+    assert main([*arguments, "--animate", str(film)]) == 0
+    assert film.read_bytes().startswith(b"GIF8")
+
+
+def test_the_table_names_strategies_and_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--generate", "thin", "--cells", "20", "--count", "2"]) == 0
+    shown = capsys.readouterr().out
+    words_of_time = "the lower bound of a ROI took another 0."
+    for words in ("means of 2 ROIs, 1 robot", "rdfs", "T / LB", "yes", words_of_time):
+        assert words in shown
+
+
+def test_the_figures_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "out"
+    arguments = ["simulate", "--roi", "eden:9:1", "--json", "--out", str(out)]
+    assert main(arguments) == 0
+    assert (out / "summary.json").read_text() == capsys.readouterr().out
+    assert main(arguments) == 2
+    assert "choose another" in capsys.readouterr().err
+
+
+def test_an_interruption_prints_what_is_done(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*arguments: Any) -> Iterator[Trial]:
+        for number, trial in enumerate(trials(*arguments)):
+            if number == 2:
+                raise KeyboardInterrupt
+            yield trial
+
+    monkeypatch.setattr(simulate, "trials", interrupted)
+    monkeypatch.setattr(runs, "_REPORT_S", 0.0)
+    code = main(["simulate", "--generate", "eden", "--cells", "9", "--count", "5", "--json"])
+    streams = capsys.readouterr()
+    assert code == 130
+    assert len(json.loads(streams.out)["rois"]) == 2
+    assert "interrupted after 2 of 5 runs" in streams.err
+    assert "1 of 5 runs" in streams.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--generate", "edn"], "choose one of eden"),
+        (["--generate", "eden", "--start", "1,2"], "--start is for --roi"),
+        (["--roi", "eden:9:1", "--cells", "9"], "--cells is for --generate"),
+        (["--roi", "nowhere.json"], "cannot be read"),
+        (["--roi", "eden:9:1", "--strategy", "rdfs,dfs"], "'dfs' is not known"),
+        (["--roi", "eden:9:1", "--strategy", ""], "'' is not known"),
+        (["--roi", "eden:9:1", "--drift", "1,0"], "do not keep up"),
+        (["--roi", "eden:9:1", "--drift", "nan,0"], "V,DEG"),
+        (["--roi", "eden:9:1", "--drift", "0.1"], "V,DEG"),
+        (["--roi", "x.json", "--start", "here"], "LAT,LON"),
+        (["--roi", "eden:9:1", "--comms", "radio"], "'radio' is none of shared, free, meeting"),
+        (["--roi", "eden:9:1", "--comms", "range:far"], "a distance in cells"),
+        (["--roi", "eden:9:1", "--comms", "free,loss:2"], "--comms free,loss:2: loss:2 is above 1"),
+        (["--roi", "eden:9:1", "--comms", "meeting,loss:0.1"], "write meeting alone"),
+        (["--roi", "eden:9:1", "--comms", "free,apart:1-2:3"], "robot 3 is none of 1 to 1"),
+        (["--roi", "eden:9:1", "--comms", "range:3", "--seed", "2"], "or for --comms with a loss"),
+        (
+            ["--roi", "eden:9:1", "--comms", "range:3", "--strategy", "swath"],
+            "uavmap fly MISSION --sim --comms HOW",
+        ),
+        (["--roi", "eden:9:1", "--out", ""], "choose another"),
+        (["--roi", "eden:9:1", "--out", __file__], "choose another"),
+        (["--roi", "eden:9:1", "--out", f"{__file__}/new"], "cannot be made: Not a directory"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", *arguments]) == 2
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    (line,) = streams.err.splitlines()
+    assert line.startswith("uavmap: ")
+    assert words in line
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["--roi", "a", "--generate", "eden"],
+        ["--generate", "eden", "--robots", "0"],
+        ["--generate", "eden", "--cells", "nan"],
+        ["--generate", "eden", "--speed", "inf"],
+    ],
+)
+def test_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", *arguments])
+    assert left.value.code == 2
+    assert "usage: uavmap simulate" in capsys.readouterr().err
+
+
+def test_strategies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = printed(capsys, "strategies", "--json")
+    assert [entry["name"] for entry in listed] == [*EXPLORERS, *ON_PATHS]
+    assert all(set(entry) == {"name", "guarantee", "source", "when"} for entry in listed)
+    assert main(["strategies"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in (*EXPLORERS, *ON_PATHS))

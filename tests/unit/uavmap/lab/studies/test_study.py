@@ -1,0 +1,273 @@
+"""uavmap study: what is written, what is found, and what is said when it cannot run."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import distributed
+import pytest
+
+from missions.planning.stepwise.metric import Metric
+from missions.units import Cell
+from uavmap.lab.commands import study as command
+from uavmap.lab.studies import STUDIES, greedy_table_1, lrv_figure_3, roi_bounds, roi_figure_7
+from uavmap.lab.studies import executors as spread
+from uavmap.lab.studies.executors import Progress
+from uavmap.lab.studies.lawn_mower import lawn_mower
+from uavmap.lab.studies.outcomes import PLAIN
+from uavmap.lab.studies.strategy_comparison import reference
+from uavmap.ui.cli import main
+
+
+def study(name: str, folder: Path, *options: str) -> list[dict[str, str]]:
+    """The rows of a quick study's CSV."""
+    assert main(["study", name, "--quick", "--out", str(folder), *options]) == 0
+    assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    page = (folder / f"{name}.md").read_text()
+    assert page.startswith("# ")
+    assert f"{name}.png" in page
+    with (folder / f"{name}.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows
+    assert page.count("\n|") > len(rows)
+    return rows
+
+
+# --- what is found ---------------------------------------------------------------------------
+def test_greedy_table_1_is_the_papers_to_the_digit(tmp_path):
+    rows = study("greedy-table-1", tmp_path)
+    assert [int(row["n"]) for row in rows] == [3, 4, 5]
+    assert all(row["equal"] == "yes" and row["by"] == "simulation" for row in rows)
+
+
+@pytest.mark.parametrize("n", sorted(greedy_table_1.PAPER))
+def test_the_formulas_give_the_papers_rows(n):
+    assert (greedy_table_1.travel(n), greedy_table_1.vertices(n)) == greedy_table_1.PAPER[n]
+
+
+@pytest.mark.parametrize("n", [6, 7])
+def test_larger_rows_come_out_of_the_simulation(n):
+    assert greedy_table_1.simulate(n) == greedy_table_1.PAPER[n]
+
+
+def test_lrv_figure_3_is_within_two_thousandths_of_the_paper(tmp_path):
+    rows = {int(row["m"]): row for row in study("lrv-figure-3", tmp_path)}
+    assert abs(float(rows[100]["off by, %"])) < 0.2
+    assert all(float(row["ln V"]) < float(row["random walk / V"]) for row in rows.values())
+
+
+@pytest.mark.parametrize(
+    ("m", "tolerance"), [(m, 0.0001) for m in lrv_figure_3.PAPER if m >= 300] + [(100, 0.0005)]
+)
+def test_the_formula_gives_the_papers_sequence(m, tolerance):
+    assert lrv_figure_3.formula(m) == pytest.approx(lrv_figure_3.PAPER[m], rel=tolerance)
+
+
+def test_roi_figure_7_breaks_no_bound_and_shows_the_papers_trends(tmp_path):
+    rows = study("roi-figure-7", tmp_path)
+    assert {row["violations"] for row in rows} == {"0"}
+    for row in rows:
+        assert float(row["lower bound"]) <= float(row["mean"]) <= float(row["upper bound"])
+        assert float(row["upper bound"]) < float(row["paper's upper"])
+    page = (tmp_path / "roi-figure-7.md").read_text()
+    assert "**0 violations" in page
+    assert "| time falls with the speed ratio | yes | yes | yes |" in page
+
+
+def test_a_broken_bound_is_counted():
+    done = roi_figure_7.trial(roi_figure_7.jobs(True, 1)[0])
+    assert not done.violated
+    assert replace(done, makespan=done.upper * 1.01).violated
+    assert replace(done, makespan=done.lower * 0.99).violated
+
+
+def test_the_full_study_of_figure_7_makes_ten_thousand_runs():
+    assert len(roi_figure_7.jobs(False, 1)) >= 10_000
+
+
+def test_roi_bounds_tells_the_readings_of_algorithm_1_apart(tmp_path):
+    rows = study("roi-bounds", tmp_path)
+    above = dict.fromkeys(roi_bounds.SIZES, 0)
+    for row in rows:
+        above[row["strategy"]] += int(row["above Lemma 1"])
+        assert row["below lower bound"] == "0"
+    assert above["rdfs"] == above[PLAIN] == 0 < above["rdfs-paper"]
+    large = [row for row in rows if int(row["cells"]) == roi_bounds.QUICK_LARGE]
+    deep = [row for row in large if row["strategy"] == PLAIN]
+    assert all(float(row["mean depth_T"]) > float(row["mean ecc"]) for row in deep)
+    assert sum(int(row["above Lemma 1 with ecc"]) for row in deep) > 0
+
+
+def test_the_tree_of_a_large_roi_is_far_deeper_than_the_roi():
+    """What Theorem 1 does not reckon with; its bound with the distance in the graph fails."""
+    done = roi_bounds.trial(roi_bounds.Job(PLAIN, "eden", 10_000, 20, seed=1))
+    assert done.depth > 5 * done.eccentricity
+    assert done.lemma_1_ecc < done.makespan <= done.lemma_1
+
+
+def test_strategies_sets_ours_beside_the_prototypes(tmp_path):
+    rows = study("strategies", tmp_path)
+    assert {"rdfs", "rdfs-paper"} <= {row["strategy"] for row in rows}
+    assert {row["bound broken"] for row in rows} == {"0"}
+    assert all(float(row["T / LB"]) >= 1 for row in rows)
+    assert reference("eden", 120, 20, "horizon") == 1.06
+    assert reference("thin", 120, 20, "horizon") is None
+
+
+def test_homing_robot_keeps_its_bounds_and_meets_the_papers_grids(tmp_path):
+    rows = study("homing-robot", tmp_path)
+    assert {row["bound broken"] for row in rows if row["part"] != "errors"} == {"0"}
+    assert {row["right"] for row in rows if row["part"] != "errors"} == {"1"}
+    ratio = {row["grid"]: float(row["most moves / n"]) for row in rows if row["part"] == "worst"}
+    assert round(ratio["studded 50"], 3) == 2.649
+    assert ratio["chevrons 4, 5"] == pytest.approx(303 / 140)
+    page = (tmp_path / "homing-robot.md").read_text()
+    assert "**0 violations** in 100 runs" in page
+    assert "0 of\n28 needed fewer" in page
+
+
+# --- the lawn mower --------------------------------------------------------------------------
+def test_a_lawn_mower_splits_its_rectangle_and_takes_the_better_way():
+    corners = [Cell(0, 0), Cell(9, 3)]
+    assert lawn_mower(corners, 1, Metric()) == 39
+    assert lawn_mower(corners, 2, Metric()) == 19
+    assert lawn_mower(corners, 5, Metric()) == 7
+    assert lawn_mower(corners, 100, Metric()) == 3
+
+
+def test_a_lawn_mower_in_a_drift_takes_the_cheaper_lanes():
+    """Short lanes across the drift, and on against it."""
+    metric = Metric(speed=2.0, drift_east=1.0)
+    along, against, aside = 1 / (2 - 1), 1 / (2 + 1), 1 / 3**0.5
+    one, other = 9 * (along + against) + aside, 10 * aside + 9 * against
+    assert lawn_mower([Cell(0, 0), Cell(9, 1)], 1, metric) == pytest.approx(min(one, other))
+    assert lawn_mower([Cell(0, 0), Cell(9, 0)], 1, metric) == pytest.approx(9 * against)
+
+
+# --- where it is computed --------------------------------------------------------------------
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_wherever_the_trials_run_the_files_are_the_same(tmp_path, capsys):
+    study("roi-bounds", tmp_path / "here")
+    study("roi-bounds", tmp_path / "processes", "--workers", "2")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+        dashboard_address=None,
+    ) as cluster:  # fmt: skip
+        study("roi-bounds", tmp_path / "cluster", "--scheduler", cluster.scheduler_address)
+    assert files(tmp_path / "here") == files(tmp_path / "processes") == files(tmp_path / "cluster")
+
+
+def test_another_seed_gives_other_trials():
+    for name in ("roi-figure-7", "roi-bounds", "strategies", "lrv-figure-3"):
+        assert STUDIES[name].jobs(True, 1) == STUDIES[name].jobs(True, 1)
+        assert STUDIES[name].jobs(True, 1) != STUDIES[name].jobs(True, 2)
+
+
+def test_results_keep_the_order_of_the_jobs():
+    assert spread.spread(abs, [-3, 2, -1]) == [3, 2, 1]
+    assert spread.spread(abs, range(-40, 0), workers=2) == list(range(40, 0, -1))
+    assert spread.spread(abs, []) == []
+
+
+# --- what is said ----------------------------------------------------------------------------
+def test_json_is_the_table(tmp_path, capsys):
+    rows = study("greedy-table-1", tmp_path, "--json")
+    found = json.loads(capsys.readouterr().out)
+    assert found["study"] == "greedy-table-1"
+    assert [row["travel"] for row in found["rows"]] == [int(row["travel"]) for row in rows]
+
+
+def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(command, "find_spec", lambda name: None)
+    assert main(["study", "strategies", "--out", str(tmp_path / "new")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("uavmap: studies need matplotlib and numba: ")
+    assert error.endswith(" -m pip install 'matplotlib>=3.9' 'numba>=0.61'\n")
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(spread, "ANSWER_S", 0.3)
+    address = "tcp://127.0.0.1:1"
+    code = main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address])
+    assert code == 2
+    assert capsys.readouterr().err.startswith(f"uavmap: --scheduler {address}: no Dask scheduler")
+
+
+@pytest.mark.parametrize("address", ["", "here", "tcp://h", ":8786", "http://h:1", "tcp://h:70000"])
+def test_an_address_that_is_none_is_named(address, tmp_path, capsys):
+    assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address]) == 2
+    assert "expected tcp://HOST:PORT" in capsys.readouterr().err
+
+
+def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(spread, "import_module", missing)
+    assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", "x:1"]) == 2
+    assert "pip install 'distributed>=" in capsys.readouterr().err
+
+
+def test_an_out_that_cannot_be_made_is_named(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["study", "strategies", "--out", str(tmp_path / "file" / "x")]) == 2
+    assert "cannot be made: Not a directory" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["csv", "png", "md"])
+def test_nothing_is_overwritten(kind, tmp_path, capsys):
+    kept = tmp_path / f"strategies.{kind}"
+    kept.write_text("ours")
+    assert main(["study", "strategies", "--quick", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        f"uavmap: --out {tmp_path}: holds a {kept.name} already; choose another folder\n"
+    )
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["ours"]
+
+
+def test_studies_may_share_a_folder(tmp_path):
+    (tmp_path / "roi-bounds.md").write_text("another study")
+    study("greedy-table-1", tmp_path)
+
+
+def test_ctrl_c_ends_it_in_a_line(tmp_path, capsys, monkeypatch):
+    def interrupted(job: object) -> None:
+        raise KeyboardInterrupt
+
+    broken = replace(STUDIES["strategies"], trial=interrupted)
+    monkeypatch.setattr(command, "STUDIES", {"strategies": broken})
+    assert main(["study", "strategies", "--quick", "--out", str(tmp_path)]) == 130
+    assert capsys.readouterr().err == "uavmap: interrupted\n"
+    assert not list(tmp_path.iterdir())
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()])
+def test_progress_is_told_after_two_seconds(stream, monkeypatch):
+    now_s = 100.0
+    monkeypatch.setattr(spread.time, "monotonic", lambda: now_s)
+    progress = Progress("name", 8, stream)
+    now_s = 101.9
+    progress.update(1)
+    assert stream.getvalue() == ""
+    now_s = 103.0
+    progress.update(3)
+    assert "name: 3 of 8 trials" in stream.getvalue()
+    once = stream.getvalue()
+    now_s = 103.1
+    progress.update(4)
+    assert stream.getvalue() == once
+    progress.end()
+    assert stream.getvalue().endswith("\033[K" if stream.isatty() else "\n")

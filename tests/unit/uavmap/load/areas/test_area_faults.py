@@ -1,0 +1,413 @@
+"""Areas that are wrong, hostile or absurd: one line that names the file, and no memory taken."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sqlite3
+import struct
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import shapefile
+from shapely.geometry import Polygon
+
+from missions.errors import AreaError
+from missions.mission.checks import parse_mission
+from missions.units import LatLon
+from tests.support import area_files as files
+from tests.support.area_files import FIELD, collection, feature, kml, placemark, saved
+from tests.unit.uavmap.load.areas.test_area_kinds import SIM
+from uavmap.load.areas.composing import Flying, compose
+from uavmap.load.areas.layout import Wishes, lay_out
+from uavmap.load.areas.reading import read_area_file
+from uavmap.load.areas.shp import read_shapefile
+
+Maker = Callable[[Path], Path]
+
+ENTITIES = (
+    '<?xml version="1.0"?><!DOCTYPE kml [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {chr(98 + i)} "{"&" + chr(97 + i) + ";" * 1}">' for i in range(9))
+    + "]><kml><Placemark><name>&j;</name></Placemark></kml>"
+)
+OUTSIDE = (
+    '<?xml version="1.0"?><!DOCTYPE kml [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
+    "<kml><Placemark><name>&x;</name></Placemark></kml>"
+)
+
+
+def text(name: str, content: str | bytes) -> Maker:
+    return lambda folder: saved(folder, name, content)
+
+
+def geometry(kind: str, coordinates: object) -> Maker:
+    value = json.dumps({"type": kind, "coordinates": coordinates})
+    return text("a.geojson", value)
+
+
+def ring(*corners: tuple[object, object]) -> Maker:
+    return geometry("Polygon", [[*map(list, corners)]])
+
+
+def parts(change: Callable[[bytes], bytes]) -> Maker:
+    """A Shapefile whose .shp is changed."""
+
+    def make(folder: Path) -> Path:
+        made = files.shp([[FIELD]], ["Field"])
+        return files.beside(folder, "a", made | {"shp": change(made["shp"])})
+
+    return make
+
+
+def gpkg(change: str) -> Maker:
+    """A GeoPackage that somebody has worked on with SQL."""
+
+    def make(folder: Path) -> Path:
+        path = files.gpkg(folder, {"fields": [("Field", files.gpkg_blob(FIELD, 4326))]})
+        file = sqlite3.connect(path)
+        file.executescript(change)
+        file.close()
+        return path
+
+    return make
+
+
+def plan(**sections: object) -> Maker:
+    return text("a.plan", files.plan(**sections))
+
+
+ENDLESS = (
+    "DROP TABLE fields; CREATE VIEW fields AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT "
+    "i + 1 FROM n) SELECT i AS fid, x'' AS geom, 'a' AS name FROM n WHERE i < 0;"
+)
+CRS = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::99999"}}
+LINK = {"type": "link", "properties": {"href": "http://127.0.0.1:9/crs"}}
+FAULTS: dict[str, tuple[Maker, str]] = {
+    "no file": (lambda folder: folder / "gone.kml", "cannot be read"),
+    "a folder": (lambda folder: folder, "cannot be read"),
+    "a device": (lambda _: Path("/dev/zero"), "not an ordinary file"),
+    "an empty file": (text("a.kml", " \n"), "is empty"),
+    "a picture": (text("a.png", b"\x89PNG\r\n\x1a\n" + bytes(range(256))), "not a kind of file"),
+    "a spreadsheet": (text("a.csv", "a,b\n1,2\n"), "not a kind of file"),
+    "XML with entities": (text("a.kml", ENTITIES), "document type or entities"),
+    "XML that reads a file": (text("a.kml", OUTSIDE), "document type or entities"),
+    "XML of an unknown encoding": (
+        text("a.kml", '<?xml version="1.0" encoding="klingon"?><kml/>'), "not well-formed",
+    ),
+    "XML that ends early": (text("a.kml", kml("x")[:-5]), "not well-formed"),
+    "XML that is nested deeply": (
+        text("a.kml", "<kml>" + "<Folder>" * 100_000), "not well-formed",
+    ),
+    "KML with placemarks in one another": (
+        text("a.kml", kml("<Placemark>" * 20_000 + "</Placemark>" * 20_000)), "in a placemark",
+    ),
+    "a zip of a hundred Shapefiles and more": (
+        lambda folder: saved(
+            folder,
+            "a.zip",
+            files.zipped({f"{i}.shp": files.shp([[FIELD]], ["a"])["shp"] for i in range(102)}),
+        ),
+        "more than 100 layers",
+    ),
+    "an empty GPX": (text("a.gpx", "<gpx version='1.1'/>"), "holds no polygon"),
+    "XML of something else": (text("a.kml", "<html/>"), "no KML"),
+    "KML without a polygon": (
+        text("a.kml", kml(placemark("here", files.point(FIELD[0])))), "holds no polygon",
+    ),
+    "KML with a network link": (
+        text("a.kml", kml("<NetworkLink><Link><href>http://x/</href></Link></NetworkLink>")),
+        "a link to another file",
+    ),
+    "KML with words for numbers": (
+        text("a.kml", kml(placemark("a", files.kml_polygon((("x", 1.0), *FIELD[1:]))))),  # type: ignore[arg-type]
+        "is not longitude,latitude",
+    ),
+    "KML with NaN": (
+        text("a.kml", kml(placemark("a", files.kml_polygon(((float("nan"), 1.0), *FIELD[1:]))))),
+        "no finite number",
+    ),
+    "KML of a polygon with two corners": (
+        text("a.kml", kml(placemark("a", files.kml_polygon(FIELD[:2])))), "a polygon needs three",
+    ),
+    "KML with latitude first": (
+        text(
+            "a.kml",
+            kml(placemark("a", files.kml_polygon([(-33, 151), (-33, 151.1), (-33.1, 151.1)]))),
+        ),
+        "they are swapped; give --swap",
+    ),
+    "a KMZ without KML": (text("a.kmz", files.zipped({"a.txt": "x"})), "without a .kml"),
+    "a zip that ends early": (text("a.zip", files.zipped({"a.shp": b"x" * 500})[:-30]), "damaged"),
+    "a zip bomb": (
+        text("a.kmz", files.zipped({"doc.kml": b"\0" * 21_000_000})), "unpacks to more than 20 MB",
+    ),
+    "a zip with a directory of 2 GB": (
+        text("a.kmz", b"PK\3\4PK\5\6" + struct.pack("<4H2IH", 0, 0, 9, 9, 2**31, 0, 0)),
+        "too many files",
+    ),
+    "a zip named KMZ that is none": (text("a.kmz", "<kml/>"), "not what .kmz says"),
+    "a Shapefile without its .shp": (text("a.dbf", b"\x03"), "a part of a Shapefile"),
+    "a Shapefile that ends early": (parts(lambda shp: shp[:150]), "damaged Shapefile"),
+    "a Shapefile of billions of points": (
+        parts(lambda shp: shp[:144] + struct.pack("<2i", 1, 2**31 - 1) + shp[152:]),
+        "damaged Shapefile",
+    ),
+    "a Shapefile with NaN": (
+        parts(lambda shp: shp[:156] + struct.pack("<d", float("nan")) + shp[164:]), "finite",
+    ),
+    "a Shapefile without projection, in metres": (
+        lambda folder: files.beside(
+            folder, "a", files.shp([[files.in_crs(FIELD, 25833)]], ["a"], None)
+        ),
+        "give --crs EPSG",
+    ),
+    "a Shapefile with a projection of nonsense": (
+        lambda folder: files.beside(
+            folder, "a", files.shp([[FIELD]], ["a"]) | {"prj": b"+proj=longlat +nadgrids=/etc/x"}
+        ),
+        "is not known; save the area in WGS84",
+    ),
+    "a GeoPackage that is none": (text("a.gpkg", b"SQLite format 3\0" + b"\1" * 600), "GeoPackage"),
+    "a GeoPackage named so": (text("a.gpkg", "x"), "not what .gpkg says"),
+    "an SQLite file without tables": (gpkg("DROP TABLE gpkg_contents"), "no GeoPackage"),
+    "a GeoPackage whose view never ends": (gpkg(ENDLESS), "no GeoPackage that can be read"),
+    "a GeoPackage with text for a geometry": (gpkg("UPDATE fields SET geom = 'x'"), "geometry"),
+    "a GeoPackage with billions of points": (
+        gpkg("UPDATE fields SET geom = x'4750000100000000010300000001000000ffffffff'"), "geometry",
+    ),
+    "a GeoPackage of an unknown system": (
+        gpkg("UPDATE gpkg_spatial_ref_sys SET organization_coordsys_id = 99999 WHERE srs_id > 0"),
+        "EPSG:99999 is not known",
+    ),
+    "JSON that is none": (text("a.geojson", '{"type": '), "not JSON"),
+    "JSON that is nested deeply": (text("a.geojson", '{"a":' * 200_000), "not JSON"),
+    "JSON of something else": (text("a.json", '{"name": "x"}'), "no GeoJSON"),
+    "a list": (text("a.json", "[1, 2]"), "no GeoJSON"),
+    "TopoJSON": (text("a.json", '{"type": "Topology", "arcs": []}'), "TopoJSON is not read"),
+    "the JSON of ESRI": (
+        text("a.json", '{"rings": [[[1, 2]]], "spatialReference": {"wkid": 4326}}'), "ESRI",
+    ),
+    "GeoJSON without features": (text("a.geojson", collection()), "holds no polygon"),
+    "GeoJSON with features that are no list": (
+        text("a.geojson", '{"type": "FeatureCollection", "features": 7}'), "without features",
+    ),
+    "GeoJSON with a number for a ring": (geometry("Polygon", 7), "list of positions"),
+    "GeoJSON with an empty polygon": (geometry("Polygon", []), "without a ring"),
+    "GeoJSON with text for a number": (ring(("1", 2), (2, 3), (3, 1)), "is no coordinate"),
+    "GeoJSON with true for a number": (ring((True, 2), (2, 3), (3, 1)), "is no coordinate"),
+    "GeoJSON with NaN": (ring((float("nan"), 2), (2, 3), (3, 1)), "is no coordinate"),
+    "GeoJSON with an endless number": (
+        text("a.geojson", '{"type": "Polygon", "coordinates": [[[1e999, 1], [2, 3], [3, 1]]]}'),
+        "is no coordinate",
+    ),
+    "GeoJSON with a number of 400 digits": (ring((10**400, 2), (2, 3), (3, 1)), "coordinate"),
+    "GeoJSON with one number": (geometry("Polygon", [[[1], [2], [3]]]), "longitude and latitude"),
+    "GeoJSON in metres": (
+        ring((390_000, 5_812_000), (390_100, 5_812_000), (390_100, 5_812_100)), "metres",
+    ),
+    "GeoJSON of an unknown system": (
+        text("a.geojson", collection(feature(), crs=CRS)), "EPSG:99999 is not known",
+    ),
+    "GeoJSON with a link to a system": (
+        text("a.geojson", collection(feature(), crs=LINK)), "not a system by name",
+    ),
+    "GeoJSON of too many polygons": (
+        text("a.geojson", collection(*[feature()] * 1001)), "more than 1000 shapes",
+    ),
+    "GeoJSON of too many corners": (
+        geometry("Polygon", [[[i % 7, i % 5] for i in range(100_002)]]), "corners",
+    ),
+    "a plan of another program": (text("a.plan", "{}"), "no plan of QGroundControl"),
+    "a plan without anything": (plan(), "holds no polygon"),
+    "a plan with a list for a mission": (
+        text("a.plan", '{"fileType": "Plan", "mission": [1]}'), "is no table",
+    ),
+    "a plan with text for a corner": (
+        plan(mission={"items": [files.SURVEY | {"polygon": [["a", 1]] * 3}]}), "is no coordinate",
+    ),
+    "a plan with a circle around the earth": (
+        plan(geoFence={"circles": [{"circle": {"center": [1, 2], "radius": 1e9}}]}), "a circle of",
+    ),
+    "waypoints of three columns": (text("a.waypoints", "QGC WPL 110\n0 1 2\n"), "12 columns"),
+    "waypoints with NaN": (
+        text("a.waypoints", files.wpl((16, 0.0, float("nan"), 1.0), (16, 0.0, 1.0, 1.0))),
+        "is no coordinate",
+    ),
+    "a fence that lacks corners": (
+        text("a.waypoints", files.wpl((16, 0.0, 1.0, 1.0), (5001, 4.0, 1.0, 1.0))), "lacks corners",
+    ),
+    "a polygon file with words": (text("a.poly", "here and there\n"), "latitude and longitude"),
+    "a polygon file of one line": (text("a.poly", "52.4 13.3\n"), "a polygon needs three"),
+    "an empty fence file": (text("a.fen", "#saved by APM Planner\n"), "a polygon needs three"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_is_wrong_is_told_in_a_line(fault: str, tmp_path: Path) -> None:
+    make, expected = FAULTS[fault]
+    path = make(tmp_path)
+    with pytest.raises(AreaError) as error:
+        read_area_file(str(path))
+    said = str(error.value)
+    assert expected in said
+    assert path.name in said
+    assert "\n" not in said
+    assert len(said) < 500 + len(str(path))
+
+
+@pytest.mark.parametrize(
+    "fault", [name for name in FAULTS if "billions" in name or "bomb" in name or "2 GB" in name]
+)
+def test_no_memory_is_taken(fault: str, tmp_path: Path) -> None:
+    path = FAULTS[fault][0](tmp_path)
+    tracemalloc.start()
+    try:
+        with pytest.raises(AreaError):
+            read_area_file(str(path))
+        assert tracemalloc.get_traced_memory()[1] < 80_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def laid_out(folder: Path, *features: object, **wishes: object) -> str:
+    path = saved(folder, "a.geojson", collection(*features))  # type: ignore[arg-type]
+    with pytest.raises(AreaError) as error:
+        lay_out(read_area_file(str(path)), Wishes(**wishes))  # type: ignore[arg-type]
+    return str(error.value)
+
+
+def moved(east_deg: float, north_deg: float = 0.0, scale: float = 1.0) -> list[tuple[float, float]]:
+    x0, y0 = FIELD[0]
+    return [(x0 + east_deg + scale * (x - x0), y0 + north_deg + scale * (y - y0)) for x, y in FIELD]
+
+
+def test_a_polygon_that_crosses_itself(tmp_path: Path) -> None:
+    a, b, c, d = FIELD
+    assert "crosses or touches itself near 52.4565" in laid_out(tmp_path, feature([a, c, b, d]))
+
+
+def test_a_polygon_without_an_inside(tmp_path: Path) -> None:
+    assert "a.geojson" in laid_out(tmp_path, feature([(1, 1), (1.001, 1), (1.002, 1)]))
+
+
+def test_sizes_that_make_no_sense(tmp_path: Path) -> None:
+    assert "at most 10 km" in laid_out(tmp_path, feature(moved(0, scale=150.0)))
+    assert "degrees wide" in laid_out(tmp_path, feature(moved(0, scale=3000.0)))
+    assert "smaller than a cell" in laid_out(tmp_path, feature(moved(0, scale=0.01)))
+    assert "polar missions" in laid_out(tmp_path, feature(moved(0, north_deg=35.0)))
+
+
+def test_several_areas_are_asked_about(tmp_path: Path) -> None:
+    two = feature(name="North"), feature(moved(0.003), name="South")
+    said = laid_out(tmp_path, *two)
+    assert "'North', 'South'; choose one with --area NAME, or give --together" in said
+    assert "there are 'North', 'South'" in laid_out(tmp_path, *two, area="East")
+    assert "several areas of this name" in laid_out(tmp_path, two[0], two[0], area="north")
+
+
+def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path: Path) -> None:
+    two = feature(name="North"), feature(moved(0.003), name="South")
+    path = saved(tmp_path, "a.geojson", collection(*two))
+    drawing = read_area_file(str(path))
+    south = lay_out(drawing, Wishes(area="south"))
+    assert south.name == "South"
+    assert min(place.lon_deg for place in south.box) == pytest.approx(13.306)
+    both = lay_out(drawing, Wishes(together=True))
+    assert min(place.lon_deg for place in both.box) == pytest.approx(13.303)
+    assert max(place.lon_deg for place in both.box) == pytest.approx(13.3075)
+
+
+def test_a_fence_on_another_continent(tmp_path: Path) -> None:
+    assert "km from the area" in laid_out(
+        tmp_path, feature(name="field"), feature(moved(-80.0, 0.0, 3.0), name="fence")
+    )
+
+
+def test_what_is_kept_out_of_may_not_be_all(tmp_path: Path) -> None:
+    shapes = feature(name="field"), feature(moved(-0.0005, -0.0005, 2.0), name="no-fly zone")
+    assert "kept out of" in laid_out(tmp_path, *shapes)
+
+
+def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path: Path) -> None:
+    """A hole across the edge of the fence would be none."""
+    road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
+    shapes = feature(name="field"), feature(road, name="keep-out road")
+    drawing = read_area_file(str(saved(tmp_path, "a.geojson", collection(*shapes))))
+    layout = lay_out(drawing, Wishes())
+    text = compose("a", "a\n[flight]\n", layout, SIM, Flying())
+    (hole,) = parse_mission(text, "a").fence.holes
+    fence = Polygon([(place.lon_deg, place.lat_deg) for place in layout.fence])
+    assert fence.contains(Polygon([(lon, lat) for lat, lon in hole]))
+
+
+def test_a_home_outside_of_the_fence(tmp_path: Path) -> None:
+    shapes = feature(name="field"), feature(moved(-0.0005, -0.0005, 2.0), name="fence")
+    said = laid_out(tmp_path, *shapes, home=LatLon(52.45, 13.303))
+    assert "lies outside of the fence" in said
+
+
+def test_an_area_over_the_antimeridian(tmp_path: Path) -> None:
+    ring = [(179.9995, -17.0), (-179.9995, -17.0), (-179.9995, -16.999), (179.9995, -16.999)]
+    path = saved(tmp_path, "fiji.geojson", collection(feature(ring)))
+    layout = lay_out(read_area_file(str(path)), Wishes())
+    assert abs(layout.home.lon_deg) > 179.99
+
+
+def test_a_coast_line_is_simplified(tmp_path: Path) -> None:
+    x0, y0 = FIELD[0]
+    coast = [(x0 + i * 1e-6, y0 + 1e-6 * (i % 3)) for i in range(1500)]
+    path = saved(tmp_path, "coast.geojson", collection(feature([*coast, *FIELD[2:]])))
+    layout = lay_out(read_area_file(str(path)), Wishes())
+    assert len(layout.box) <= 300
+    assert any("corners of the area" in notice for notice in layout.notices)
+
+
+def test_swapped_coordinates_are_turned_round(tmp_path: Path) -> None:
+    path = saved(tmp_path, "a.geojson", collection(feature([(y, x) for x, y in FIELD])))
+    turned = read_area_file(str(path), swap=True).areas[0].ring
+    assert [(p.lon_deg, p.lat_deg) for p in turned] == list(FIELD)
+
+
+def test_the_system_of_a_file_that_names_none(tmp_path: Path) -> None:
+    made = files.shp([[files.in_crs(FIELD, 25833)]], ["a"], None)
+    path = files.beside(tmp_path, "a", made)
+    ring = read_area_file(str(path), epsg=25833).areas[0].ring
+    assert ring[0].lat_deg == pytest.approx(52.456, abs=0.002)
+    with pytest.raises(AreaError, match="leave it out"):
+        read_area_file(str(files.KINDS["qgis_shapefile"](tmp_path)), epsg=25833)
+
+
+def test_a_geopackage_that_is_open_elsewhere(tmp_path: Path) -> None:
+    path = files.KINDS["qgis_geopackage"](tmp_path)
+    saved(tmp_path, "a.gpkg-wal", b"x")
+    with pytest.raises(AreaError, match="is open in another program"):
+        read_area_file(str(path))
+
+
+def test_a_shapefile_whose_rings_turn_the_wrong_way(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Old tools write them so; the reader's warnings are not for users."""
+    buffer = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
+    with shapefile.Writer(**buffer, shapeType=5) as writer:
+        writer.field("Name", "C", 40)
+        writer.poly([[list(corner) for corner in files.closed(FIELD)]])
+        writer.record("Field")
+    path = files.beside(tmp_path, "a", {k: file.getvalue() for k, file in buffer.items()})
+    assert len(read_area_file(str(path)).areas) == 1
+    assert capfd.readouterr().err == ""
+    assert caplog.records == []
+
+
+def test_no_byte_of_a_shapefile_is_trusted() -> None:
+    """Whatever byte is wrong, there are shapes or a line, and nothing else."""
+    parts = files.shp([[FIELD, files.POND]], ["Field"])
+    for suffix in ("shp", "dbf"):
+        for place in range(0, len(parts[suffix]), 5):
+            data = bytearray(parts[suffix])
+            data[place] ^= 0xFF
+            with contextlib.suppress(AreaError):
+                read_shapefile(parts | {suffix: bytes(data)}, "a", "a.shp")

@@ -1,0 +1,61 @@
+"""`uavmap export`, then `uavmap new`: the mapped region is the box of the next mission."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import shapely
+
+from missions.mission.schema import Mission, positions
+from tests.unit.uavmap.ui.cli.commands.test_export import ISLAND, mission_file, results
+from uavmap.load.mission_source import load
+from uavmap.output.facts.outline import outline
+from uavmap.ui.cli import main
+
+KINDS = {
+    "geojson": ("out/region.geojson", ()),
+    "shp": ("out/region.shp", ()),
+    "gpkg": ("out.gpkg", ("--area", "region")),
+    "kml": ("out.kml", ("--area", "region")),
+}
+
+
+def made_of(path: Path, *options: str) -> Mission:
+    mission = path.parent / "next.toml"
+    arguments = ["new", str(path), "--drone", "sim", "--out", str(mission), *options]
+    assert main(arguments) == 0
+    return load(str(mission))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_region_is_the_box_of_the_next_mission(kind: str, tmp_path: Path) -> None:
+    folder, setting = results(tmp_path, ISLAND)
+    name, options = KINDS[kind]
+    out = tmp_path / name.partition("/")[0]
+    assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
+    found = made_of(tmp_path / name, *options)
+    box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
+    region = outline(ISLAND, setting.grid)
+    # degrees in the file of a mission have seven decimals, a centimetre
+    assert box.symmetric_difference(region).area < 0.01 * region.area
+    if kind in ("gpkg", "kml"):  # which have the fence, with its hole, too
+        fence = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.fence.polygon)])
+        drawn = shapely.Polygon(setting.fence.outer.exterior)
+        assert fence.symmetric_difference(drawn).area < 0.001 * drawn.area
+        assert len(found.fence.holes) == 1
+
+
+def test_the_plan_of_a_search_is_a_mission_over_the_same_ground(tmp_path: Path) -> None:
+    file, setting = mission_file(tmp_path)
+    plan = tmp_path / "search.plan"
+    assert main(["export", str(file), "--plan", str(plan)]) == 0
+    found = made_of(plan)
+    before = setting.mission
+    assert found.start.position == pytest.approx(before.start.position, abs=1e-6)
+    assert len(found.fence.polygon) == len(before.fence.polygon)
+    assert len(found.fence.holes) == len(before.fence.holes) == 1
+    box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
+    drawn = shapely.Polygon([setting.grid.fixed(p) for p in positions(before.search.box)])
+    assert drawn.buffer(0.5).covers(box)  # its lanes, less what they see beside themselves
+    assert box.area > 0.6 * drawn.area

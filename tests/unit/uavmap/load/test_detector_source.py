@@ -1,0 +1,265 @@
+"""Detectors as missions name them: tables of parameters, models from files, plug-ins."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from missions.errors import ImageError, MissionFileError
+from missions.mission.sections.detector_section import DetectorSection
+from tests.unit.missions.mission.test_mission_file import HEAD
+from uavmap.load import detector_source
+from uavmap.load.detector_source import check_detector, detector_of_section, known_detectors
+from uavmap.load.mission_source import mission_of_text
+from uavmap.ui.cli import main
+from vision.detectors.interface import certain
+
+
+def section(text: str) -> DetectorSection:
+    return mission_of_text(f"{HEAD}\n{text}", "m.toml").detector
+
+
+def fault(text: str) -> str:
+    with pytest.raises(MissionFileError) as caught:
+        section(text)
+    return str(caught.value)
+
+
+def test_a_detector_has_a_table_with_its_own_defaults() -> None:
+    made = section('[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1')
+    assert str(detector_of_section(made)) == (
+        "PavedDetector(greenness=0.1, intensity=90, dilations=1)"
+    )
+
+
+def test_a_mission_without_tables_means_what_it_meant() -> None:
+    made = section('[detector]\nname = "paved"\ngreenness = 0.1')
+    assert str(detector_of_section(made)) == (
+        "PavedDetector(greenness=0.1, intensity=150, dilations=7)"
+    )
+    assert str(detector_of_section(section(""), 2.0)) == (
+        "ThresholdDetector(intensity=150, dilations=4, polarity='dark')"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("detector.intensity = 255", "detector.intensity is 255: expected an integer from 0 to"),
+        ('[detector]\nname = "paved"\n[detector.paved]\ngreeness = 0.1',
+         "detector.greeness is not a parameter of the detector 'paved'"),
+        ('[detector]\nname = "paved"\nintensity = 3\n[detector.paved]\ngreenness = 0.1',
+         "intensity = 3 stands beside [detector.paved]; move it in there"),
+        ("[detector.pavd]\ngreenness = 0.1", "detector.pavd: a table of no detector; known: adap"),
+        ('detector.name = "color"', "detector.samples is missing: the detector 'color' needs it"),
+        ('detector.name = "learned"', "detector.model is missing"),
+        ('[detector]\nname = "learned"\nmodel = "x"\n[detector.learned]\nmodel = 3',
+         "detector.model is not a parameter"),
+        ('detector.model = "x.json"', "the detector 'threshold' has no file; leave it out"),
+        ('[detector]\nname = "index"\n[detector.index]\nkind = "evi"', "detector.kind is 'evi'"),
+        ('[detector]\nname = "color"\n[detector.color]\nsamples = [[1, 2, 300]]',
+         "detector.samples is [[1, 2, 300]]"),
+        ('[detector]\nname = "adaptive"\n[detector.adaptive]\nwindow = 9', "detector.window is 9"),
+    ],
+)  # fmt: skip
+def test_what_a_detector_refuses_the_check_refuses(text: str, message: str) -> None:
+    found = fault(text)
+    assert found.startswith("m.toml: ")
+    assert message in found
+
+
+def test_check_refuses_it_with_its_exit_code(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "field.toml"
+    path.write_text(f"{HEAD}\ndetector.intensity = 255\n")
+    assert main(["check", str(path)]) == 2
+    assert "detector.intensity is 255" in capsys.readouterr().err
+
+
+def test_a_model_that_is_not_there_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "field.toml"
+    path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "eyes.json"\n')
+    assert main(["check", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}:8: detector.model = '{tmp_path / 'eyes.json'}': cannot be read" in line
+
+
+def test_a_model_whose_name_no_file_can_have(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "field.toml"
+    path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "a\\u0000b"\n')
+    assert main(["check", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}:8: detector.model = 'a\\x00b': no path of a file" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "cannot be read"),
+        ("detector = 3", "must hold the table [detector]"),
+        ("[detector]\n[grid]", "must hold the table [detector] and nothing else"),
+        ("[detector", "not a TOML file"),
+        ('[detector]\nname = "learned"\nmodel = "a\\u0000b"', "no path of a file"),
+    ],
+)
+def test_a_folder_without_a_detector_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, message: str
+) -> None:
+    if text is not None:
+        (tmp_path / "detector.toml").write_text(text)
+    arguments = ["--detector", str(tmp_path), "--out", str(tmp_path / "out")]
+    assert main(["fly", "runway", "--sim", *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+# --- plug-ins --------------------------------------------------------------------------------
+class Everything:
+    """A plug-in's detector."""
+
+    name: ClassVar[str] = "everything"
+    calibrated: ClassVar[bool] = False
+
+    def __init__(self, level: int = 3) -> None:
+        self.level = level
+
+    def mask(self, image: np.ndarray) -> np.ndarray:
+        return np.full(image.shape[:2], 255, np.uint8)
+
+    def probability(self, image: np.ndarray) -> np.ndarray:
+        return certain(self.mask(image))
+
+
+def nothing() -> object:
+    return object()
+
+
+@pytest.fixture
+def plugins(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = __name__
+    points = [
+        EntryPoint("everything", f"{here}:Everything", detector_source.GROUP),
+        EntryPoint("nothing", f"{here}:nothing", detector_source.GROUP),
+        EntryPoint("gone", "no_such_module:make", detector_source.GROUP),
+        EntryPoint("paved", f"{here}:Everything", detector_source.GROUP),
+    ]
+    detector_source._plugins.cache_clear()
+    monkeypatch.setattr(detector_source, "entry_points", lambda group: points)
+    monkeypatch.setattr(EntryPoint, "load", _load)
+    yield
+    detector_source._plugins.cache_clear()
+
+
+def _load(point: EntryPoint) -> object:
+    if point.module == "no_such_module":
+        raise ModuleNotFoundError("No module named 'no_such_module'")
+    return {"Everything": Everything, "nothing": nothing}[point.attr]
+
+
+@pytest.mark.usefixtures("plugins")
+def test_a_plug_in_is_a_detector_like_ours() -> None:
+    assert "everything" in known_detectors()
+    made = section('[detector]\nname = "everything"\n[detector.everything]\nlevel = 5')
+    detector = detector_of_section(made)
+    assert isinstance(detector, Everything)
+    assert detector.level == 5
+    assert "detector.depth is not a parameter" in fault(
+        '[detector]\nname = "everything"\n[detector.everything]\ndepth = 5'
+    )
+    assert detector_of_section(DetectorSection(name="paved")).name == "paved"
+
+
+@pytest.mark.usefixtures("plugins")
+@pytest.mark.parametrize(
+    ("name", "message"), [("nothing", "makes no detector"), ("gone", "cannot be loaded")]
+)
+def test_a_plug_in_that_does_not_work_is_named(name: str, message: str) -> None:
+    with pytest.raises(MissionFileError, match=message):
+        check_detector(DetectorSection(name=name))
+
+
+# --- segmentation models ---------------------------------------------------------------------
+def _field(number: int, value: bytes | int | str) -> bytes:
+    """A field of a protocol buffer."""
+    if isinstance(value, int):
+        return _varint(number << 3) + _varint(value)
+    data = value.encode() if isinstance(value, str) else value
+    return _varint(number << 3 | 2) + _varint(len(data)) + data
+
+
+def _varint(value: int) -> bytes:
+    out = b""
+    while value > 127:
+        out += bytes([value & 127 | 128])
+        value >>= 7
+    return out + bytes([value])
+
+
+def _tensor(name: str, channels: int, tile: int) -> bytes:
+    dims = b"".join(_field(1, _field(1, size)) for size in (1, channels, tile, tile))
+    return _field(1, name) + _field(2, _field(1, _field(1, 1) + _field(2, dims)))
+
+
+def mean_model(tile: int) -> bytes:
+    """An ONNX model that answers with the mean of the three channels."""
+    axes = _field(1, "axes") + _field(8, 1) + _field(20, 7)
+    node = _field(1, "x") + _field(2, "y") + _field(4, "ReduceMean") + _field(5, axes)
+    graph = _field(1, node) + _field(2, "g")
+    graph += _field(11, _tensor("x", 3, tile)) + _field(12, _tensor("y", 1, tile))
+    return _field(1, 7) + _field(7, graph) + _field(8, _field(2, 13))
+
+
+def onnx(folder: Path, toml: str, model: bytes) -> DetectorSection:
+    (folder / "net.toml").write_text(toml)
+    (folder / "net.onnx").write_bytes(model)
+    return DetectorSection(name="onnx", model=str(folder / "net.onnx"))
+
+
+def test_a_segmentation_model_judges_tile_by_tile(tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime")
+    toml = 'tile_px = 32\noutput = "probability"'
+    detector = detector_of_section(onnx(tmp_path, toml, mean_model(32)))
+    for shape in ((50, 70, 3), (20, 90, 3)):
+        image = np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
+        found = detector.probability(image)
+        assert np.allclose(found, image.mean(axis=2) / 255.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("toml", "model", "message"),
+    [
+        ("tile_px = 32", b"no model", "not a model that onnxruntime reads"),
+        ("tile_px = 32\ntile = 3", mean_model(32), "tile: unknown key"),
+        ("tile_px = 32\nstd = [0.0, 1.0, 1.0]", mean_model(32), "std"),
+        ("tile_px = ", mean_model(32), "not a TOML file"),
+    ],
+)
+def test_what_is_wrong_with_a_segmentation_model_is_said(
+    tmp_path: Path, toml: str, model: bytes, message: str
+) -> None:
+    pytest.importorskip("onnxruntime")
+    with pytest.raises(MissionFileError, match=message):
+        detector_of_section(onnx(tmp_path, toml, model))
+
+
+def test_an_answer_of_another_shape_is_said(tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime")
+    detector = detector_of_section(onnx(tmp_path, "tile_px = 32\nchannel = 2", mean_model(32)))
+    with pytest.raises(ImageError, match="is the TOML file beside it right"):
+        detector.mask(np.zeros((40, 40, 3), np.uint8))
+
+
+def test_sections_read_back_from_json_as_they_were() -> None:
+    for more in ("", '[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1'):
+        given = section(more)
+        kept = given.model_dump_json(exclude_unset=True)
+        assert DetectorSection.model_validate_json(kept, strict=True) == given

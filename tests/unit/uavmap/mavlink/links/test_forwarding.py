@@ -1,0 +1,345 @@
+"""Frames passed on unchanged; several vehicles on one port; a second process of ours."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import pty
+import random
+import socket
+import tty
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from missions.mission.schema import CameraSection
+from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.plans import plan_of
+from tests.support.said import Said
+from uavmap.aircraft.cameras.spec import parse_camera
+from uavmap.base.clock import VirtualClock, run
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.load.mission_source import load
+from uavmap.mavlink.commands import MavlinkCommands
+from uavmap.mavlink.links.forwarding import Forwarding
+from uavmap.mavlink.links.framing import Splitter, sender_of, target_of
+from uavmap.mavlink.links.serial_port import MOST_UNSENT, SerialPort
+from uavmap.mavlink.links.transports import MOST_UNSENT as MOST_UNSENT_TCP
+from uavmap.mavlink.links.transports import open_transport
+from uavmap.mavlink.links.urls import parse_url
+from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
+from uavmap.runner.flight_links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
+
+LOOPBACK = "127.0.0.1"
+
+
+def frame(message: Any, system: int = 1, *, signed: bool = False, old: bool = False) -> bytes:
+    codec = mav.MAVLink(None, srcSystem=system, srcComponent=1)
+    if signed:
+        codec.signing.secret_key, codec.signing.sign_outgoing = bytes(32), True
+    return bytes(message.pack(codec, force_mavlink1=old))
+
+
+def unknown(system: int) -> bytes:
+    """A frame of a dialect that is not known here."""
+    return bytes([0xFD, 4, 0, 0, 7, system, 1, 0xFE, 0xFD, 0xAB, 1, 2, 3, 4, 0x55, 0x66])
+
+
+FRAMES = [
+    frame(heartbeat()),
+    frame(heartbeat(), 3, signed=True),
+    frame(heartbeat(), 4, old=True),
+    unknown(9),
+    frame(mav.MAVLink_param_request_read_message(2, 1, b"RTL_ALT", -1), 255),
+    frame(mav.MAVLink_command_long_message(5, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), 255),
+    frame(mav.MAVLink_statustext_message(4, bytes([0xFD, 0xFE, 0xFD, 0x41] * 10)), 1),
+]
+
+
+# --- cutting -----------------------------------------------------------------------------------
+@pytest.mark.parametrize("seed", range(20))
+def test_frames_come_out_as_they_went_in_whatever_the_pieces(seed: int) -> None:
+    rng = random.Random(seed)
+    sent = [rng.choice(FRAMES) for _ in range(60)]
+    stream = b"boot banner\r\n" + b"".join(sent)
+    splitter, found = Splitter(), []
+    while stream:
+        cut = rng.randrange(1, 70)
+        found += splitter.feed(stream[:cut])
+        stream = stream[cut:]
+    assert found == sent
+
+
+def test_junk_costs_no_more_than_the_frame_it_hit() -> None:
+    rng, splitter = random.Random(7), Splitter()
+    found: list[bytes] = []
+    for _ in range(300):
+        found += splitter.feed(FRAMES[0] + rng.randbytes(rng.randrange(1, 40)) + FRAMES[1])
+    assert sum(f == FRAMES[0] for f in found) > 200
+    assert len(found) < 900
+
+
+def test_addresses_are_read_without_decoding() -> None:
+    assert [sender_of(f)[0] for f in FRAMES] == [1, 3, 4, 9, 255, 255, 1]
+    assert [target_of(f) for f in FRAMES] == [0, 0, 0, 0, 2, 5, 0]
+
+
+@pytest.mark.parametrize(
+    "kind", [k for k in mav.mavlink_map.values() if "target_system" in k.fieldnames]
+)
+def test_the_target_of_every_message_that_has_one(kind: Any) -> None:
+    values = [b"" if t == "char" and n else [0] * n if n else 0
+              for t, n in zip(kind.fieldtypes, _in_order(kind), strict=True)]  # fmt: skip
+    values[kind.fieldnames.index("target_system")] = 77
+    assert target_of(frame(kind(*values))) == 77
+
+
+def _in_order(kind: Any) -> list[int]:
+    by_name = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    return [by_name[name] for name in kind.fieldnames]
+
+
+# --- forwarding --------------------------------------------------------------------------------
+def plan(*urls: str, forward: tuple[str, ...] = ()) -> FlightPlan:
+    return plan_of("x", load("runway"), None, None, 1, urls, None, 0.0, forward=forward)
+
+
+def links_of(
+    flown: FlightPlan, record: Callable[[bytes], None]
+) -> contextlib.AbstractAsyncContextManager[list[Link]]:
+    """The links of a plan, each with a MAVLink camera."""
+    cameras = [parse_camera("mavlink")] * len(flown.urls)
+    return opened_links(flown.urls, LinkOptions.of(flown), cameras, CameraSection(), record)
+
+
+def sockets(count: int) -> list[socket.socket]:
+    made = []
+    for _ in range(count):
+        link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        link.bind((LOOPBACK, 0))
+        link.setblocking(False)
+        made.append(link)
+    return made
+
+
+async def received(link: socket.socket, least: int = 1) -> bytes:
+    loop, data = asyncio.get_running_loop(), b""
+    async with asyncio.timeout(10.0):
+        while len(data) < least:
+            data += await loop.sock_recv(link, 65536)
+    return data
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind((LOOPBACK, 0))
+        return int(link.getsockname()[1])
+
+
+def test_not_a_byte_is_changed_either_way() -> None:
+    port = free_port()
+    vehicle, ground = sockets(2)
+
+    async def body() -> None:
+        forward = (f"udpout://{LOOPBACK}:{ground.getsockname()[1]}",)
+        logged: list[bytes] = []
+        flown = plan(f"udpin://{LOOPBACK}:{port}", forward=forward)
+        async with links_of(flown, logged.append) as (link,):
+            ours = (LOOPBACK, port)
+            down = FRAMES[0] + unknown(1) + frame(heartbeat(), 1, signed=True)
+            vehicle.sendto(down, ours)
+            heard = await received(ground, len(down))
+            assert heard == down
+            assert link.session.view.system_id == 1
+            up = FRAMES[4] + unknown(255) + frame(heartbeat(), 255, signed=True)
+            ground_to = await _peer_of(ground, vehicle, ours)
+            ground.sendto(up, ground_to)
+            assert await received(vehicle, len(up)) == up
+            assert FRAMES[4] in logged
+            link.session.heartbeat()  # what we say ourselves is the vehicle's only
+            await received(vehicle)
+            with pytest.raises(BlockingIOError):
+                ground.recv(100)
+
+    asyncio.run(body())
+    for link in (vehicle, ground):
+        link.close()
+
+
+async def _peer_of(ground: socket.socket, vehicle: socket.socket, ours: Any) -> Any:
+    loop = asyncio.get_running_loop()
+    vehicle.sendto(FRAMES[0], ours)
+    async with asyncio.timeout(10.0):
+        _, address = await loop.sock_recvfrom(ground, 65536)
+    return address
+
+
+class Wire:
+    """A transport that keeps what it is given."""
+
+    peer_host = None
+
+    def __init__(self, way: object) -> None:
+        self.way = way
+        self.sent: list[bytes] = []
+
+    def send(self, data: bytes) -> None:
+        self.sent.append(data)
+
+
+class Way:
+    def __init__(self, system_id: int, transport: Wire) -> None:
+        self.system_id, self.transport = system_id, transport
+
+
+def test_a_stations_frames_go_to_whom_they_are_for() -> None:
+    forwarding = Forwarding(lambda data: None)
+    one, two, both = Wire("one"), Wire("two"), Wire("router")
+    for way in (Way(2, one), Way(5, two), Way(6, both), Way(7, both)):
+        forwarding.add(way)
+    hear = forwarding._from_station()
+    hear(FRAMES[4] + FRAMES[5] + FRAMES[0])
+    assert one.sent == [FRAMES[4], FRAMES[0]]
+    assert two.sent == [FRAMES[5], FRAMES[0]]
+    assert both.sent == [FRAMES[0]]  # once, though two vehicles are behind it
+
+
+def test_a_station_that_does_not_read_holds_up_nobody() -> None:
+    async def body() -> None:
+        server = socket.create_server((LOOPBACK, 0))  # whose connections nobody reads
+        url = parse_url(f"tcpout://{LOOPBACK}:{server.getsockname()[1]}")
+        async with open_transport(url, lambda data: False) as station:
+            for _ in range(200_000):
+                station.send(FRAMES[0] * 10)
+            tcp: Any = station
+            assert tcp._transport.get_write_buffer_size() <= MOST_UNSENT_TCP + 1000
+        server.close()
+
+    asyncio.run(body())
+
+
+def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None:
+    operator, ours = pty.openpty()
+    tty.setraw(ours)
+
+    async def body() -> None:
+        port = SerialPort(os.ttyname(ours), 57600, lambda data: None)
+        for _ in range(5000):
+            port.send(FRAMES[0])
+        assert len(port._unsent) <= MOST_UNSENT
+        os.set_blocking(operator, False)
+        heard = b""
+        async with asyncio.timeout(10.0):
+            while port._unsent:
+                await asyncio.sleep(0.001)
+                while True:
+                    try:
+                        heard += os.read(operator, 65536)
+                    except BlockingIOError:
+                        break
+        assert set(Splitter().feed(heard)) == {FRAMES[0]}  # whole frames, and nothing else
+        port.close()
+
+    asyncio.run(body())
+    os.close(operator)
+    os.close(ours)
+
+
+# --- one port, several vehicles ----------------------------------------------------------------
+@pytest.mark.parametrize("routed", [True, False], ids=["a router", "each its own address"])
+def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
+    port = free_port()
+    first, second = sockets(2)
+    if routed:
+        second.close()
+        second = first
+
+    async def body() -> None:
+        urls = [f"udpin://{LOOPBACK}:{port}?system={system}" for system in (2, 1)]
+        async with links_of(plan(*urls), lambda data: None) as links:
+            ours = (LOOPBACK, port)
+            for link, system in ((first, 1), (second, 2), (first, 9)):
+                link.sendto(frame(heartbeat(), system), ours)
+            async with asyncio.timeout(10.0):
+                await links[0].session.until(lambda: links[0].session.view.system_id != 0)
+                await links[1].session.until(lambda: links[1].session.view.system_id != 0)
+                while not said:  # noqa: ASYNC110
+                    await asyncio.sleep(0.001)
+            assert [link.session.view.system_id for link in links] == [2, 1]
+            links[0].session.heartbeat()
+            assert await received(second)
+
+    asyncio.run(body())
+    assert said == [
+        f"udpin://{LOOPBACK}:{port}: system 9 speaks here, and is no vehicle of this flight"
+    ]
+    for link in {first, second}:
+        link.close()
+
+
+def test_another_system_than_the_one_that_is_meant_is_not_taken() -> None:
+    async def body() -> None:
+        session = Session(lambda data: None, lambda data: None)
+        session.view.wanted_system = 2
+        session.feed(frame(heartbeat(), 1))
+        assert session.view.system_id == 0
+        session.feed(frame(heartbeat(), 2))
+        assert session.view.system_id == 2
+
+    run(body(), VirtualClock())
+
+
+@pytest.mark.parametrize(
+    "urls",
+    [
+        ["udpin://0.0.0.0:14550", "udp:0.0.0.0:14550"],
+        ["udpin://0.0.0.0:14550?system=1", "udpin://0.0.0.0:14550"],
+        ["udpin://0.0.0.0:14550?system=1", "udpin://0.0.0.0:14550?system=1"],
+    ],
+)
+def test_two_on_one_port_have_to_be_told_apart(urls: list[str]) -> None:
+    with pytest.raises(LinkError, match=r"\?system=1, .*\?system=2"):
+        check_urls(urls)
+
+
+@pytest.mark.parametrize(
+    "which", ["system=0", "system=256", "system=", "sys=1", "", "system=1&x=2"]
+)
+def test_what_may_stand_behind_the_question_mark(which: str) -> None:
+    with pytest.raises(LinkError, match="system=N"):
+        parse_url(f"udpin://0.0.0.0:14550?{which}")
+
+
+# --- a second process of ours ------------------------------------------------------------------
+def ours_says(process: int) -> bytes:
+    message = mav.MAVLink_heartbeat_message(18, 8, 0, process, 4, 3)
+    return bytes(message.pack(mav.MAVLink(None, srcSystem=GROUND_SYSTEM_ID, srcComponent=191)))
+
+
+@pytest.mark.parametrize(("heard", "refused"), [(7, False), (8, True), (None, False)])
+def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
+    peer = Peer()
+    peer.session.process_number = 7
+    link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures, MavlinkCommands(peer.session))
+
+    async def body() -> None:
+        peer.say(heartbeat())
+        await asyncio.sleep(0.1)
+        if heard is not None:
+            asyncio.get_running_loop().call_later(0.5, peer.session.feed, ours_says(heard))
+        if refused:
+            with pytest.raises(LinkError, match="another uavmap flies this vehicle"):
+                await refuse_rivals([link], 1.5)
+        else:
+            await refuse_rivals([link], 1.5)
+            assert asyncio.get_running_loop().time() < 1.7
+
+    run(body(), VirtualClock())
+
+
+async def _no_pictures(url: str) -> bytes:
+    raise LinkError(url)

@@ -1,0 +1,265 @@
+"""Signing: only who has the key is believed, also after a restart and with a clock that jumps."""
+
+from __future__ import annotations
+
+import os
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from tests.support.mavlink_peer import heartbeat
+from tests.support.plans import plan_of
+from uavmap.base.clock import VirtualClock, run
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.mavlink.links import signing as signing_module
+from uavmap.mavlink.links.key_file import BESIDE, KeptTimestamps, new_key, read_key, signing_with
+from uavmap.mavlink.links.signing import (
+    NEW_STREAM_BEHIND,
+    REPLAYED,
+    TICKS_PER_S,
+    UNSIGNED,
+    WRONG_KEY,
+    Signing,
+    Stream,
+)
+from uavmap.mavlink.session import Session
+from uavmap.runner.flight import fly
+from uavmap.runner.simulation import Simulation
+
+KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
+NOW = 40_000_000_000_000
+
+
+class Memory:
+    """Timestamps that nobody keeps."""
+
+    def __init__(self) -> None:
+        self.sent = 0
+        self.heard: dict[Stream, int] = {}
+
+    def note(self) -> None:
+        pass
+
+
+def signing(key: bytes = KEY, now: int = NOW) -> Signing:
+    return Signing(key, Memory(), lambda: now)
+
+
+def beat(system: int = 1, mode: int = 4) -> bytes:
+    return bytes(heartbeat(mode).pack(mav.MAVLink(None, srcSystem=system, srcComponent=1)))
+
+
+# --- signatures --------------------------------------------------------------------------------
+def test_pymavlink_believes_what_we_sign_and_we_what_it_signs() -> None:
+    """The other implementation, as a ground station has it."""
+    theirs = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    theirs.signing.secret_key, theirs.signing.timestamp = KEY, NOW
+    theirs.signing.sign_outgoing = True
+    frame = bytes(heartbeat().pack(theirs))
+    ours = signing()
+    assert ours.fault(frame) is None
+    (message,) = theirs.parse_buffer(ours.sign(beat(system=245)))
+    assert message.get_signed()
+    assert message.get_type() == "HEARTBEAT"
+
+
+def test_none_of_ten_thousand_forged_frames_is_taken() -> None:
+    """Unsigned, signed with another key, garbled, and replayed frames of our own vehicle."""
+    rng = random.Random(1)
+    vehicle, forger, ours = signing(), signing(OTHER), signing()
+    heard: list[str] = []
+    recorded = [vehicle.sign(beat()) for _ in range(100)]
+    fine = vehicle.sign(beat())
+
+    async def body() -> Session:
+        session = Session(lambda frame: None, lambda frame: None)
+        session.signing = ours
+        session.listen(lambda message: heard.append(message.get_type()))
+        for frame in (*recorded, fine):
+            session.feed(frame)
+        taken = len(heard)
+        assert taken == 101
+        for k in range(10_000):
+            garbled = bytearray(vehicle.sign(beat()))
+            garbled[-rng.randrange(1, 14)] ^= 1 << rng.randrange(8)
+            forged = (
+                beat(mode=9),
+                forger.sign(beat(mode=9)),
+                rng.choice(recorded),
+                bytes(garbled),
+            )[k % 4]
+            session.feed(forged)
+        assert len(heard) == taken
+        session.feed(vehicle.sign(beat()))
+        assert len(heard) == taken + 1
+        return session
+
+    session = run(body(), VirtualClock())
+    refused = {reason: n for (kind, reason), n in session.view.gate.refused.items()}
+    assert refused == {UNSIGNED: 2500, WRONG_KEY: 5000, REPLAYED: 2500}
+    assert session.view.mode == 4
+
+
+def test_a_refusal_is_said_once() -> None:
+    said: list[str] = []
+
+    async def body() -> None:
+        session = Session(lambda frame: None, lambda frame: None)
+        session.signing, session.view.gate.say = signing(), said.append
+        for _ in range(50):
+            session.feed(beat())
+
+    run(body(), VirtualClock())
+    assert said == ["frames refused: not signed; further ones are counted, and not told"]
+
+
+def test_a_stream_may_begin_a_minute_ago_and_not_before() -> None:
+    ours = signing()
+    ours.next_tick()
+    assert signing(now=NOW - NEW_STREAM_BEHIND - 5).sign(beat(2)) != b""
+    assert ours.fault(signing(now=NOW - NEW_STREAM_BEHIND - 5).sign(beat(2))) == REPLAYED
+    assert ours.fault(signing(now=NOW - NEW_STREAM_BEHIND + 5).sign(beat(2))) is None
+
+
+def test_frames_of_another_dialect_and_of_version_1_are_not_signed() -> None:
+    old = bytes(
+        heartbeat().pack(mav.MAVLink(None, srcSystem=1, srcComponent=1), force_mavlink1=True)
+    )
+    assert signing().fault(old) == UNSIGNED
+    assert signing().fault(b"\xfd\x00\x01") == UNSIGNED
+
+
+# --- time --------------------------------------------------------------------------------------
+def test_timestamps_rise_whatever_the_clock_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    memory, clock = Memory(), [NOW]
+    ours = Signing(KEY, memory, lambda: clock[0])
+    ticks = []
+    for jump in (0, 0, 5, -(10**9), -3, 10**6, 0):
+        clock[0] += jump
+        ticks.append(ours.next_tick())
+    assert ticks == sorted(set(ticks))
+    monkeypatch.setattr(signing_module.time, "time", lambda: 1420070401.5)
+    assert signing_module.ticks_now() == 1.5 * TICKS_PER_S
+
+
+@pytest.mark.parametrize("clean", [True, False], ids=["closed", "killed"])
+def test_timestamps_survive_a_restart_and_a_clock_that_jumps_back(
+    tmp_path: Path, clean: bool
+) -> None:
+    path = tmp_path / "key"
+    new_key(path)
+    kept = KeptTimestamps(path)
+    first = Signing(read_key(path), kept, lambda: NOW)
+    vehicle = Signing(read_key(path), Memory(), lambda: NOW)
+    frames = [vehicle.sign(beat()) for _ in range(10)]
+    assert [first.fault(frame) for frame in frames] == [None] * 10
+    used = [first.next_tick() for _ in range(1000)]
+    kept.save() if not clean else kept.close()
+    again = Signing(read_key(path), KeptTimestamps(path), lambda: NOW - 10**9)
+    assert again.next_tick() > max(used)
+    assert {again.fault(frame) for frame in frames} == {REPLAYED}
+    assert again.fault(vehicle.sign(beat())) is None
+
+
+# --- the file ----------------------------------------------------------------------------------
+def test_a_key_is_its_owners(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    new_key(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert len(read_key(path)) == 32
+    with pytest.raises(LinkError, match="exists already"):
+        new_key(path)
+    for mode in (0o640, 0o604, 0o620, 0o644):
+        path.chmod(mode)
+        with pytest.raises(LinkError, match="chmod 600"):
+            read_key(path)
+
+
+@pytest.mark.parametrize("text", ["", "00" * 32, "ab" * 31, "ab" * 33, "zz" * 32, "ab" * 5000])
+def test_what_is_no_key_is_refused_without_being_shown(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "key"
+    path.write_text(text)
+    path.chmod(0o600)
+    with pytest.raises(LinkError, match="holds no key") as refused:
+        read_key(path)
+    assert not text or text not in str(refused.value)
+
+
+def test_a_missing_key_and_a_damaged_memory(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    with pytest.raises(LinkError, match="uavmap keys new"):
+        read_key(path)
+    new_key(path)
+    path.with_name(path.name + BESIDE).write_text("{")
+    with pytest.raises(LinkError, match="damaged"), signing_with(str(path)):
+        pass
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_memory_that_cannot_be_kept_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    new_key(path)
+    tmp_path.chmod(0o500)
+    with pytest.raises(LinkError, match="put the key where you may write"):
+        KeptTimestamps(path)
+
+
+def test_the_key_is_in_no_repr() -> None:
+    assert KEY.hex() not in repr(signing())
+    assert repr(signing()) == "Signing(...)"
+
+
+# --- flights -----------------------------------------------------------------------------------
+def in_order(vehicle: Any) -> None:
+    """Have answers arrive before what the vehicle says later, as on a cable."""
+    answers: list[bytes] = []
+    receive, step = vehicle.receive, vehicle.step
+
+    def received(frame: bytes) -> bytes:
+        answers.append(receive(frame))
+        return b""
+
+    def stepped(dt_s: float) -> bytes:
+        said = b"".join(answers)
+        answers.clear()
+        return said + bytes(step(dt_s))
+
+    vehicle.receive, vehicle.step = received, stepped
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_signed_mission_in_both_flavours(
+    tmp_path: Path, autopilot: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions: list[Session] = []
+    open_session = Simulation.open_session
+
+    def signed(self: Simulation, index: int, record: Any) -> Session:
+        session = open_session(self, index, record)
+        vehicle, ours = self._vehicles[index], signing()
+        codec = mav.MAVLink(None, srcSystem=245, srcComponent=191)
+        vehicle.receive(bytes(ours.set_up(vehicle.spec.system_id, 1).pack(codec)))
+        session.signing = ours
+        in_order(vehicle)
+        sessions.append(session)
+        return session
+
+    monkeypatch.setattr(Simulation, "open_session", signed)
+    text = (Path(__file__).parents[4] / "data" / "speck.toml").read_text()
+    text = text.replace("[sim]", f'[sim]\nautopilot = "{autopilot}"', 1)
+    plan = plan_of(
+        mission_source="speck.toml", mission=text, strategy=None, vehicles=None, seed=1,
+        urls=(), speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
+    )  # fmt: skip
+    summary = fly(plan, tmp_path / "out")
+    assert summary["completed"], summary
+    assert sessions
+    for session in sessions:
+        assert session.view.kind.name.lower() == autopilot
+        assert not [kind for kind, _ in session.view.gate.refused if kind == "frames"]
+    log = (tmp_path / "out" / "flight.tlog").read_bytes()
+    assert KEY not in log

@@ -1,0 +1,153 @@
+"""Messages as MAVSDK tells and takes them, the pipe's pieces, and what may leave the outbox."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from uavmap.mavlink.mavsdk.driver_pipe import MOST_BYTES, Pieces, frames, words
+from uavmap.mavlink.mavsdk.mavsdk_messages import fields_of, message_of
+from uavmap.mavlink.mavsdk.outbox import Outbox
+
+_BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
+_KINDS = sorted(mav.mavlink_map)
+
+
+def _number(kind: str) -> st.SearchStrategy[Any]:
+    if kind == "double":
+        return st.floats(allow_infinity=False)
+    if kind == "float":
+        return st.floats(width=32, allow_infinity=False)
+    if kind.startswith("u"):
+        return st.integers(0, 2 ** _BITS[kind[1:].removesuffix("_mavlink_version")] - 1)
+    return st.integers(-(2 ** (_BITS[kind] - 1)), 2 ** (_BITS[kind] - 1) - 1)
+
+
+@st.composite
+def messages(draw: st.DrawFn) -> Any:
+    """Any message that pymavlink knows, as it comes from the wire."""
+    made = mav.mavlink_map[draw(st.sampled_from(_KINDS))]
+    lengths = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
+    values: list[Any] = []
+    for name, kind in zip(made.fieldnames, made.fieldtypes, strict=True):
+        if kind == "char":
+            text = draw(st.text("abcXYZ_09:/.", max_size=lengths[name] or 1))
+            values.append(text.encode())
+        elif lengths[name]:
+            values.append([draw(_number(kind)) for _ in range(lengths[name])])
+        else:
+            values.append(draw(_number(kind)))
+    codec = mav.MAVLink(None, srcSystem=3, srcComponent=7)
+    (message,) = mav.MAVLink(None).parse_buffer(made(*values).pack(codec))
+    return message
+
+
+@given(messages())
+def test_a_message_survives_the_way_through_json(message: Any) -> None:
+    told = json.loads(json.dumps(fields_of(message)))
+    back = message_of(message.get_type(), 3, 7, told)
+    assert back is not None
+    assert str(back) == str(message)
+    assert (back.get_srcSystem(), back.get_srcComponent()) == (3, 7)
+    assert back.get_msgId() == message.get_msgId()
+
+
+def test_a_number_that_is_none_is_told_as_null_and_back() -> None:
+    message = mav.MAVLink_command_long_message(1, 1, 22, 0, 0, 0, 0, *[math.nan] * 3, 12.0)
+    told = fields_of(message)
+    assert [told[f"param{i}"] for i in (1, 4, 7)] == [0, None, 12.0]
+    back = message_of("COMMAND_LONG", 1, 1, told)
+    assert back is not None
+    assert math.isnan(back.param4)
+
+
+@given(st.dictionaries(st.sampled_from(["type", "autopilot", "custom_mode"]), st.none()))
+def test_a_whole_number_that_is_missing_makes_no_message(fields: dict[str, None]) -> None:
+    assert (message_of("HEARTBEAT", 1, 1, fields) is None) == bool(fields)
+
+
+@given(st.lists(st.binary(max_size=40)), st.integers(1, 7))
+def test_pieces_come_out_as_they_went_in(parts: list[bytes], size: int) -> None:
+    stream = b"".join(frames(part) + words({"n": len(part)}) for part in parts)
+    pieces = Pieces()
+    out = [
+        piece
+        for begin in range(0, len(stream), size)
+        for piece in pieces.feed(stream[begin : begin + size])
+    ]
+    assert [content for letter, content in out if letter == b"F"] == parts
+    assert [json.loads(c)["n"] for letter, c in out if letter == b"W"] == [*map(len, parts)]
+
+
+@pytest.mark.parametrize("data", [b"x1234", b"F" + (MOST_BYTES + 1).to_bytes(4, "little")])
+def test_what_is_no_piece_is_said(data: bytes) -> None:
+    with pytest.raises(ValueError, match="no piece"):
+        list(Pieces().feed(data))
+
+
+class _Ends:
+    """An outbox with both ends in hand."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.outbox = Outbox(self.sent.append)
+        self._codec = mav.MAVLink(None, 245, 191)
+
+    def wants(self, *messages: Any) -> int:
+        """MAVSDK wants to send; how many frames went."""
+        before = len(self.sent)
+        for message in messages:
+            self.outbox.take(message.pack(self._codec))
+        return len(self.sent) - before
+
+
+def _command(command: int) -> Any:
+    return mav.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7)
+
+
+def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other() -> None:
+    ends = _Ends()
+    arm, mode = (_command(c) for c in (mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_CMD_DO_SET_MODE))
+    assert ends.wants(arm) == 0
+    with ends.outbox.asked(arm.command):
+        assert ends.wants(arm, arm, mode) == 2
+        with ends.outbox.asked(arm.command):
+            pass
+        assert ends.wants(arm) == 1
+    assert ends.wants(arm) == 0
+    assert ends.outbox.held_back == {"COMMAND_LONG": 3}
+
+
+def test_a_message_goes_as_often_as_it_was_handed_over() -> None:
+    ends = _Ends()
+    target = mav.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, 0, *[0] * 11)
+    ends.outbox.once(target)
+    assert ends.wants(target, target) == 1
+    ends.outbox.once(target)
+    ends.outbox.not_sent(target)
+    assert ends.wants(target) == 0
+    ends.outbox.not_sent(target)  # it had come out before MAVSDK died: the next one goes
+    ends.outbox.once(target)
+    assert ends.wants(target) == 1
+
+
+def test_of_its_own_accord_mavsdk_only_asks_what_a_vehicle_is() -> None:
+    ends = _Ends()
+    assert ends.wants(_command(mav.MAV_CMD_REQUEST_MESSAGE)) == 1
+    assert (
+        ends.wants(
+            mav.MAVLink_heartbeat_message(0, 8, 0, 0, 0, 3),
+            mav.MAVLink_ping_message(0, 0, 0, 0),
+            mav.MAVLink_param_request_list_message(1, 1),
+            _command(mav.MAV_CMD_SET_MESSAGE_INTERVAL),
+        )
+        == 0
+    )
+    ends.outbox.take(b"\xfd\x09 no frame at all")
+    assert len(ends.sent) == 1

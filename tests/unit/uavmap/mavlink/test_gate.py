@@ -1,0 +1,597 @@
+"""What a vehicle cannot mean is refused, counted, told: real MAVLink frames with its own ids."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+import tracemalloc
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from tests.support.hostile import Hostile
+from tests.support.mavlink_peer import Peer, ack, heartbeat, text
+from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.continuity import JUMP_CONFIRMED_S, BootClock, distance_m
+from uavmap.mavlink.identity import same_aircraft
+from uavmap.mavlink.message_gate import TELL_EVERY_S
+from uavmap.mavlink.session import Session
+from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.mavlink.view_updates import update
+
+Message = Any
+LAT, LON = 47.3, 8.5
+M_PER_DEG = 111_195.0
+TLOG = Path(__file__).parents[5] / "shared" / "data" / "arducopter" / "flight-4.6.tlog"
+
+
+def position(
+    lat: float = LAT,
+    lon: float = LON,
+    *,
+    t_s: float,
+    up_m: float = 12.0,
+    amsl_m: float | None = None,
+    velocity: tuple[int, int, int] = (0, 0, 0),
+) -> Message:
+    amsl_m = 500.0 + up_m if amsl_m is None else amsl_m
+    return mav.MAVLink_global_position_int_message(
+        round(t_s * 1000) & 0xFFFFFFFF,
+        round(lat * 1e7),
+        round(lon * 1e7),
+        round(amsl_m * 1000),
+        round(up_m * 1000),
+        *velocity,
+        0,
+    )
+
+
+def home(lat: float = LAT, lon: float = LON, amsl_m: float = 500.0) -> Message:
+    return mav.MAVLink_home_position_message(
+        round(lat * 1e7), round(lon * 1e7), round(amsl_m * 1e3), 0, 0, 0, [1, 0, 0, 0], 0, 0, 0
+    )
+
+
+def battery(percent: int, number: int = 0, consumed_hj: int = -1) -> Message:
+    return mav.MAVLink_battery_status_message(
+        number, 0, 1, 0, [4000] * 10, 100, 0, consumed_hj, percent
+    )
+
+
+def sys_status(percent: int) -> Message:
+    return mav.MAVLink_sys_status_message(0, 0, 0, 0, 11_000, -1, percent, 0, 0, 0, 0, 0, 0)
+
+
+def captured(t_s: float, index: int = 0, lat: float = LAT) -> Message:
+    return mav.MAVLink_camera_image_captured_message(
+        round(t_s * 1000), 0, 0, round(lat * 1e7), round(LON * 1e7), 512_000, 12_000,
+        [1.0, 0.0, 0.0, 0.0], index, 1, b"http://127.0.0.1/0.jpg",
+    )  # fmt: skip
+
+
+class Vehicle:
+    """The frames of a vehicle, into a view at a time that the test tells."""
+
+    def __init__(self) -> None:
+        self.view = VehicleView()
+        self.said: list[str] = []
+        self.view.gate.say = self.said.append
+        self.hear(heartbeat(), 0.0)
+
+    def hear(self, message: Message, now_s: float, component: int = 1, system: int = 1) -> bool:
+        out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
+        (decoded,) = mav.MAVLink(None).parse_buffer(message.pack(out))
+        return update(self.view, decoded, now_s)
+
+    def at(self, t_s: float, north_m: float = 0.0, **how: Any) -> bool:
+        return self.hear(position(LAT + north_m / M_PER_DEG, t_s=t_s, **how), t_s)
+
+
+# --- ranges ----------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    "message",
+    [
+        position(214.7, t_s=2.0),  # one of these made a journal unreadable for ever
+        position(90.5, t_s=2.0),
+        position(-90.1, t_s=2.0),
+        position(LAT, 180.1, t_s=2.0),
+        position(LAT, -181.0, t_s=2.0),
+        position(0.0, 0.0, t_s=2.0),
+        position(t_s=2.0, up_m=20_000.0),
+        position(t_s=2.0, up_m=12.0, amsl_m=-9_000.0),
+        position(t_s=2.0, velocity=(32_767, 0, 0)),
+        home(91.0),
+        home(0.0, 0.0),
+        home(LAT, 181.0),
+        home(amsl_m=2_000_000.0),
+        home(LAT + 5.0),
+        battery(101),
+        battery(-2),
+        battery(50, number=99),
+        battery(50, consumed_hj=2**31 - 1),
+        sys_status(-7),
+        sys_status(127),
+        mav.MAVLink_extended_sys_state_message(0, 200),
+        mav.MAVLink_attitude_message(0, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0),
+        mav.MAVLink_attitude_message(0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0),
+        mav.MAVLink_attitude_quaternion_message(0, *([math.nan] * 4), 0.0, 0.0, 0.0),
+        mav.MAVLink_attitude_quaternion_message(0, 0, 0, 0, 0, 0.0, 0.0, 0.0),
+        mav.MAVLink_wind_message(math.nan, 1.0, 0.0),
+        heartbeat(100_000),
+        mav.MAVLink_heartbeat_message(77, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 4, 4, 3),
+        mav.MAVLink_heartbeat_message(2, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 4, 99, 3),
+        heartbeat(autopilot=mav.MAV_AUTOPILOT_PX4),
+    ],
+    ids=lambda m: m.get_type(),
+)
+def test_what_cannot_be_changes_nothing(message: Message) -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(1.0)
+    assert vehicle.hear(home(), 1.0)
+    assert vehicle.hear(battery(60), 1.0)
+    before = seen(vehicle.view)
+    assert not vehicle.hear(message, 2.0)
+    assert seen(vehicle.view) == before
+    ((kind, _), count) = vehicle.view.gate.refused.most_common(1)[0]
+    assert (kind, count) == (message.get_type(), 1)
+
+
+def seen(view: VehicleView) -> tuple[object, ...]:
+    return (
+        view.mode, view.armed, view.heard_s, view.position, view.position_s, view.height_m,
+        view.home_amsl_m, view.velocity_ned_m_s, view.home, view.battery_percent, view.battery_s,
+        view.energy_consumed_j, view.landed_state, view.uid, view.camera_component,
+    )  # fmt: skip
+
+
+def test_a_second_component_does_not_speak_for_the_autopilot() -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(1.0)
+    for message in (
+        position(t_s=1.1),
+        home(),
+        battery(80),
+        sys_status(80),
+        mav.MAVLink_extended_sys_state_message(0, 2),
+        mav.MAVLink_ekf_status_report_message(0x33F, 0, 0, 0, 0, 0),
+    ):
+        before = seen(vehicle.view)
+        assert not vehicle.hear(message, 1.1, component=180)
+        assert seen(vehicle.view) == before
+    assert set(vehicle.view.gate.refused) == {
+        (kind, "not said by the autopilot")
+        for kind in (
+            "GLOBAL_POSITION_INT", "HOME_POSITION", "BATTERY_STATUS", "SYS_STATUS",
+            "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT",
+        )
+    }  # fmt: skip
+
+
+def test_pictures_are_announced_by_the_camera_that_was_heard_first() -> None:
+    vehicle = Vehicle()
+    beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    assert vehicle.hear(captured(1.0), 1.0, component=100)
+    assert not vehicle.hear(captured(1.0), 1.0, component=1)
+    vehicle.hear(beat, 2.0, component=101)
+    assert vehicle.view.camera_component == 101
+    vehicle.hear(beat, 3.0, component=102)
+    assert vehicle.view.camera_component == 101
+    assert not vehicle.hear(captured(3.0), 3.0, component=102)
+    vehicle.hear(beat, 13.5, component=102)  # the other has been silent for long
+    assert vehicle.view.camera_component == 102
+
+
+# --- the battery -----------------------------------------------------------------------------
+def test_a_second_battery_does_not_hide_an_empty_one() -> None:
+    vehicle = Vehicle()
+    vehicle.hear(battery(12), 1.0)
+    assert vehicle.view.remaining_wh(60.0) == pytest.approx(7.8)
+    vehicle.hear(battery(97, number=1), 1.1)
+    assert vehicle.view.remaining_wh(60.0) == pytest.approx(7.8)
+
+
+def test_the_lowest_battery_that_is_heard_counts() -> None:
+    vehicle = Vehicle()
+    vehicle.hear(battery(97, number=2, consumed_hj=36), 1.0)
+    assert vehicle.view.remaining_wh(60.0) == pytest.approx(58.8)
+    vehicle.hear(battery(12, number=0), 1.1)
+    assert vehicle.view.remaining_wh(60.0) == pytest.approx(7.8)
+
+
+def test_a_message_without_a_charge_does_not_keep_an_old_one_alive() -> None:
+    vehicle = Vehicle()
+    vehicle.hear(battery(-1, consumed_hj=1080), 1.0)
+    assert vehicle.view.remaining_wh(60.0) == pytest.approx(30.0)
+    vehicle.hear(sys_status(-1), 300.0)
+    vehicle.hear(battery(-1), 300.0)
+    assert vehicle.view.battery_s == 1.0
+    assert vehicle.view.remaining_wh(60.0) is None
+
+
+def test_what_two_messages_say_of_the_charge() -> None:
+    vehicle = Vehicle()
+    vehicle.hear(sys_status(50), 1.0)
+    vehicle.hear(battery(-1, consumed_hj=1440), 2.0)
+    assert vehicle.view.battery_percent == 50
+    assert vehicle.view.remaining_wh(60.0) == pytest.approx(20.0)
+    vehicle.hear(sys_status(-1), 3.0)
+    assert vehicle.view.battery_percent is None
+
+
+# --- leaps -----------------------------------------------------------------------------------
+def test_a_leap_is_not_believed_at_once() -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(1.0)
+    assert not vehicle.at(1.1, 500.0)
+    assert vehicle.at(1.2, 1.0)
+    assert vehicle.view.position == LatLon(round((LAT + 1.0 / M_PER_DEG) * 1e7) / 1e7, LON)
+    assert vehicle.view.gate.track.jumps == 0
+
+
+def test_a_leap_that_stays_is_believed_and_told() -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(1.0)
+    taken = [vehicle.at(2.0 + 0.1 * n, 500.0) for n in range(40)]
+    assert taken == [False] * 30 + [True] * 10
+    assert round(30 * 0.1, 3) == JUMP_CONFIRMED_S
+    assert vehicle.view.gate.track.jumps == 1
+    assert any("jumped by 500 m" in line for line in vehicle.said)
+
+
+def test_a_stranger_between_the_true_positions_never_wins() -> None:
+    vehicle = Vehicle()
+    for n in range(200):
+        assert vehicle.at(1.0 + 0.1 * n)
+        assert not vehicle.at(1.05 + 0.1 * n, 500.0)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 12.0, 30.0])
+@pytest.mark.parametrize("gap_s", [0.1, 1.0, 20.0])
+def test_flight_is_no_leap(speed_m_s: float, gap_s: float) -> None:
+    vehicle = Vehicle()
+    assert all(vehicle.at(1.0 + gap_s * n, speed_m_s * gap_s * n) for n in range(20))
+
+
+def test_a_height_that_leaps_is_a_leap() -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(1.0)
+    assert not vehicle.at(1.1, up_m=400.0)
+    assert not vehicle.at(1.2, up_m=400.0, amsl_m=512.0)
+    assert vehicle.at(1.3)
+
+
+def test_a_place_far_from_the_mission_is_none_of_its_vehicles() -> None:
+    vehicle = Vehicle()
+    vehicle.view.expect_near(LatLon(-33.0, 151.0))
+    assert not any(vehicle.at(1.0 + n) for n in range(20))
+    assert vehicle.view.position is None
+    vehicle.view.expect_near(LatLon(LAT, LON))
+    assert vehicle.at(30.0)
+
+
+# --- clocks ----------------------------------------------------------------------------------
+def test_an_old_message_is_refused() -> None:
+    vehicle = Vehicle()
+    for t_s in (5.0, 5.1):
+        assert vehicle.at(t_s)
+    assert not vehicle.hear(position(t_s=3.0), 5.15)
+    assert vehicle.said == []  # links that change the order of frames are common
+    assert vehicle.hear(position(t_s=5.1), 5.15)  # the same twice, as radios do
+    assert vehicle.view.position_s == 5.15
+    assert vehicle.view.boot_offset_s == pytest.approx(0.0)
+
+
+def test_a_message_that_is_repeated_for_ever_does_not_count_as_news() -> None:
+    vehicle = Vehicle()
+    for n in range(100):
+        vehicle.hear(position(t_s=5.0), 5.0 + 0.1 * n)
+    assert vehicle.view.position_s == pytest.approx(7.0)
+
+
+def test_a_restart_is_recognised_after_a_second() -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(500.0)
+    taken = [vehicle.hear(position(t_s=1.0 + 0.1 * n), 510.0 + 0.1 * n) for n in range(20)]
+    assert taken == [False] * 10 + [True] * 10
+    assert vehicle.view.gate.clock.reboots == 1
+    assert vehicle.view.boot_offset_s == pytest.approx(509.0)
+    assert any("restarted" in line for line in vehicle.said)
+
+
+def test_a_clock_that_leaps_ahead_once_is_not_followed() -> None:
+    vehicle = Vehicle()
+    assert vehicle.at(1.0)
+    assert not vehicle.hear(position(t_s=4_000_000.0), 1.1)
+    assert vehicle.at(1.2)
+    assert vehicle.view.boot_offset_s == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("rate", [0.3, 1.0, 10.0])
+def test_a_clock_of_another_speed_is_followed(rate: float) -> None:
+    """A simulator may run slower or faster than it was said to."""
+    clock = BootClock()
+    for n in range(1, 2000):
+        assert clock.take(rate * 0.1 * n, 0.1 * n) is None
+    now_s, boot_s = 199.9, rate * 199.9
+    assert clock.offset_s is not None
+    assert boot_s + clock.offset_s == pytest.approx(now_s, abs=4.0)
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1e6), st.floats(0.0, 100.0)), max_size=60))
+def test_no_frame_of_the_autopilots_clock_lies_in_the_future(
+    told: list[tuple[float, float]],
+) -> None:
+    clock, now_s = BootClock(), 0.0
+    for boot_s, step_s in told:
+        now_s += step_s
+        if clock.take(boot_s, now_s) is None:
+            assert clock.offset_s is not None
+            assert boot_s + clock.offset_s <= now_s + 1e-6
+
+
+# --- the camera's clock ----------------------------------------------------------------------
+@pytest.mark.parametrize("ahead_s", [60.0, -4.0, 1.0, 0.0, 3600.0])
+def test_a_camera_with_a_clock_of_its_own(ahead_s: float) -> None:
+    vehicle = Vehicle()
+    for n in range(50, 100):
+        vehicle.at(0.1 * n)
+    for n in range(5):
+        taken_s = 10.0 + n
+        assert vehicle.hear(captured(taken_s + ahead_s, n), taken_s + 0.05, component=100)
+        boot_ms = round((taken_s + ahead_s) * 1000)
+        assert vehicle.view.captured_s(boot_ms, taken_s + 0.1) == pytest.approx(taken_s, abs=0.06)
+
+
+def test_a_cameras_clock_that_leaps_costs_at_most_one_stamp() -> None:
+    vehicle = Vehicle()
+    vehicle.at(5.0)
+    for taken_s, boot_s in ((6.0, 6.0), (7.0, 900_000.0), (8.0, 8.0)):
+        vehicle.hear(captured(boot_s), taken_s, component=100)
+        stamp_s = vehicle.view.captured_s(round(boot_s * 1000), taken_s + 0.1, since_s=5.9)
+        assert 5.4 <= stamp_s <= taken_s + 0.1
+    assert stamp_s == pytest.approx(8.0)
+    for taken_s in (20.0, 21.0, 22.0):  # a restart: the second frame makes it certain
+        vehicle.hear(captured(taken_s - 2000.0 + 4000.0), taken_s, component=100)
+    assert vehicle.view.captured_s(2022_000, 22.1) == pytest.approx(22.0)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1e5), st.floats(0.0, 1e3))
+def test_a_stamp_is_never_in_the_future_nor_before_the_order(
+    boot_ms: int, now_s: float, ago_s: float
+) -> None:
+    view = VehicleView()
+    since_s = now_s - ago_s
+    assert since_s - 0.5 - 1e-6 <= view.captured_s(boot_ms, now_s, since_s) <= now_s
+
+
+# --- what is told ----------------------------------------------------------------------------
+def test_a_kind_is_told_of_once_in_ten_seconds() -> None:
+    vehicle = Vehicle()
+    for n in range(300):
+        vehicle.hear(position(214.7, t_s=1.0 + 0.1 * n), 1.0 + 0.1 * n)
+    assert len(vehicle.said) == math.ceil(30.0 / TELL_EVERY_S)
+    assert vehicle.said[0] == "GLOBAL_POSITION_INT refused: lat is out of range"
+    assert vehicle.view.gate.figures() == {"GLOBAL_POSITION_INT: lat is out of range": 300}
+
+
+def test_no_fix_is_counted_but_not_told() -> None:
+    vehicle = Vehicle()
+    vehicle.hear(position(0.0, 0.0, t_s=1.0), 1.0)
+    assert vehicle.said == []
+    assert vehicle.view.boot_offset_s == pytest.approx(0.0)  # its clock is right all the same
+
+
+def test_texts_are_made_safe_and_old_ones_left_out() -> None:
+    vehicle = Vehicle()
+    vehicle.hear(text("\x1b]0;owned\x07\x1b[31mPreArm: bad\x1b[0m\r\x08"), 1.0)
+    assert vehicle.view.recent_texts(2.0) == " (vehicle: PreArm: bad)"
+    assert vehicle.view.recent_texts(6.5) == ""  # seconds from now, not from the latest
+
+
+# --- two links to one aircraft ---------------------------------------------------------------
+def told(uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0) -> VehicleView:
+    vehicle = Vehicle()
+    if system != 1:
+        vehicle.view = VehicleView()
+        vehicle.hear(heartbeat(), 0.0, system=system)
+    version = mav.MAVLink_autopilot_version_message(
+        0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid, [uid2] * 18
+    )
+    vehicle.hear(version, 1.0, system=system)
+    vehicle.hear(position(LAT + north_m / M_PER_DEG, t_s=1.0), 1.0, system=system)
+    return vehicle.view
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "same"),
+    [
+        (told(uid2=5), told(uid2=5), True),
+        (told(uid2=5), told(uid2=6), False),
+        (told(uid=7), told(uid=7), True),
+        (told(uid=7), told(uid=8), False),
+        (told(), told(), True),
+        (told(), told(uid=7), True),
+        (told(), told(north_m=2.0), False),
+        (told(), told(system=2), False),
+        (told(uid2=5), told(uid2=5, system=2), False),  # simulators share a made-up number
+        (VehicleView(), VehicleView(), False),
+    ],
+)
+def test_same_aircraft(a: VehicleView, b: VehicleView, same: bool) -> None:
+    assert same_aircraft(a, b) is same
+    assert same_aircraft(b, a) is same
+
+
+def test_another_boot_time_is_another_aircraft() -> None:
+    a, b = Vehicle(), Vehicle()
+    a.hear(position(t_s=1.0), 1.0)
+    b.hear(position(t_s=4.0), 1.0)
+    assert not same_aircraft(a.view, b.view)
+
+
+# --- whatever comes ----------------------------------------------------------------------------
+def in_session(body: Callable[[Peer], None]) -> Peer:
+    async def main() -> Peer:
+        peer = Peer()
+        peer.session.feed(peer.frame(heartbeat()))
+        body(peer)
+        return peer
+
+    return run(main(), VirtualClock())
+
+
+_KINDS = (
+    "HEARTBEAT", "GLOBAL_POSITION_INT", "HOME_POSITION", "SYS_STATUS", "BATTERY_STATUS",
+    "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "AUTOPILOT_VERSION",
+    "STATUSTEXT", "CAMERA_IMAGE_CAPTURED", "COMMAND_ACK", "ATTITUDE", "ATTITUDE_QUATERNION",
+    "GPS_RAW_INT",
+)  # fmt: skip
+
+
+def poisoned(hostile: Hostile, rng: random.Random) -> Message:
+    """A message that the session reads, with fields of any values, or with a few bad ones."""
+    kind = mav.mavlink_map[getattr(mav, f"MAVLINK_MSG_ID_{rng.choice(_KINDS)}")]
+    message = hostile._fill(kind, wrong_target=False)
+    if kind.msgname == "GLOBAL_POSITION_INT" and rng.random() < 0.7:
+        message.lat, message.lon = round(LAT * 1e7), round(LON * 1e7)
+        setattr(
+            message,
+            rng.choice(("lat", "lon", "alt", "relative_alt")),
+            rng.randrange(-(2**31), 2**31),
+        )
+    return message
+
+
+def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids() -> None:
+    rng, hostile = random.Random(11), Hostile(11)
+    heard: list[str] = []
+
+    def bombard(peer: Peer) -> None:
+        session = peer.session
+        session.listen(lambda message: heard.append(message.get_type()))
+        chunks = hostile.chunks(well_addressed=True)
+        settled = None
+        tracemalloc.start()
+        for number in range(10_000):
+            if number % 20 == 0:
+                session.feed(peer.frame(position(t_s=1.0 + number / 100)))
+            elif rng.random() < 0.3:
+                session.feed(next(chunks)[1])
+            else:
+                component = rng.choice((1, 1, 1, 100, 180))
+                frame = bytearray(peer.frame(poisoned(hostile, rng), component))
+                session.feed(bytes(frame))
+            assert finite(session.view)
+            if number == 3000:
+                heard.clear()
+                settled = tracemalloc.get_traced_memory()[0]
+                heard_before = len(peer.frames)
+            if number >= 3000:
+                del peer.frames[heard_before:]  # the log is on disk in a flight
+                heard.clear()
+        assert settled is not None
+        grown = tracemalloc.get_traced_memory()[0] - settled
+        tracemalloc.stop()
+        assert grown < 300_000
+
+    peer = in_session(bombard)
+    assert peer.session.view.gate.refused.total() > 1000
+    assert len(peer.session.view.gate.refused) < 100
+
+
+def finite(view: VehicleView) -> bool:
+    numbers = [view.height_m, view.home_amsl_m, *view.velocity_ned_m_s]
+    for place in (view.position, view.home):
+        if place is not None:
+            numbers += [place.lat_deg, place.lon_deg]
+            assert abs(place.lat_deg) <= 90.0
+            assert abs(place.lon_deg) <= 180.0
+    numbers += [view.boot_offset_s or 0.0, view.remaining_wh(60.0) or 0.0]
+    return all(map(math.isfinite, numbers))
+
+
+def test_a_stream_that_is_never_read_to_its_end_takes_no_memory() -> None:
+    """The parser lets go of what it has read only when nothing is left over."""
+
+    def endless(peer: Peer) -> None:
+        frame = peer.frame(text("x" * 40))
+        peer.session.feed(frame[:5])
+        for _ in range(2000):
+            peer.session.feed(frame[5:] + frame[:5])
+        assert len(peer.session._codec.buf) < 10_000
+        assert peer.session.view.texts_heard == 2000
+
+    in_session(endless)
+
+
+def test_a_parser_that_raises_costs_its_bytes_and_nothing_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def hit(peer: Peer) -> None:
+        parse = peer.session._codec.parse_char
+
+        def raising(data: bytes) -> Message:
+            if data.startswith(b"bad"):
+                raise struct.error("unpack requires more")
+            return parse(data)
+
+        monkeypatch.setattr(peer.session._codec, "parse_char", raising)
+        assert not peer.session.feed(b"bad")
+        assert peer.session.feed(peer.frame(heartbeat(9)))
+        assert peer.session.view.mode == 9
+
+    in_session(hit)
+
+
+def test_acknowledgements_of_whatever_are_harmless() -> None:
+    def say(peer: Peer) -> None:
+        for result in range(256):
+            peer.session.feed(peer.frame(ack(400, result)))
+
+    in_session(say)
+
+
+@pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")
+def test_a_real_flight_passes_whole() -> None:
+    """A recorded ArduCopter: nothing of what it says is refused but positions before the fix."""
+    data = TLOG.read_bytes()
+    session: list[Session] = []
+    refusals: list[str] = []
+    heard: Counter[str] = Counter()
+    clock = VirtualClock()
+
+    async def main() -> None:
+        link = Session(lambda frame: None, lambda frame: None)
+        session.append(link)
+        link.view.gate.say = refusals.append
+        link.listen(lambda message: heard.update([message.get_type()]))
+        at, begun_us = 0, None
+        reader = mav.MAVLink(None)
+        reader.robust_parsing = True
+        while at < len(data):
+            (stamp_us,) = struct.unpack_from(">Q", data, at)
+            begun_us = begun_us or stamp_us
+            length = data[at + 9] + (12 if data[at + 8] == 0xFD else 8)
+            length += 13 if data[at + 8] == 0xFD and data[at + 10] & 1 else 0
+            clock._now_s = max(clock._now_s, (stamp_us - begun_us) / 1e6)
+            link.feed(data[at + 8 : at + 8 + length])
+            at += 8 + length
+
+    run(main(), clock)
+    view = session[0].view
+    assert view.position is not None
+    assert view.home is not None
+    assert distance_m(view.position, view.home) < 100.0
+    reasons = {reason for (_, reason) in view.gate.refused}
+    assert reasons <= {"no position yet"}
+    assert refusals == []
+    assert heard["GLOBAL_POSITION_INT"] > 700
+    assert view.uid != ""

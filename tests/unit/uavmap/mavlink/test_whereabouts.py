@@ -1,0 +1,219 @@
+"""Where a vehicle was when it took a picture: between its positions, and in the map."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import statistics
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import Airborne, Arrived, FrameLost, FrameSeen
+from missions.geo.grid import Grid
+from missions.geo.trajectory import rounded_path
+from missions.mission.schema import Mission
+from missions.mission.sections.sim_section import SimRegion
+from missions.orders import FlyPath, FlyTo, TakeOff
+from missions.units import Cell, GridPoint, LatLon, Quaternion
+from tests.support.flights import Flight, fly
+from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.small_missions import CELL_M, START, mission, square
+from uavmap.aircraft.cameras.mavlink import told_pose
+from uavmap.aircraft.cameras.pose import pose_fault
+from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.continuity import distance_m
+from uavmap.mavlink.position_history import KEPT_S, Fix, Whereabouts
+
+Message = Any
+FAST = settings(max_examples=100, deadline=None)
+HOME = LatLon(48.0, 11.0)
+M_PER_DEG = 111_195.0
+STILL = (0.0, 0.0, 0.0)
+
+
+def north_of_home(metres: float) -> LatLon:
+    return LatLon(HOME.lat_deg + metres / M_PER_DEG, HOME.lon_deg)
+
+
+def flown(rate_hz: float, speed_m_s: float, last_s: float = 20.0, first_s: float = 10.0):
+    track = Whereabouts()
+    for i in range(round((last_s - first_s) * rate_hz) + 1):
+        t_s = first_s + i / rate_hz
+        place = north_of_home(speed_m_s * (t_s - 10.0))
+        track.take(Fix(t_s, place, 12.0 + 0.5 * (t_s - 10.0), (speed_m_s, 0.0, -0.5)))
+    return track
+
+
+# --- the track -------------------------------------------------------------------------------
+@FAST
+@given(st.floats(5.0, 25.0), st.sampled_from([1.0, 4.0, 5.0, 10.0]), st.floats(0.0, 15.0))
+def test_who_flies_straight_is_where_it_must_be_between_before_and_after(
+    t_s: float, rate_hz: float, speed_m_s: float
+) -> None:
+    place = flown(rate_hz, speed_m_s).at(t_s)
+    assert place is not None
+    assert distance_m(place.position, north_of_home(speed_m_s * (t_s - 10.0))) < 0.01
+    assert place.height_m == pytest.approx(12.0 + 0.5 * (t_s - 10.0))
+    outside_s = max(10.0 - t_s, t_s - 20.0, 0.0)
+    assert outside_s - 1e-9 <= place.gap_s <= outside_s + 0.5 / rate_hz + 1e-9
+
+
+def test_who_has_not_said_anything_is_nowhere() -> None:
+    assert Whereabouts().at(10.0) is None
+
+
+def test_a_clock_that_begins_anew_leaves_nothing_of_before() -> None:
+    track = flown(5.0, 8.0)
+    track.take(Fix(1.0, north_of_home(500.0), 0.0, STILL))
+    place = track.at(15.0)
+    assert place is not None
+    assert distance_m(place.position, north_of_home(500.0)) < 0.01
+    assert place.gap_s == 14.0
+
+
+def test_what_is_long_ago_is_forgotten() -> None:
+    track = flown(5.0, 8.0, last_s=100.0)
+    place = track.at(100.0 - KEPT_S - 10.0)
+    assert place is not None
+    assert place.gap_s == pytest.approx(10.0)
+
+
+def test_across_the_date_line() -> None:
+    track = Whereabouts()
+    track.take(Fix(1.0, LatLon(0.0, 179.9999), 12.0, STILL))
+    track.take(Fix(2.0, LatLon(0.0, -179.9997), 12.0, STILL))
+    place = track.at(1.5)
+    assert place is not None
+    assert place.position.lon_deg == pytest.approx(-179.9999)
+
+
+# --- the pose that a camera tells ------------------------------------------------------------
+GRID = Grid.at(HOME, CELL_M)
+DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
+SPEED_M_S = 8.0
+
+
+def told(t_s: float, metres: float, height_m: float = 12.0) -> Message:
+    """A picture of a time of the vehicle's clock, and where the camera says it was taken."""
+    place = north_of_home(metres)
+    return mav.MAVLink_camera_image_captured_message(
+        round(t_s * 1000), 0, 0, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 512_000,
+        round(height_m * 1000), list(DOWN), 0, 1, b"http://127.0.0.1/0.jpg",
+    )  # fmt: skip
+
+
+def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> str | None:
+    """What is wrong with it for a vehicle that has flown northwards since 0 s of its clock.
+
+    Its positions come five times a second until `last_s`; the announcement is judged at `heard_s`.
+    """
+
+    async def main() -> str | None:
+        peer, loop = Peer(), asyncio.get_running_loop()
+        for fifth in range(round(last_s * 5) + 1):
+            t_s = fifth / 5.0
+            await asyncio.sleep(max(t_s - loop.time(), 0.0))
+            if fifth % 5 == 0:
+                peer.session.feed(peer.frame(heartbeat()))
+            place = north_of_home(SPEED_M_S * t_s)
+            position = mav.MAVLink_global_position_int_message(
+                round(t_s * 1000), round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),
+                512_000, 12_000, round(SPEED_M_S * 100), 0, 0, 0,
+            )  # fmt: skip
+            peer.session.feed(peer.frame(position))
+        await asyncio.sleep(heard_s - loop.time())
+        view = peer.session.view
+        taken_s = view.captured_s(message.time_boot_ms, loop.time())
+        return pose_fault(told_pose(message, view), view, GRID, taken_s)
+
+    return run(main(), VirtualClock())
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.1, 1.0, 3.0, 8.0])
+def test_a_picture_that_is_judged_late_is_held_against_where_the_vehicle_then_was(
+    age_s: float,
+) -> None:
+    taken_s = 10.0 - age_s
+    assert fault_of(told(taken_s, SPEED_M_S * taken_s)) is None
+    assert fault_of(told(taken_s, SPEED_M_S * taken_s + 14.0)) is None
+    for off_m in (16.0, -16.0):
+        fault = fault_of(told(taken_s, SPEED_M_S * taken_s + off_m))
+        assert fault == "the position is not where the vehicle was"
+
+
+def test_a_camera_whose_place_lags_by_seconds_is_not_believed() -> None:
+    """What it says is where the vehicle was three seconds before: 24 m behind the picture."""
+    assert fault_of(told(10.0, SPEED_M_S * 7.0)) == "the position is not where the vehicle was"
+
+
+def test_the_height_is_that_of_then_too() -> None:
+    assert fault_of(told(7.0, 56.0, height_m=28.0)) == "the height is not that of the vehicle"
+    assert fault_of(told(7.0, 56.0, height_m=26.0)) is None
+
+
+def test_without_telemetry_the_vehicle_may_be_farther_on() -> None:
+    """Two seconds after its last position it is known within 50 m more, as it may have turned."""
+    assert fault_of(told(12.0, 96.0), heard_s=12.0) is None
+    assert fault_of(told(12.0, 96.0 - 60.0), heard_s=12.0) is None
+    assert fault_of(told(12.0, 96.0 - 70.0), heard_s=12.0) is not None
+
+
+# --- in flight -------------------------------------------------------------------------------
+# The ROI reaches from 4 to 24 m east and from 12 to 20 m north: its western and eastern borders
+# halve a column of cells each.
+WEST, EAST = (Cell(1, 4),), (Cell(6, 4),)
+UP_M = 12.0
+
+
+def strip() -> Mission:
+    """A vehicle that flies 8 m/s over a dark strip; its position is exact, its detector plain."""
+    made = mission(
+        square(-10, 8, 60, 16), square(-60, -40, 160, 110), speed_m_s=8.0, interval_s=0.2
+    )
+    grid = Grid.at(START, CELL_M)
+    corners = [grid.position(GridPoint(*xy)) for xy in square(4, 12, 20, 8)]
+    region = SimRegion(polygon=tuple((p.lat_deg, p.lon_deg) for p in corners))
+    sim = made.sim.model_copy(
+        update={"roi": (region,), "gps_sigma_m": 0.0, "texture": 0.0, "sensor_noise": 1.0}
+    )
+    detector = made.detector.model_copy(update={"dilations": 0})
+    return made.model_copy(update={"sim": sim, "detector": detector})
+
+
+def path(flight: Flight, *points: tuple[float, float]) -> FlyPath:
+    begin_s = flight.now_s() + 0.5
+    flown = rounded_path([GridPoint(*p) for p in points], begin_s, speed_m_s=8.0)
+    return FlyPath(flown, UP_M, None, 0.2)
+
+
+@pytest.mark.parametrize("towards", ["east", "west"])
+def test_at_8_m_s_the_border_of_the_roi_is_where_it_is_within_two_decimetres(towards: str) -> None:
+    """From the pictures' own poses, between positions that come five times a second."""
+    way = [(-40.0, 16.0), (70.0, 16.0)]
+    if towards == "west":
+        way.reverse()
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(FlyTo((GridPoint(*way[0]),), None, stop=True, height_m=UP_M), Arrived)
+        await flight.after(path(flight, *way), Arrived)
+
+    flight = fly(body, strip())
+    frames = [e for e in flight.seen(FrameSeen) if e.vantage is None]
+    assert not flight.seen(FrameLost)
+    assert len(frames) > 40
+    ahead = 1.0 if towards == "east" else -1.0
+    errors_m = []
+    for cells, sign in ((WEST, -1.0), (EAST, 1.0)):
+        for cell in cells:
+            shares = [v.share for f in frames for v in f.votes if v.cell == cell]
+            assert len(shares) >= 5
+            # how far east of the truth the border is seen
+            errors_m += [sign * (share - 0.5) * CELL_M for share in shares]
+    assert max(abs(error) for error in errors_m) < 0.2
+    # a pose that is late or early would shift both borders along the way
+    assert abs(statistics.fmean(errors_m) * ahead) < 0.1

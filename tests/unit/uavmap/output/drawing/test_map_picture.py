@@ -1,0 +1,147 @@
+"""map.png: pixels at known places have the colours that they should have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from shapely.geometry import Polygon
+
+from missions.units import Cell, GridPoint
+from uavmap.output.drawing import svg
+from uavmap.output.drawing.map_scene import map_scene, map_view
+from uavmap.output.drawing.palette import STATES, TRUTH, Colour, Style, css, track_colour
+from uavmap.output.drawing.raster import THROUGH, THROUGH_OPAQUE, cell_picture
+from uavmap.output.drawing.scale import step_down
+from uavmap.output.drawing.scene import Cells, View
+from uavmap.output.drawing.sheet import draw_sheet, map_corner_px, write_sheet
+from uavmap.output.facts.map_model import MapData
+
+MapMaker = Callable[..., MapData]
+
+
+def at(image: Image.Image, data: MapData, east_m: float, north_m: float) -> Colour:
+    """The colour at a point of the ground."""
+    left, top = map_corner_px()
+    x, y = map_view(data).pixel(GridPoint(east_m, north_m))
+    red, green, blue = image.getpixel((round(left + x), round(top + y)))  # type: ignore[misc]
+    return red, green, blue
+
+
+def near(colour: Colour, other: Colour, tolerance: int = 12) -> bool:
+    return max(abs(a - b) for a, b in zip(colour, other, strict=True)) <= tolerance
+
+
+@pytest.mark.parametrize("cell", [Cell(1, 3), Cell(4, 4), Cell(5, 5), Cell(2, -1)])
+@pytest.mark.parametrize("drift_m_s", [0.0, 0.4])
+def test_cells_have_the_colour_of_their_state(
+    cell: Cell, drift_m_s: float, make_map: MapMaker
+) -> None:
+    data = make_map(drift_m_s=drift_m_s)
+    image = draw_sheet(map_scene(data))
+    (state,) = [row.state for row in data.cells if row.cell == cell]
+    # a metre off the centre, where no track runs
+    east_m, north_m = data.grid.to_fixed(data.grid.centre_of(cell), data.t_s)
+    assert near(at(image, data, east_m + 1, north_m - 0.7), STATES[state])
+
+
+def test_north_is_up_and_east_is_right(make_map: MapMaker) -> None:
+    view = map_view(make_map())
+    x0, y0 = view.pixel(GridPoint(0, 0))
+    assert view.pixel(GridPoint(0, 10))[1] < y0
+    assert view.pixel(GridPoint(10, 0))[0] > x0
+
+
+def test_a_metre_is_as_long_both_ways(make_map: MapMaker) -> None:
+    view = map_view(make_map())
+    (x0, y0), (x1, y1) = view.pixel(GridPoint(0, 0)), view.pixel(GridPoint(10, -10))
+    assert x1 - x0 == pytest.approx(y1 - y0)
+
+
+def test_the_truth_is_drawn(make_map: MapMaker) -> None:
+    data = make_map()
+    assert near(at(draw_sheet(map_scene(data)), data, 7.0, 8.0), TRUTH, 60)  # an edge of its hole
+
+
+def test_the_track_is_drawn(make_map: MapMaker) -> None:
+    data = make_map()
+    image = draw_sheet(map_scene(data))
+    ground, track = STATES["explored"], track_colour(0)
+    colour = at(image, data, 9.0, 4.0)
+    assert abs(colour[0] - track[0]) < abs(colour[0] - ground[0])
+
+
+def test_cells_and_box_are_in_view(make_map: MapMaker) -> None:
+    data = make_map(drift_m_s=0.4, t_s=600.0)
+    view = map_view(data)
+    places = [data.grid.fixed(place) for place in data.box]
+    places += [data.grid.fixed(data.grid.centre(row.cell, data.t_s)) for row in data.cells]
+    for x, y in map(view.pixel, places):
+        assert 0 < x < view.width_px
+        assert 0 < y < view.height_px
+
+
+def test_the_same_map_gives_the_same_bytes(tmp_path: Path, make_map: MapMaker) -> None:
+    for name in ("a.png", "b.png"):
+        write_sheet(map_scene(make_map()), tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.format == "PNG"
+        assert image.size == draw_sheet(map_scene(make_map())).size
+
+
+def test_a_photograph_shows_through_cells_and_less_through_the_region(make_map: MapMaker) -> None:
+    scene = map_scene(make_map())
+    view = scene.view
+    photograph = np.zeros((view.height_px, view.width_px, 4), np.uint8)
+    photograph[..., 3] = 255
+    image = np.asarray(draw_sheet(scene, photograph))
+    plain = np.asarray(draw_sheet(scene))
+    left, top = map_corner_px()
+    dark = image[top : top + view.height_px, left : left + view.width_px].astype(int)
+    light = plain[top : top + view.height_px, left : left + view.width_px].astype(int)
+    for state, through in (("explored", THROUGH_OPAQUE), ("non-roi", THROUGH)):
+        there = (light == STATES[state]).all(axis=2)
+        assert there.any()
+        left_over = np.median(dark[there] / light[there])
+        assert left_over == pytest.approx(1 - through / 255, abs=0.02)
+
+
+def test_small_cells_keep_their_share_of_a_pixel() -> None:
+    cells = np.array([(east, north) for east in range(30) for north in range(30)], np.int32)
+    codes = (cells.sum(axis=1) % 2).astype(np.uint8)
+    board = Cells(
+        cells, codes, ((0, 0, 0), (255, 255, 255)), 1.0, GridPoint(0.5, -29.5), (True,) * 2
+    )
+    image = np.asarray(cell_picture(board, View(0.0, 0.0, 1.0 / 3.0, 10, 10), (9, 9, 9)))
+    assert np.abs(image[1:-1, 1:-1].astype(int) - 127).max() < 20
+
+
+def test_a_map_of_nothing_still_shows_the_box(empty_map: MapData) -> None:
+    assert draw_sheet(map_scene(empty_map)).size[0] > 500
+
+
+@pytest.mark.parametrize("longest_m", [0.03, 1.0, 7.9, 99.0, 4000.0])
+def test_scale_bars_are_round_and_fit(longest_m: float) -> None:
+    length_m = step_down(longest_m)
+    assert longest_m / 2.51 < length_m <= longest_m
+    assert f"{length_m:e}"[0] in "125"
+
+
+def test_both_backends_draw_every_line_of_the_legend(make_map: MapMaker) -> None:
+    data = make_map()
+    data = replace(data, boundary=Polygon([(-3.1, -2.2), (14.3, 1.7), (9.9, 17.6)]))
+    scene = map_scene(data)
+    texts = [entry.text for entry in scene.legend]
+    assert texts[-3:] == ["search box", "geofence", "home"]
+    drawn = svg.map_drawing(scene)
+    colours = {tuple(colour) for colour in np.asarray(draw_sheet(scene)).reshape(-1, 3).tolist()}
+    for entry in scene.legend:
+        if isinstance(entry.sample, Style) and not entry.text.startswith("track"):
+            assert f'stroke="{css(entry.sample.colour)}"' in drawn
+            assert entry.sample.colour in colours
+        assert svg.sample(entry).startswith("<svg")

@@ -1,0 +1,205 @@
+"""Figures of a hand-made flight, against numbers that were added up by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from missions.events import (
+    Airborne,
+    BatterySwapped,
+    Connected,
+    Event,
+    FrameSeen,
+    Landed,
+    Resumed,
+    Tracked,
+    Vote,
+)
+from missions.flight.setting import Setting
+from missions.flight.strategy import sweep_passes as passes
+from missions.units import Cell, GridPoint
+from tests.fake_fleet import fleet
+from tests.support.small_missions import mission, random_scenario, square
+from uavmap.output.facts.figures import Figures, figures, summary
+
+HOME = GridPoint(0.0, 0.0)
+
+
+def setting(vehicles: int = 1) -> Setting:
+    return Setting.of(
+        mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=vehicles)
+    )
+
+
+def connected(vehicle: int, t_s: float, *, airborne: bool = False, north_m: float = 0.0) -> Event:
+    place = GridPoint(0.0, north_m)
+    return Connected(vehicle, t_s, HOME, place, 12.0 * airborne, airborne, True, 25.0)
+
+
+def track(vehicle: int, t_s: float, east_m: float, north_m: float, up_m: float) -> Event:
+    return Tracked(vehicle, t_s, GridPoint(east_m, north_m), up_m, 20.0)
+
+
+def of(events: list[Event], vehicles: int = 1) -> Figures:
+    return figures(setting(vehicles), events)[1]
+
+
+SORTIE = [
+    connected(1, 0.0),
+    track(1, 1.0, 0, 0, 0.0),
+    track(1, 10.0, 0, 0, 0.0),  # lifts off after this
+    track(1, 12.0, 0, 0, 5.0),
+    Airborne(1, 14.0),
+    track(1, 15.0, 3, 4, 12.0),  # 5 m
+    track(1, 20.0, 3, 16, 12.0),  # 12 m
+    track(1, 30.0, 0, 20, 12.0),  # 5 m
+    track(1, 40.0, 0, 0, 6.0),  # 20 m
+    Landed(1, 50.0, 10.0),
+]
+
+
+def test_one_sortie() -> None:
+    found = of(SORTIE)
+    assert found.distance_m == 42.0
+    assert found.flight_time_s == 40.0
+    assert found.makespan_s == 40.0
+    assert (found.sorties, found.battery_swaps) == (1, 0)
+    assert len(found.tracks[1]) == 5
+    assert found.bound_makespan_s is None
+    assert found.bound_held is None
+
+
+def test_a_swap_between_two_sorties_counts_into_the_makespan_only() -> None:
+    again = [
+        BatterySwapped(1, 110.0, 25.0),
+        track(1, 120.0, 0, 0, 0.0),
+        track(1, 122.0, 0, 0, 4.0),
+        track(1, 130.0, 0, 10, 12.0),  # 10 m
+        Landed(1, 150.0, 20.0),
+    ]
+    found = of([*SORTIE, *again])
+    assert found.distance_m == 52.0
+    assert found.flight_time_s == 40.0 + 30.0
+    assert found.makespan_s == 140.0
+    assert (found.sorties, found.battery_swaps) == (2, 1)
+
+
+def test_vehicles_add_up_and_the_makespan_spans_them_all() -> None:
+    second = [
+        connected(2, 0.5),
+        track(2, 30.0, 6, 0, 0.0),
+        track(2, 32.0, 6, 0, 6.0),
+        track(2, 60.0, 6, 30, 18.0),  # 30 m
+        Landed(2, 80.0, 10.0),
+    ]
+    found = of(sorted([*SORTIE, *second], key=lambda e: e.t_s), vehicles=2)
+    assert found.distance_m == 72.0
+    assert found.flight_time_s == 40.0 + 50.0
+    assert found.makespan_s == 70.0
+    assert (found.sorties, found.battery_swaps) == (2, 0)
+
+
+def test_a_way_that_nobody_saw_is_not_counted() -> None:
+    """Killed in flight, taken up in the air somewhere else."""
+    resumed = [
+        Resumed(100.0),
+        connected(1, 101.0, airborne=True, north_m=60.0),
+        track(1, 102.0, 0, 60, 12.0),
+        track(1, 110.0, 0, 50, 12.0),  # 10 m
+        Landed(1, 120.0, 10.0),
+    ]
+    found = of([*SORTIE[:-1], *resumed])
+    assert found.distance_m == 42.0 + 10.0
+    assert found.sorties == 1
+    assert found.flight_time_s == 110.0
+
+
+def test_a_night_on_the_ground_is_no_flight() -> None:
+    """Killed in flight; a failsafe landed the vehicle, and next day the mission goes on."""
+    found = of([*SORTIE[:-1], Resumed(80_000.0), connected(1, 80_001.0)])
+    assert found.flight_time_s == 30.0  # until it was last seen
+    assert found.makespan_s == 30.0
+
+
+def test_a_search_that_finds_the_region_has_a_bound() -> None:
+    cell = Cell(0, 4)
+    votes = tuple(Vote(c, c == cell, 0.9 * (c == cell)) for c in cell.cross())
+    events: list[Event] = list(SORTIE[:6])
+    events += [FrameSeen(1, 16.0 + n, cell, votes) for n in range(3)]
+    state, found = figures(setting(), [*events, *SORTIE[6:]])
+    assert state.belief.roi in (frozenset(), frozenset({cell}))
+    values = summary(setting(), state, found, 7)
+    assert values["seed"] == 7
+    assert values["distance_m"] == found.distance_m
+    assert values["iou_cells"] is None
+    assert values["cells_roi"] == len(state.belief.roi)
+
+
+@pytest.mark.parametrize("vehicles", [1, 3])
+def test_nothing_has_happened(vehicles: int) -> None:
+    state, found = figures(setting(vehicles), [])
+    assert (found.distance_m, found.flight_time_s, found.makespan_s) == (0.0, 0.0, 0.0)
+    assert (found.sorties, found.battery_swaps, found.exploration_s) == (0, 0, 0.0)
+    assert summary(setting(vehicles), state, found, None)["completed"] is False
+
+
+# --- the certificate -------------------------------------------------------------------------
+def flown(seed: int, strategy: str) -> tuple[dict[str, object], Figures]:
+    scenario = random_scenario(seed, drift=bool(seed % 2))
+    flight = fleet(scenario.mission.model_copy(update={"strategy": strategy}), scenario.roi)
+    flight.start()
+    flight.run()
+    state, found = figures(flight.setting, flight.events)
+    return summary(flight.setting, state, found, seed), found
+
+
+@pytest.mark.parametrize("seed", [1, 2, 6, 9])
+def test_an_exploration_lies_between_its_bounds(seed: int) -> None:
+    values, found = flown(seed, "rdfs")
+    assert found.bound_makespan_s is not None
+    assert 0.0 < found.lower_bound_s <= found.exploration_s <= found.bound_makespan_s
+    assert found.ratio == pytest.approx(found.exploration_s / found.lower_bound_s, abs=1e-3)
+    assert values["lower_bound_s"] == found.lower_bound_s
+    assert values["ratio"] == found.ratio
+    assert values["bound_held"] is True
+
+
+@pytest.mark.parametrize(("strategy", "seed"), [("rdfs-paper", 2), ("greedy", 5), ("bfdn", 2)])
+def test_a_promise_that_is_none_in_flight_is_no_bound(strategy: str, seed: int) -> None:
+    """`rdfs-paper` promises nothing; `greedy` alone flies straight; no team flies in rounds."""
+    values, found = flown(seed, strategy)
+    assert found.lower_bound_s > 0.0
+    assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
+
+
+def test_one_vehicle_goes_in_rounds_of_its_own() -> None:
+    assert flown(5, "bfdn")[0]["bound_held"] is True
+
+
+def test_nothing_explored_has_no_ratio() -> None:
+    found = of(SORTIE)
+    assert (found.lower_bound_s, found.ratio) == (0.0, None)
+
+
+def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was 0 whatever they flew: the ground that looks showed was left out."""
+    monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
+    made = mission(
+        square(-4, 10, 24, 16),
+        square(-40, -40, 120, 130),
+        strategy="swath",
+        capacity_wh=200.0,
+        mounting="gimbal",
+    )
+    flight = fleet(made, frozenset(Cell(i, j) for i in range(10) for j in range(3, 13)))
+    flight.start()
+    flight.run()
+    state, found = figures(flight.setting, flight.events)
+    assert state.falls_back
+    assert state.completed
+    # 100 cells, and what is beside them, at 5 m/s, less what the first frame may have shown
+    assert 5.0 < found.lower_bound_s < found.exploration_s
+    assert found.ratio is not None
+    (patch,) = summary(flight.setting, state, found, None)["patches"]
+    assert patch["complete"]
+    assert 1.0 < patch["lower_bound_s"] < patch["took_s"]

@@ -1,0 +1,186 @@
+"""The drift of each patch: measured by shares of cells, against outlines that truly move."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.events import FrameSeen, Vote
+from missions.geo.grid import Grid
+from missions.units import Cell, LatLon
+from sitl.scenario import Setup
+from tests.support.fleet_rig import field_text
+from tests.support.plans import plan_of
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.output.facts.patch_drift import LEAST_S, Drift, Shares
+from uavmap.runner import simulation
+from uavmap.runner.flight import fly
+from uavmap.ui.cli.common import report
+
+CELL_M = 10.0
+GRID = Grid.at(LatLon(48.0, 11.0), CELL_M, drift_speed_m_s=0.3, drift_toward_deg=70.0)
+FINE = 6
+"""A cell is looked at in so many by so many places."""
+
+
+@dataclass(frozen=True)
+class Blob:
+    """A ragged round patch that moves through the cells."""
+
+    east_m: float
+    north_m: float
+    radius_m: float
+    v_east_m_s: float = 0.0
+    v_north_m_s: float = 0.0
+    grows_m_s: float = 0.0
+
+    def share(self, cell: Cell, t_s: float) -> float:
+        inside = 0
+        for i in range(FINE):
+            for j in range(FINE):
+                east_m = (cell.east - 0.5 + (i + 0.5) / FINE) * CELL_M - self.east_m
+                north_m = (cell.north - 0.5 + (j + 0.5) / FINE) * CELL_M - self.north_m
+                east_m, north_m = east_m - self.v_east_m_s * t_s, north_m - self.v_north_m_s * t_s
+                turn = math.atan2(north_m, east_m)
+                rim_m = self.radius_m * (1.0 + 0.15 * math.sin(3.0 * turn))
+                inside += math.hypot(east_m, north_m) < rim_m + self.grows_m_s * t_s
+        return inside / FINE**2
+
+    def cells(self) -> set[Cell]:
+        reach = math.ceil(self.radius_m * 1.3 / CELL_M) + 6
+        at = round(self.east_m / CELL_M), round(self.north_m / CELL_M)
+        span = range(-reach, reach + 1)
+        return {Cell(at[0] + i, at[1] + j) for i in span for j in span}
+
+
+def frames_of(
+    blobs: list[Blob], times_s: list[float], *, noise: float = 0.02, lag: float = 0.2, seed: int = 1
+) -> list[FrameSeen]:
+    """Some frames of all cells around each time, columns to the east `lag` seconds later."""
+    chance = random.Random(seed)
+    found = list[FrameSeen]()
+    for begin_s in times_s:
+        for k in range(3):
+            for column in sorted({c.east for blob in blobs for c in blob.cells()}):
+                t_s = round(begin_s + k + lag * (column + 40), 3)
+                votes = []
+                cells = {c for blob in blobs for c in blob.cells() if c.east == column}
+                for cell in sorted(cells):
+                    share = max(blob.share(cell, t_s) for blob in blobs)
+                    share = min(1.0, max(0.0, share + chance.gauss(0.0, noise)))
+                    votes.append(Vote(cell, share > 0.3, round(share, 3)))
+                found.append(FrameSeen(1, t_s, None, tuple(votes)))
+    return found
+
+
+def patch(blob: Blob) -> set[Cell]:
+    return {cell for cell in blob.cells() if blob.share(cell, 0.0) > 0.5}
+
+
+def measured(blobs: list[Blob], frames: list[FrameSeen]) -> list[Drift | None]:
+    shares = Shares()
+    for frame in frames:
+        shares.take(frame)
+    return shares.drifts_of([patch(blob) for blob in blobs], GRID)
+
+
+def off_m_s(drift: Drift, blob: Blob) -> float:
+    return math.hypot(
+        drift.east_m_s - GRID.drift_east_m_s - blob.v_east_m_s,
+        drift.north_m_s - GRID.drift_north_m_s - blob.v_north_m_s,
+    )
+
+
+speeds = st.floats(-0.08, 0.08)
+
+
+@settings(max_examples=8, deadline=None)
+@given(speeds, speeds, st.integers(0, 1000))
+def test_the_drift_of_a_patch_is_found_within_its_error(
+    v_east_m_s: float, v_north_m_s: float, seed: int
+) -> None:
+    blob = Blob(3.0, -4.0, 60.0, v_east_m_s, v_north_m_s)
+    (found,) = measured([blob], frames_of([blob], [0.0, 240.0], seed=seed))
+    assert found is not None
+    assert found.error_m_s < 0.015
+    assert off_m_s(found, blob) < 3.0 * found.error_m_s
+    if math.hypot(v_east_m_s, v_north_m_s) > 6.0 * found.error_m_s:
+        assert found.differs
+    if math.hypot(v_east_m_s, v_north_m_s) < 1e-3:
+        assert not found.differs
+
+
+def test_two_patches_each_have_their_own() -> None:
+    blobs = [Blob(0.0, 0.0, 70.0, 0.06, 0.02), Blob(260.0, 40.0, 50.0, -0.05, 0.03)]
+    found = measured(blobs, frames_of(blobs, [0.0, 260.0]))
+    for drift, blob in zip(found, blobs, strict=True):
+        assert drift is not None
+        assert off_m_s(drift, blob) < 2.0 * drift.error_m_s
+        assert drift.differs
+
+
+def test_oil_that_spreads_all_around_does_not_drift() -> None:
+    blob = Blob(0.0, 0.0, 70.0, grows_m_s=0.04)
+    (found,) = measured([blob], frames_of([blob], [0.0, 240.0]))
+    assert found is not None
+    assert not found.differs
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [
+        lambda: [],
+        lambda: frames_of([Blob(0.0, 0.0, 60.0)], [0.0], lag=0.0),
+        lambda: frames_of([Blob(0.0, 0.0, 60.0)], [0.0, LEAST_S - 10.0], lag=0.0),
+        lambda: frames_of([Blob(0.0, 0.0, 60.0, 0.4)], [0.0, 240.0]),
+    ],
+    ids=["nothing seen", "seen once", "seen for too short", "moved too far"],
+)
+def test_what_cannot_be_told_is_not_told(frames: Callable[[], list[FrameSeen]]) -> None:
+    assert measured([Blob(0.0, 0.0, 60.0)], frames()) == [None]
+
+
+def test_the_order_of_frames_makes_no_difference() -> None:
+    blob = Blob(0.0, 0.0, 60.0, 0.03)
+    frames = frames_of([blob], [0.0, 200.0])
+    mixed = random.Random(3).sample(frames, len(frames))
+    assert measured([blob], frames) == measured([blob], mixed)
+
+
+def test_it_is_told_with_a_true_bearing() -> None:
+    drift = Drift(GRID.drift_east_m_s, GRID.drift_north_m_s, 0.004, 0.0)
+    assert drift.told(GRID) == {
+        "speed_m_s": 0.3, "toward_deg": 70.0, "error_m_s": 0.004, "off_m_s": 0.0, "differs": False,
+    }  # fmt: skip
+
+
+# --- in flight ---------------------------------------------------------------------------------
+def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its pictures are rendered, judged and put into a journal; the mission says that it stands."""
+    truly = simulation.setup_of
+
+    def drifting(*args: Any, **kwargs: Any) -> Setup:
+        return replace(truly(*args, **kwargs), drift_speed_m_s=0.06, drift_toward_deg=30.0)
+
+    monkeypatch.setattr(simulation, "setup_of", drifting)
+    plan = plan_of(
+        "film", field_text(1, high=True), None, None, 1, (), None, SIM_EPOCH_UTC_S
+    )  # fmt: skip
+    told = fly(plan, tmp_path)
+    drift = told["patches"][0]["drift"]
+    toward = math.radians(drift["toward_deg"] - 30.0)
+    off = math.hypot(drift["speed_m_s"] * math.cos(toward) - 0.06, math.sin(toward) * 0.06)
+    assert off < 3.0 * drift["error_m_s"]
+    assert drift["differs"]
+    report(told, tmp_path, as_json=False)
+    assert "set drift.speed_m_s = 0.0" in " ".join(capsys.readouterr().out.split())

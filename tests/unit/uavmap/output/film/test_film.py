@@ -1,0 +1,94 @@
+"""The film of a run tells what was known when, and where everybody was."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.lab.arena.arena_run import Comms
+from missions.units import Cell
+from tests.unit.uavmap.output.film.runs import START, explored, small_film, small_roi, tree_until
+from uavmap.lab.run_film import film_of_run
+from uavmap.output.film.film import FPS, HOLD_S, LONGEST_S, Film, Fix, Place, Reel, Unit
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 5), st.floats(0.0, 1.0))
+def test_a_film_shows_the_tree_as_it_was(seed, robots, part):
+    roi = small_roi(20, seed)
+    run = explored(roi, robots)
+    t = part * run.makespan
+    reel, tree = Reel(film_of_run(run, roi, "")), tree_until(run, roi, t)
+    list(reel.forward(t))
+    assert reel.states == {cell: tree.state(cell).value for cell in tree.vertices}
+    parents = {cell: vertex.parent for cell, vertex in tree.vertices.items()}
+    assert reel.parents == {cell: above for cell, above in parents.items() if above is not None}
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 5))
+def test_robots_that_only_meet_know_what_any_of_them_saw(seed, robots):
+    roi = small_roi(20, seed)
+    run = explored(roi, robots, Comms.MEETING)
+    film = film_of_run(run, roi, "")
+    reel, seen = Reel(film), {START}
+    for t in sorted({leg.end_t for leg in run.legs}):
+        seen |= {leg.end for leg in run.legs if leg.end_t <= t}
+        list(reel.forward(t))
+        known = seen | {n for cell in seen for n in cell.neighbours() if n in roi}
+        assert set(reel.states) == known
+        assert {c for c, state in reel.states.items() if state != "unexplored"} == seen
+    assert set(reel.states.values()) == {"explored"}
+
+
+def test_robots_move_along_their_legs_and_wait_between():
+    roi = {Cell(0, 0), Cell(1, 0), Cell(2, 0), Cell(0, 1)}
+    run = explored(roi, 2)
+    film = film_of_run(run, roi, "")
+    spot = {robot: track[0].place for robot, track in film.tracks.items()}
+    assert len(set(spot.values())) == 2  # nobody hides another
+    for leg in run.legs:
+        for part in (0.0, 0.25, 1.0):
+            place = film.fix(leg.robot, leg.start_t + part * (leg.end_t - leg.start_t)).place
+            east = leg.start.east + part * (leg.end.east - leg.start.east)
+            north = leg.start.north + part * (leg.end.north - leg.start.north)
+            assert place.east - spot[leg.robot].east == pytest.approx(east)
+            assert place.north - spot[leg.robot].north == pytest.approx(north)
+    for robot in film.tracks:
+        assert film.fix(robot, -1.0).place == spot[robot]
+        assert film.fix(robot, film.end_t + 1.0).place == pytest.approx(spot[robot])
+
+
+def test_every_robot_of_many_is_drawn_inside_the_cell_where_it_is():
+    film = small_film(robots=20)
+    for robot in range(20):
+        place = film.fix(robot, 0.0).place
+        assert abs(place.east) + film.radius < 0.5
+        assert abs(place.north) + film.radius < 0.5
+
+
+@pytest.mark.parametrize("unit", list(Unit))
+@pytest.mark.parametrize("end_t", [0.0, 0.5, 7.0, 300.0, 1e6])
+def test_no_film_is_longer_than_twenty_seconds(unit, end_t):
+    film = Film("", unit, end_t, frozenset(), (), {}, Place(0.0, 0.0))
+    times = film.times()
+    assert (times[0], times[-1]) == (0.0, end_t)
+    assert len(times) / FPS + HOLD_S <= LONGEST_S
+    assert times == sorted(times)
+
+
+def test_a_trail_goes_round_the_corners():
+    corner, end = Place(1.0, 0.0), Place(1.0, 1.0)
+    track = (Fix(0.0, Place(0.0, 0.0)), Fix(1.0, corner), Fix(2.0, end))
+    film = Film("", Unit.STEPS, 2.0, frozenset(), (), {0: track}, Place(0.0, 0.0))
+    assert film.trail(0, 0.5, 1.5) == [Place(0.5, 0.0), corner, Place(1.0, 0.5)]
+
+
+def test_the_bounds_hold_everything_that_is_shown():
+    track = (Fix(0.0, Place(-3.4, 0.0)),)
+    start_drift = Place(0.0, -2.0)
+    film = Film(
+        "", Unit.SECONDS, 4.0, frozenset({Cell(5, 1)}), (), {1: track}, Place(0.0, 0.0), start_drift
+    )
+    assert film.bounds() == (-3, -8, 5, 1)

@@ -1,0 +1,70 @@
+"""Folders of results for the tests of reports and files: a small recorded flight, or part of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from missions.events import Event, FrameLost, OrderFailed, Told, from_json
+from missions.units import LatLon, Pose, Quaternion
+from tests.golden.recording import STOPS
+from tests.support.plans import named_text, plan_of
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
+from uavmap.load.mission_source import mission_of_text
+
+SOURCE = named_text(STOPS.mission)
+PLAN = plan_of(
+    "golden.toml", SOURCE.text, STOPS.strategy, None, STOPS.seed, (), None, SIM_EPOCH_UTC_S
+)
+EVENTS: list[Event] = [from_json(line) for line in STOPS.lines()]
+"""Two sorties with a fresh battery between them, in a simulator."""
+EVIL = '<script>alert("1")</script><img src=x onerror=alert(2)> & \'"'
+SWAPPED_S = 91.0
+
+
+def folder_of(
+    tmp: Path, events: Sequence[Event] = EVENTS, plan: FlightPlan = PLAN, **meta: object
+) -> Path:
+    """A folder with a journal and nothing else."""
+    folder = tmp / "flown"
+    told = {"plan": json.loads(json.dumps(plan.as_json())), **meta}
+    with Journal.create(folder / JOURNAL, told) as journal:
+        journal.append_all(events)
+    return folder
+
+
+def named(name: str) -> FlightPlan:
+    """The plan of the same mission by another name."""
+    text = SOURCE.text.replace('name = "golden"', f"name = {json.dumps(name)}")
+    return replace(PLAN, mission=mission_of_text(text, "golden.toml"))
+
+
+def with_troubles(events: Iterable[Event] = EVENTS) -> list[Event]:
+    """The flight, and words from outside in it; none changes the map."""
+    found = list(events)
+    t_s = found[-1].t_s
+    return [
+        *found,
+        *(FrameLost(1, t_s, EVIL) for _ in range(3)),
+        OrderFailed(1, t_s, "Sweep", f"refused: {EVIL}"),
+        Told(1, t_s, 2, EVIL),
+        Told(1, t_s, 6, "for debugging"),
+    ]
+
+
+def keep_frames(folder: Path, events: Iterable[Event] = EVENTS) -> None:
+    """Small pictures for the judged frames of a folder, all over the start."""
+    picture = np.full((48, 64, 3), (60, 120, 200), dtype=np.uint8)
+    data = cv2.imencode(".jpg", picture)[1].tobytes()
+    pose = Pose(LatLon(47.30011, 8.50013), 12.0, Quaternion.from_euler(0.0, -1.5707963, 0.0))
+    with FrameKeeper(folder, print) as keeper:
+        for event in events:
+            if event.kind == "frame_seen":
+                keeper.keep(KeptFrame("", event.vehicle, event.t_s, pose, 80.0), data)

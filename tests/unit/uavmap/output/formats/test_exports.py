@@ -1,0 +1,441 @@
+"""Files that people open, read back by those who did not write them."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import sqlite3
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import fastkml
+import gpxpy
+import lxml.etree
+import pyogrio
+import pytest
+import shapefile
+import shapely
+from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
+
+from missions.units import LatLon
+from tests.golden.recording import STOPS
+from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of, keep_frames, named
+from uavmap.base.version import __version__
+from uavmap.load.areas.reading import read_area_file
+from uavmap.output.drawing.palette import STATES
+from uavmap.output.facts.calendar import Calendar
+from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import MapData
+from uavmap.output.formats import geojson_encoder as geojson
+from uavmap.output.formats import kml_encoder as kml
+from uavmap.output.formats import qgis_style
+from uavmap.output.formats.exports import FORMATS, files_of
+from uavmap.output.formats.geopackage_layers import APPLICATION_ID
+from uavmap.output.formats.map_layers import layers
+from uavmap.output.report.page import encode
+from uavmap.output.results_reading import flown_of
+from uavmap.ui.cli import main
+
+MapMaker = Callable[..., MapData]
+AREA_M2 = 96.0
+SCALE = 0.9996
+LAYERS = ["region", "cells", "tracks", "track_points", "frames", "fence", "places"]
+UTC = "2020-01-01T00:02:"
+"""The map's, but for its seconds."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return folder_of(tmp_path_factory.mktemp("exports"), plan=named("R&D 'x' é"))
+
+
+@pytest.fixture(scope="module")
+def flown(folder: Path) -> Flown:
+    return flown_of(folder)
+
+
+def exported(folder: Path, kind: str, out: Path) -> Path:
+    assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
+    return out
+
+
+def flown_at(data: MapData, tmp: Path) -> Flown:
+    """A map of somewhere, without a flight."""
+    values = {"completed": True, "finding": "a ring"}
+    setting = STOPS.setting()
+    log, calendar = FlightLog(), Calendar(0.0)
+    return Flown(tmp, PLAN, setting, data, values, log, calendar, recorded=True)
+
+
+# --- GeoPackage ----------------------------------------------------------------------------------
+def test_gdal_reads_the_geopackage_in_utm_with_its_areas(folder: Path, tmp_path: Path) -> None:
+    file = exported(folder, "gpkg", tmp_path / "map.gpkg")
+    names = dict(pyogrio.list_layers(file).tolist())
+    assert list(names) == [*LAYERS, "layer_styles"]
+    assert (names["region"], names["tracks"]) == ("MultiPolygon", "LineString Z")
+    for name in LAYERS:
+        assert pyogrio.read_info(file, layer=name)["crs"] == "EPSG:32632"
+    assert pyogrio.read_info(file, layer="cells")["features"] == 21
+    _, _, (region,), values = read(file, "region")
+    scale = flown_of(folder).data.grid.scale
+    assert shapely.area(region) / scale**2 == pytest.approx(AREA_M2, abs=0.01)
+    assert values["area_m2"][0] == AREA_M2
+    assert (values["crs"][0], values["version"][0]) == ("EPSG:32632", __version__)
+    assert str(values["utc"][0]).startswith("2020-01-01T00:02:")
+    _, _, tracks, values = read(file, "tracks")
+    assert list(values["sortie"]) == [1, 2]
+    assert shapely.get_coordinates(tracks, include_z=True)[:, 2].max() == pytest.approx(12, abs=0.5)
+    _, _, shapes, values = read(file, "fence")
+    assert list(values["kind"]) == ["fence", "box"]
+    assert all(shapely.is_valid(shapes))
+
+
+def read(file: Path, layer: str) -> tuple[Any, Any, list[BaseGeometry], dict[str, Any]]:
+    meta, fids, binary, columns = pyogrio.raw.read(file, layer=layer)
+    values = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    return meta, fids, list(shapely.from_wkb(binary)), values
+
+
+def test_the_geopackage_is_one_by_the_standard(folder: Path, tmp_path: Path) -> None:
+    file = exported(folder, "gpkg", tmp_path / "map.gpkg")
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        ask = database.execute
+        assert ask("PRAGMA application_id").fetchone() == (APPLICATION_ID,)
+        assert ask("PRAGMA user_version").fetchone() == (10300,)
+        assert ask("PRAGMA integrity_check").fetchone() == ("ok",)
+        assert ask("PRAGMA foreign_key_check").fetchall() == []
+        systems = {row[0] for row in ask("SELECT srs_id FROM gpkg_spatial_ref_sys")}
+        assert systems == {-1, 0, 4326, 32632}
+        for name, *box, when in ask(
+            "SELECT table_name, min_x, min_y, max_x, max_y, last_change FROM gpkg_contents "
+            "WHERE data_type = 'features'"
+        ):
+            _, _, shapes, _ = read(file, name)
+            assert box == pytest.approx(shapely.total_bounds(shapes))
+            assert when.startswith(UTC)  # no clock of this computer
+
+
+def test_the_styles_are_in_the_colours_of_the_picture(folder: Path, tmp_path: Path) -> None:
+    file = exported(folder, "gpkg", tmp_path / "map.gpkg")
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        rows = database.execute(
+            "SELECT f_table_name, f_geometry_column, styleQML, useAsDefault FROM layer_styles"
+        ).fetchall()
+    assert [row[0] for row in rows] == LAYERS
+    meta, _, _, columns = pyogrio.raw.read(file, layer="layer_styles")  # as QGIS does, by GDAL
+    by_gdal = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    assert list(by_gdal["f_table_name"]) == LAYERS
+    assert all(by_gdal["useAsDefault"])
+    assert [ET.fromstring(qml).tag for qml in by_gdal["styleQML"]] == ["qgis"] * len(LAYERS)
+    assert {(column, default) for _, column, _, default in rows} == {("geom", 1)}
+    styles = {name: ET.fromstring(qml) for name, _, qml, _ in rows}
+    renderer = styles["cells"].find("renderer-v2")
+    assert renderer is not None
+    assert (renderer.get("type"), renderer.get("attr")) == ("categorizedSymbol", "state")
+    fills = [
+        option.get("value")
+        for symbol in renderer.iter("symbol")
+        for option in symbol.iter("Option")
+        if option.get("name") == "color"
+    ]
+    shown = [c.get("value") for c in renderer.iter("category")]
+    assert shown == ["explored", "non-roi"]
+    for state, fill in zip(shown, fills, strict=True):
+        assert fill is not None
+        assert fill.startswith(",".join(map(str, STATES[state])))  # type: ignore[index]
+    assert {n.get("type") for s in styles.values() for n in s.iter("symbol")} == {
+        "fill", "line", "marker",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_the_same_flight_gives_the_same_bytes(kind: str, folder: Path, flown: Flown) -> None:
+    assert files_of(flown, kind) == files_of(flown_of(folder), kind)
+
+
+def test_kept_frames_tell_their_names_and_places(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    keep_frames(folder)
+    (frames,) = (layer for layer in layers(flown_of(folder)) if layer.name == "frames")
+    assert set(frames.columns()["place_by"]) == {"pose"}
+    assert frames.columns()["picture"][0] == "1-000018.650.jpg"
+    bare = flown_of(folder_of(tmp_path / "without"))
+    (others,) = (layer for layer in layers(bare) if layer.name == "frames")
+    assert set(others.columns()["place_by"]) == {"telemetry"}
+    assert len(others.rows) == len(frames.rows) == 34
+
+
+def test_a_place_that_is_none_is_left_out(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    keep_frames(folder)
+    poses = folder / "frames" / "poses.csv"
+    for bad in ("nan", "inf", "-1e300", "91"):
+        text = poses.read_text("utf-8").replace("47.30011000", bad, 3)
+        poses.write_text(text, "utf-8")
+    flown = flown_of(folder)
+    (frames,) = (layer for layer in layers(flown) if layer.name == "frames")
+    assert frames.columns()["place_by"].count("telemetry") == 12
+    for kind in FORMATS:
+        files_of(flown, kind)
+    assert encode(flown)
+
+
+# --- KML -----------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def schema() -> lxml.etree.XMLSchema:
+    file = Path(fastkml.__file__).parent / "schema" / "kml22gx.xsd"
+    return lxml.etree.XMLSchema(lxml.etree.parse(str(file)))
+
+
+def test_kml_is_valid_against_the_schema_of_the_ogc(
+    folder: Path, tmp_path: Path, schema: lxml.etree.XMLSchema
+) -> None:
+    file = exported(folder, "kml", tmp_path / "flight.kml")
+    schema.assertValid(lxml.etree.parse(str(file)))
+    assert fastkml.KML.parse(file).features
+
+
+def test_the_map_of_a_flight_is_valid_kml_too(
+    make_map: MapMaker, schema: lxml.etree.XMLSchema
+) -> None:
+    schema.assertValid(lxml.etree.fromstring(kml.encode_map(make_map())))
+
+
+def test_tracks_run_in_time(folder: Path, tmp_path: Path) -> None:
+    root = ET.parse(exported(folder, "kml", tmp_path / "flight.kml")).getroot()
+    ns = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
+    tracks = root.findall(".//gx:Track", ns)
+    assert len(tracks) == 2
+    for track in tracks:
+        whens = [when.text or "" for when in track.findall("k:when", ns)]
+        assert len(whens) == len(track.findall("gx:coord", ns)) > 20
+        assert whens == sorted(whens)
+        assert whens[0].startswith("2020-01-01T00:0")
+    data = {d.get("name"): d.findtext("k:value", None, ns) for d in root.iter(f"{{{ns['k']}}}Data")}
+    assert data["computed_in"] == "EPSG:32632"
+    assert data["version"] == __version__
+
+
+# --- GeoJSON -------------------------------------------------------------------------------------
+def positions(coordinates: Any) -> Iterator[list[float]]:
+    if isinstance(coordinates[0], float | int):
+        yield coordinates
+    else:
+        for one in coordinates:
+            yield from positions(one)
+
+
+def assert_rfc_7946(text: str) -> dict[str, Any]:
+    """The rules of RFC 7946 that a file can break."""
+    found: dict[str, Any] = json.loads(text)
+    assert found["type"] == "FeatureCollection"
+    assert "crs" not in found  # section 4
+    lows, highs = [], []
+    for feature in found["features"]:
+        assert set(feature) >= {"type", "geometry", "properties"}
+        geometry = feature["geometry"]
+        if geometry is None:
+            continue
+        for place in positions(geometry["coordinates"]):
+            assert len(place) in (2, 3)
+            assert -90.0 <= place[1] <= 90.0
+        box = shape(geometry).bounds
+        lows.append(box[:2])
+        highs.append(box[2:])
+        areas = {"Polygon": [geometry["coordinates"]], "MultiPolygon": geometry["coordinates"]}
+        for rings in areas.get(geometry["type"], []):
+            for number, ring in enumerate(rings):
+                assert ring[0] == ring[-1]
+                assert len(ring) >= 4
+                assert shapely.LinearRing(ring).is_ccw is (number == 0)  # section 3.1.6
+    if lows:
+        half = len(found["bbox"]) // 2
+        west, south = map(min, zip(*lows, strict=True))
+        east, north = map(max, zip(*highs, strict=True))
+        assert [*found["bbox"][:2], *found["bbox"][half : half + 2]] == [west, south, east, north]
+    return found
+
+
+def test_geojson_has_a_file_a_layer_by_the_rfc(folder: Path, tmp_path: Path) -> None:
+    out = exported(folder, "geojson", tmp_path / "layers")
+    assert {path.name for path in out.iterdir()} == {f"{name}.geojson" for name in LAYERS}
+    for path in out.iterdir():
+        found = assert_rfc_7946(path.read_text("utf-8"))
+        assert (found["computed_in"], found["version"]) == ("EPSG:32632", __version__)
+        assert found["map_utc"].startswith(UTC)
+        assert found["area_m2"] == AREA_M2
+        names, shapes = pyogrio.read_info(path)["fields"], read(path, path.stem)[2]
+        assert len(shapes) == len(found["features"])
+        assert len(names)
+
+
+def test_holes_the_south_and_the_date_line_keep_the_rules(
+    make_map: MapMaker, tmp_path: Path, schema: lxml.etree.XMLSchema
+) -> None:
+    data = make_map(start=LatLon(-17.0, 179.9994), drift_m_s=0.5)
+    there = flown_at(data, tmp_path)
+    for text in files_of(there, "geojson").values():
+        assert_rfc_7946(text.decode())
+    assert_rfc_7946(geojson.encode_map(data))
+    region = json.loads(files_of(there, "geojson")["region.geojson"])["features"][0]
+    outer, *holes = region["geometry"]["coordinates"][0]
+    assert len(holes) == 1
+    lons = [lon for lon, _ in outer]
+    assert max(lons) - min(lons) < 0.001  # it does not span the globe
+    assert max(lons) > 180.0
+    (document,) = files_of(there, "kml").values()
+    schema.assertValid(lxml.etree.fromstring(document))
+    (package,) = files_of(there, "gpkg").values()
+    file = tmp_path / "south.gpkg"
+    file.write_bytes(package)
+    meta, _, (shape_of,), values = read(file, "region")
+    assert meta["crs"] == "EPSG:32760"
+    assert shapely.area(shape_of) / data.grid.scale**2 == pytest.approx(384.0, rel=1e-4)
+    assert values["area_m2"][0] == 384.0
+    (tracks,) = files_of(there, "gpx").values()
+    points = [p for t in gpxpy.parse(tracks.decode()).tracks for s in t.segments for p in s.points]
+    assert all(-180.0 <= point.longitude < 180.0 for point in points)
+    assert len({point.longitude > 0.0 for point in points}) == 2
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_map_of_nothing_has_files_too(kind: str, empty_map: MapData, tmp_path: Path) -> None:
+    files = files_of(flown_at(empty_map, tmp_path), kind)
+    assert all(files.values())
+    if kind == "gpkg":
+        (tmp_path / "nothing.gpkg").write_bytes(files["map.gpkg"])
+        assert read(tmp_path / "nothing.gpkg", "region")[2] == [None]
+    if kind == "geojson":
+        (feature,) = assert_rfc_7946(files["region.geojson"].decode())["features"]
+        assert feature["geometry"] is None
+
+
+# --- Shapefile, GPX, CSV -------------------------------------------------------------------------
+def test_shapefiles_are_read_with_their_system_their_letters_and_their_areas(
+    folder: Path, tmp_path: Path
+) -> None:
+    out = exported(folder, "shp", tmp_path / "shp")
+    assert {p.suffix for p in out.glob("region.*")} == {".shp", ".shx", ".dbf", ".prj", ".cpg"}
+    assert (out / "region.cpg").read_text() == "UTF-8"
+    info = pyogrio.read_info(out / "region.shp")
+    assert (info["crs"], info["encoding"]) == ("EPSG:32632", "UTF-8")
+    with shapefile.Reader(str(out / "region.shp")) as region:
+        record = region.record(0).as_dict()
+        area = shape(region.shape(0).__geo_interface__)
+    assert record["mission"] == "R&D 'x' é"
+    assert record["area_m2"] == AREA_M2
+    assert record["utc"].startswith(UTC)
+    scale = flown_of(folder).data.grid.scale
+    assert area.area / scale**2 == pytest.approx(AREA_M2, abs=0.01)
+    with shapefile.Reader(str(out / "track_points.shp")) as points:
+        assert points.shapeTypeName == "POINTZ"
+        assert len(points) > 50
+    data = (out / "region.dbf").read_bytes()
+    assert data[1:4] == bytes((120, 1, 1))  # the date of the mission, not of today
+
+
+def test_gpx_has_a_segment_a_sortie_with_times(folder: Path, tmp_path: Path) -> None:
+    file = gpxpy.parse(exported(folder, "gpx", tmp_path / "flight.gpx").read_text("utf-8"))
+    track, outline = file.tracks
+    assert [len(segment.points) > 20 for segment in track.segments] == [True, True]
+    first = track.segments[0].points[0]
+    assert first.time is not None
+    assert first.time.isoformat() == "2020-01-01T00:00:08.600000+00:00"
+    assert first.elevation is not None
+    assert outline.segments[0].points[0].latitude == outline.segments[0].points[-1].latitude
+    assert file.creator == f"uavmap {__version__}"
+    assert "computed_in EPSG:32632" in (file.description or "")
+    assert [point.name for point in file.waypoints] == ["home of vehicle 1"]
+
+
+def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None:
+    out = exported(folder, "csv", tmp_path / "csv")
+    rows = list(csv.DictReader(io.StringIO((out / "cells.csv").read_text("utf-8"), newline="")))
+    assert len(rows) == 21
+    grid = flown_of(folder).data.grid
+    for row in rows:
+        place = LatLon(float(row["lat_deg"]), float(row["lon_deg"]))
+        cell = grid.cell_at(place, 0.0)
+        assert cell == (int(row["column"]), int(row["row"]))
+        assert shapely.from_wkt(row["wkt"]).is_valid
+    about = dict(csv.reader(io.StringIO((out / "about.csv").read_text("utf-8"))))
+    assert (about["computed_in"], about["area_m2"]) == ("EPSG:32632", "96.0")
+
+
+# --- round trips, and what is refused ------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("geojson", "region.geojson"),
+        ("shp", "region.shp"),
+        ("csv", "region.csv"),
+        ("gpkg", ""),
+        ("kml", ""),
+    ],
+)
+def test_a_region_is_read_back_as_an_area(
+    kind: str, name: str, folder: Path, tmp_path: Path
+) -> None:
+    """What was mapped can be the box, and the fence and the home, of the next mission."""
+    out = exported(folder, kind, tmp_path / ("out" if name else f"out.{kind}"))
+    drawing = read_area_file(str(out / name if name else out))
+    (region,) = (area for area in drawing.areas if area.name == "region")
+    flown = flown_of(folder)
+    ring = shapely.Polygon([flown.data.grid.fixed(place) for place in region.ring])
+    assert ring.area == pytest.approx(AREA_M2, rel=1e-3)
+    if not name:
+        assert len(drawing.fences) == 1
+        assert drawing.home is not None
+
+
+def test_an_outline_in_gpx_is_read_back_as_an_area(folder: Path, tmp_path: Path) -> None:
+    drawing = read_area_file(str(exported(folder, "gpx", tmp_path / "out.gpx")))
+    (region,) = (area for area in drawing.areas if area.name == "outline of the region")
+    ring = shapely.Polygon([flown_of(folder).data.grid.fixed(place) for place in region.ring])
+    assert ring.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert drawing.home is not None
+
+
+def test_an_interrupted_flight_yields_its_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    middle = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
+    folder = folder_of(tmp_path, EVENTS[:middle])
+    assert main(["export", str(folder), "--to", "gpkg"]) == 0
+    assert "not complete; this is its map so far, at mission time 50 s" in capsys.readouterr().err
+    _, _, _, values = read(folder / "map.gpkg", "region")
+    assert not values["completed"][0]
+    assert values["cells"][0] > 0
+
+
+def test_what_does_not_fit_together_is_told_in_a_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = tmp_path / "there.kml"
+    there.write_text("mine")
+    for options, said in (
+        (["--to", "kml", "--out", there], "is there already"),
+        (["--to", "shp", "--out", there], "is a file; give a folder"),
+        (["--to", "kml", "--out", tmp_path / "no" / "x.kml"], "there is no folder"),
+        (["--to", "kml", "--plan", there], "--plan is for a plan"),
+        (["--to", "kml", "--above-sea"], "--above-sea is for a plan"),
+        (["--out", there], "--out goes with --to FORMAT"),
+    ):
+        assert main(["export", str(folder), *map(str, options)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert said in line
+    assert main(["export", "runway", "--to", "gpkg"]) == 2
+    assert "--to is for a results folder" in capsys.readouterr().err
+    assert there.read_text() == "mine"
+
+
+def test_every_layer_has_a_style_and_short_names(flown: Flown) -> None:
+    for layer in layers(flown):
+        assert all(len(field.name) <= 10 for field in layer.fields)
+        assert ET.fromstring(qgis_style.qml(layer)).find("renderer-v2") is not None

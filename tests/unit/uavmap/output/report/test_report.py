@@ -1,0 +1,308 @@
+"""report.html: what it says, that nothing in it is loaded or run, and that it comes to be there."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tests.golden.recording import STOPS
+from tests.unit.uavmap.output.flown_folders import (
+    EVENTS,
+    EVIL,
+    PLAN,
+    folder_of,
+    keep_frames,
+    named,
+    with_troubles,
+)
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL
+from uavmap.output import documents
+from uavmap.output.documents import REPORT, with_documents, write_documents
+from uavmap.output.facts.score import true_roi
+from uavmap.output.report.page import encode
+from uavmap.output.results_reading import flown_of
+from uavmap.output.write_results import write_results
+from uavmap.ui.cli import main
+
+VOID = {"meta", "img"}
+
+
+class Page(HTMLParser):
+    """The page, as a browser takes it apart."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+        self.words: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+def page_of(folder: Path) -> Page:
+    page = Page((folder / REPORT).read_text("utf-8"))
+    assert not page.open
+    return page
+
+
+def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    assert main(["report", str(folder)]) == 0
+    text = page_of(folder).text
+    for said in (
+        "golden",
+        "Complete: a region of 6 cells",
+        "2020-01-01 00:00:00 UTC, simulated",
+        "EPSG:32632",
+        "grid north",
+        "true north is 0.37° to the right",
+        "47.3000° N",
+        "8.5000° E",
+        "20 m",
+        "96 m² (6 cells of 4 m); between 29 m² and 144 m²",
+        "40 m along the sides of cells",
+        "Frames judged 34",
+        "6 region, 15 not region",
+        "1 96 47.300108, 8.500105 19.4 109.0 89.5 0.0 complete",
+        "Search box: 11 of 12 cells decided, 1 in too few frames: a patch may be missing there.",
+        "of these false positives 0",
+        "vehicle 1",
+        "Faults and refusals None.",
+        "battery.capacity_wh 9.0",
+        "Strategy rdfs, 1 vehicle, driver pymavlink, seed 11",
+    ):
+        assert said in text, said
+
+
+def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    log = flown_of(folder).log
+    (first, second), ((vehicle, swapped_s),) = log.sorties(), log.swaps
+    assert (first.number, second.number, vehicle) == (1, 2, 1)
+    assert first.end_s < swapped_s < second.start_s
+    assert first.ended
+    assert main(["report", str(folder)]) == 0
+    page = (folder / REPORT).read_text("utf-8")
+    (drawing,) = re.findall(r'<svg[^>]*aria-label="timeline">.*?</svg>', page, re.DOTALL)
+    assert drawing.count("fill-opacity") == 2
+    assert drawing.count("<circle") == 1
+    rows = re.findall(r"<tr><td>1</td><td>([12])</td><td>([^<]+)</td><td>([^<]+)</td>", page)
+    assert [number for number, _, _ in rows] == ["1", "2"]
+    assert rows[0][1] == "2020-01-01 00:00:08 UTC, simulated"
+
+
+def test_the_page_loads_nothing_and_runs_nothing(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    keep_frames(folder)
+    assert main(["report", str(folder)]) == 0
+    page = page_of(folder)
+    assert not {"script", "link", "iframe", "object", "base", "form"} & set(page.tags)
+    for name, value in page.attributes:
+        assert not name.startswith("on")
+        if name in ("src", "href", "action", "xlink:href"):
+            assert value.startswith("data:image/jpeg;base64,")
+        assert "http" not in value or name == "xmlns"
+    assert "@import" not in (folder / REPORT).read_text("utf-8")
+    assert page.tags.count("img") == 8
+
+
+def test_words_from_outside_are_words(tmp_path: Path) -> None:
+    plan = replace(named("R&D 'x'"), version=EVIL)
+    folder = folder_of(tmp_path, with_troubles(), plan)
+    keep_frames(folder)
+    poses = folder / "frames" / "poses.csv"
+    poses.write_text(poses.read_text("utf-8").replace(".jpg,", '"">.jpg,'), "utf-8")
+    assert main(["report", str(folder)]) == 0
+    page = page_of(folder)
+    assert "script" not in page.tags
+    assert "img" not in page.tags  # none of the frames has such a name
+    assert EVIL.replace("  ", " ") in page.text
+    assert f"3 frames lost: {EVIL}" in page.text
+    assert f"Sweep failed: refused: {EVIL}" in page.text
+    assert "for debugging" not in page.text
+    assert "R&D 'x'" in page.text
+    assert "Frames lost 3" in page.text
+
+
+def test_frames_that_are_gone_or_none_are_left_out(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    keep_frames(folder)
+    outside = tmp_path / "secret.jpg"
+    for number, path in enumerate(sorted((folder / "frames").glob("*.jpg"))):
+        path.rename(outside) if number % 3 == 0 else path.write_bytes(b"\xff\xd8 cut short")
+    poses = folder / "frames" / "poses.csv"
+    poses.write_text(re.sub(r"^1-[^,]*", "../../secret.jpg", poses.read_text("utf-8"), flags=re.M))
+    assert main(["report", str(folder)]) == 0
+    assert "img" not in page_of(folder).tags
+
+
+def test_an_interrupted_flight_has_a_report_that_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    middle = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
+    folder = folder_of(tmp_path, EVENTS[:middle])
+    assert main(["report", str(folder)]) == 0
+    assert "the mission is not complete; this is its map so far" in capsys.readouterr().err
+    text = page_of(folder).text
+    assert "Not complete: a region of" in text
+    assert "no landing known" in text
+
+
+def test_a_journal_without_an_event_has_a_report(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path, [])
+    assert main(["report", str(folder)]) == 0
+    assert "Not complete: no region found in 0 judged frames" in page_of(folder).text
+
+
+def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path: Path) -> None:
+    """Of a flight under way, or on a disk that is read-only."""
+    folder = folder_of(tmp_path)
+    out = tmp_path / "map.gpkg"
+    with Journal.open(folder / JOURNAL):
+        (folder / JOURNAL).chmod(0o400)
+        folder.chmod(0o500)
+        try:
+            assert main(["export", str(folder), "--to", "gpkg", "--out", str(out)]) == 0
+        finally:
+            folder.chmod(0o700)
+    assert out.exists()
+
+
+@pytest.mark.parametrize("command", [["report"], ["export", "--to", "gpkg"]])
+def test_a_folder_that_is_none_is_told_in_a_line(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damaged = folder_of(tmp_path)
+    journal = damaged / "journal.jsonl"
+    data = bytearray(journal.read_bytes())
+    data[len(data) // 2] ^= 1
+    journal.write_bytes(data)
+    for folder in (tmp_path / "nowhere", tmp_path, damaged):
+        assert main([command[0], str(folder), *command[1:]]) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1
+        assert str(folder) in lines[0]
+
+
+def test_a_report_elsewhere_overwrites_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = folder_of(tmp_path), tmp_path / "field.html"
+    assert main(["report", str(folder), "--out", str(out)]) == 0
+    assert not (folder / REPORT).exists()
+    before = out.read_bytes()
+    assert main(["report", str(folder), "--out", str(out)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert main(["report", str(folder), "--out", str(tmp_path / "no" / "page.html")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+    assert out.read_bytes() == before
+
+
+def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
+    """Byte for byte, and the GeoPackage, too."""
+    folder = folder_of(tmp_path, truth={"min_separation_m": None, "fence_breaches": 0})
+    setting = STOPS.setting()
+    told: list[str] = []
+    calendar, also = with_documents(folder, PLAN, setting, EVENTS, told.append)
+    truth, roi = (
+        {"min_separation_m": None, "fence_breaches": 0},
+        true_roi(setting.mission, setting.grid),
+    )
+    values = write_results(folder, setting, EVENTS, STOPS.seed, truth, roi, calendar, also)
+    assert not told
+    report, package = (folder / REPORT).read_bytes(), (folder / "map.gpkg").read_bytes()
+    assert encode(flown_of(folder)) == report
+    assert main(["export", str(folder), "--to", "gpkg"]) == 0
+    assert (folder / "map.gpkg").read_bytes() == package
+    kept = json.loads((folder / "summary.json").read_text("utf-8"))
+    assert kept == json.loads(json.dumps(values))
+    assert (kept["area_m2"], kept["perimeter_m"], kept["crs"]) == (96.0, 40.0, "EPSG:32632")
+    assert kept["begun_utc"] == "2020-01-01T00:00:00.000Z"
+    assert kept["ended_utc"] == calendar.utc(EVENTS[-1].t_s)
+    assert kept["area_low_m2"] <= roi.area <= kept["area_high_m2"]
+
+
+def test_a_full_disk_costs_the_page_and_never_the_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = folder_of(tmp_path)
+    told: list[str] = []
+    _, also = with_documents(folder, PLAN, STOPS.setting(), EVENTS, told.append)
+
+    def full(path: Path, data: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(documents, "write_bytes", full)
+    write_results(folder, STOPS.setting(), EVENTS, STOPS.seed, also=also)
+    assert [line.partition(": ")[0] for line in told] == [
+        str(folder / "map.gpkg"),
+        str(folder / "report.html"),
+    ]
+    assert all("No space left on device" in line for line in told)
+    assert all("all other results are complete" in line for line in told)
+    assert f"`uavmap report {folder}`" in told[1]
+    assert {path.name for path in folder.iterdir()} >= {
+        "map.geojson", "map.kml", "map.png", "summary.json",
+    }  # fmt: skip
+
+
+def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path)
+    (folder / "map.gpkg").write_bytes(b"edited")
+    (folder / "map.gpkg-wal").write_bytes(b"log")
+    told: list[str] = []
+    write_documents(flown_of(folder), told.append)
+    assert len(told) == 1
+    assert "is open in another program (map.gpkg-wal)" in told[0]
+    assert (folder / "map.gpkg").read_bytes() == b"edited"
+    assert (folder / REPORT).exists()
+
+
+def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
+    plan = replace(
+        PLAN, simulated=False, urls=("udpin://0.0.0.0:14550",), epoch_utc_s=1.7e9, speedup=2.0
+    )
+    folder = folder_of(tmp_path, plan=plan)
+    flown = flown_of(folder)
+    assert flown.values["begun_utc"] == "2023-11-14T22:13:20.000Z"
+    assert flown.calendar.utc(20.0) == "2023-11-14T22:13:30.000Z"  # twice as fast as the clock
+    text = Page(encode(flown).decode()).text
+    assert "imulated" not in text.partition("Settings")[0]
+    assert "Against the truth" not in text
+    assert flown.data.truth is None
+
+
+def test_dates_that_no_calendar_has_are_not_known(tmp_path: Path) -> None:
+    plan = replace(PLAN, epoch_utc_s=1e300)
+    flown = flown_of(folder_of(tmp_path, plan=plan))
+    assert flown.values["begun_utc"] is None
+    assert "Begun not known" in Page(encode(flown).decode()).text

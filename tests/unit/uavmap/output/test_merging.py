@@ -1,0 +1,167 @@
+"""One map of several journals: any order, any state, and what makes none together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from missions.errors import JournalError
+from missions.events import Event, FrameSeen, LiftedOff, Tracked, Vote
+from missions.fleet_events import Fact, Shared
+from missions.units import Cell, GridPoint
+from tests.support.plans import plan_of
+from tests.support.small_missions import mission_text, square
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.output.merging import merged_results
+
+BOX, FENCE = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
+PADS = [(0.0, 0.0), (16.0, 0.0)]
+TEXT = mission_text(BOX, FENCE, vehicles=2, homes=PADS, strategy="swath")
+ALONE = mission_text(BOX, FENCE, strategy="swath")
+CELLS = {1: Cell(0, 4), 2: Cell(2, 4)}
+
+
+def plan(text: str = TEXT, member: int | None = 1, epoch_utc_s: float = 1000.0) -> FlightPlan:
+    return plan_of(
+        "field.toml", text, None, None, 1, ("udpin://0.0.0.0:14550",), None, epoch_utc_s,
+        member=member,
+    )  # fmt: skip
+
+
+def votes(number: int) -> list[Event]:
+    """Three frames in which a vehicle sees its cell, and that time goes on."""
+    vote = (Vote(CELLS[number], True, 1.0),)
+    frames = [FrameSeen(number, 10.0 * number + k, None, vote) for k in range(3)]
+    return [*frames, Tracked(number, 10.0 * number + 9.0, GridPoint(1.0, 2.0), 10.0, 20.0)]
+
+
+def told(number: int) -> Shared:
+    """The same, as another tells it."""
+    facts = [Fact(10.0 * number + 2.0, ((CELLS[number], True),))]
+    return Shared(number, 40.0, 0, tuple(facts))
+
+
+def written(folder: Path, by: FlightPlan, events: list[Event]) -> Path:
+    with Journal.create(folder / JOURNAL, {"plan": by.as_json()}) as journal:
+        for event in sorted(events, key=lambda event: event.t_s):
+            journal.append(event)
+    return folder
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[Path]:
+    """Two members; the first has heard of all that the second saw."""
+    return [
+        written(tmp_path / "one", plan(member=1), [*votes(1), told(2)]),
+        written(tmp_path / "two", plan(member=2, epoch_utc_s=1003.0), [*votes(2)]),
+    ]
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != JOURNAL}
+
+
+def events_in(folder: Path) -> list[Event]:
+    with Journal.open(folder / JOURNAL) as journal:
+        return list(journal.events())
+
+
+def test_the_order_of_the_folders_changes_nothing(pair: list[Path], tmp_path: Path) -> None:
+    said: list[str] = []
+    summary = merged_results(pair, tmp_path / "a", said.append)
+    merged_results(pair[::-1], tmp_path / "b", said.append)
+    assert summary["cells_roi"] == 2
+    assert summary["vehicles"] == 2
+    assert [patch["root"]["column"] for patch in summary["patches"]] == [0, 2]
+    assert summary["patches_in_all"]["open"] == {"no_frames": 7}  # one lies beside both
+    assert summary["patches_in_all"]["took_s"] == 10.0
+    assert summary["exploration_s"] is None
+    assert files(tmp_path / "a") == files(tmp_path / "b")
+    assert events_in(tmp_path / "a") == events_in(tmp_path / "b") == [*votes(1), *votes(2)]
+
+
+def test_of_a_lost_vehicle_counts_what_others_have_heard(pair: list[Path], tmp_path: Path) -> None:
+    assert merged_results(pair[:1], tmp_path / "a", print)["cells_roi"] == 2
+    assert merged_results(pair[1:], tmp_path / "b", print)["cells_roi"] == 1
+
+
+def test_the_good_beginning_of_a_damaged_journal_counts(pair: list[Path], tmp_path: Path) -> None:
+    journal = pair[1] / JOURNAL
+    data = journal.read_bytes()
+    third = data.index(b'{"seq":4,')
+    data = data[:third] + data[third:].replace(b'"kind"', b'"KIND"', 1)
+    journal.write_bytes(data)
+    said: list[str] = []
+    summary = merged_results(pair, tmp_path / "out", said.append)
+    assert summary["cells_roi"] == 2  # the first has heard of the rest
+    assert f"{pair[1]}: its journal is damaged; 2 events are merged, the last of" in said[0]
+    assert journal.read_bytes() == data
+
+
+def test_a_flight_under_way_is_read_as_far_as_it_is(pair: list[Path], tmp_path: Path) -> None:
+    said: list[str] = []
+    with Journal.open(pair[1] / JOURNAL) as journal:
+        merged_results(pair, tmp_path / "out", said.append)
+        journal.append(LiftedOff(2, 50.0))
+    assert any("is still under way; 4 events are merged" in line for line in said)
+
+
+def test_several_flights_over_one_grid_make_one_map(tmp_path: Path) -> None:
+    early = written(tmp_path / "x" / "out", plan(ALONE, None), [*votes(1)])
+    late = written(tmp_path / "y" / "out", plan(ALONE, None, 1600.0), [*votes(1)])
+    summary = merged_results([late, early], tmp_path / "all", print)
+    assert summary["vehicles"] == 2
+    found = events_in(tmp_path / "all")
+    frames = [(event.vehicle, event.t_s) for event in found if isinstance(event, FrameSeen)]
+    assert frames == [(1, 10.0), (1, 11.0), (1, 12.0), (2, 610.0), (2, 611.0), (2, 612.0)]
+    merged_results([early, late], tmp_path / "again", print)
+    assert events_in(tmp_path / "again") == found
+
+
+def test_what_makes_no_map_together_is_refused(pair: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    other = TEXT.replace("layer_m = 6.0", "layer_m = 7.0")
+    strangers = {
+        "its mission is another": written(tmp_path / "m", plan(other, 2), []),
+        "its grid is another": written(
+            tmp_path / "g", plan(TEXT.replace("cell_m = 4.0", "cell_m = 4.5"), 2), []
+        ),
+        "is of vehicle 1, as is": written(tmp_path / "t", plan(), [LiftedOff(1, 5.0)]),
+        "merge the members of a fleet by themselves": written(
+            tmp_path / "n", plan(ALONE, None), []
+        ),
+        "there is no journal here": tmp_path / "nothing",
+        "it is merged already": written(tmp_path / "w", plan(member=0), []),
+        "holds the same flight as": pair[0],
+    }
+    for words, folder in strangers.items():
+        for order in ([pair[0], folder], [folder, pair[0]]):
+            with pytest.raises(JournalError) as refused:
+                merged_results(order, out, print)
+            assert words in str(refused.value), words
+            assert str(folder.parent) in str(refused.value)
+    assert not out.exists()
+    with pytest.raises(JournalError, match=f"--out {pair[0]}: holds a journal already"):
+        merged_results(pair, pair[0], print)
+
+
+def test_ground_that_drifts_is_not_the_same_an_hour_later(tmp_path: Path) -> None:
+    text = ALONE.replace("[drift]\n        speed_m_s = 0.0", "[drift]\n        speed_m_s = 0.2")
+    assert text != ALONE
+    folders = [
+        written(tmp_path / name, plan(text, None, at_s), [*votes(1)])
+        for name, at_s in (("one", 0.0), ("two", 3600.0))
+    ]
+    with pytest.raises(JournalError, match=r"began 3600 s from .*the region drifts"):
+        merged_results(folders, tmp_path / "out", print)
+
+
+def test_many_flights_need_no_room_for_all_their_vehicles(tmp_path: Path) -> None:
+    folders = [
+        written(tmp_path / str(k), plan(ALONE, None, 1000.0 * k), [*votes(1)]) for k in range(6)
+    ]
+    assert merged_results(folders, tmp_path / "out", print)["vehicles"] == 6
+    again = merged_results(folders[::-1], tmp_path / "again", print)
+    assert again["cells_roi"] == 1

@@ -1,0 +1,216 @@
+"""What a camera announces: a pose that makes no sense costs the picture, and nothing more."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import math
+import random
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from missions.events import FrameLost, FrameSeen
+from missions.flight.setting import Setting
+from missions.units import Cell, Quaternion
+from tests.support.flights import HEIGHT_PX, WIDTH_PX, small_mission
+from tests.support.mavlink_peer import Peer, heartbeat
+from uavmap.aircraft.cameras.mavlink import MavlinkSource
+from uavmap.aircraft.cameras.pose import Poses
+from uavmap.aircraft.cameras.source import Announcement
+from uavmap.aircraft.imaging.classifier import Classifier
+from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.session import Message
+from uavmap.runner.flight_cameras import mount_of
+
+DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
+URL = b"http://127.0.0.1/0.jpg"
+MISSION = small_mission()
+SETTING = Setting.of(MISSION)
+CAMERA = MISSION.camera
+
+
+def picture(width: int = CAMERA.width_px, height: int = CAMERA.height_px) -> bytes:
+    out = io.BytesIO()
+    noise = np.random.default_rng(1).integers(-6, 7, (height, width, 1))
+    pixels = np.repeat(190 + noise, 3, axis=2).astype(np.uint8)
+    Image.fromarray(pixels).save(out, "JPEG")
+    return out.getvalue()
+
+
+PICTURE = picture()
+
+
+async def served(url: str) -> bytes:
+    return PICTURE
+
+
+def announced(**how: Any) -> Message:
+    values = {
+        "time_boot_ms": 5000,
+        "lat": round(MISSION.home.lat_deg * 1e7),
+        "lon": round(MISSION.home.lon_deg * 1e7),
+        "relative_alt": 12_000,
+        "q": list(DOWN),
+        "image_index": 0,
+        "file_url": URL,
+    } | how
+    return mav.MAVLink_camera_image_captured_message(
+        values["time_boot_ms"], 0, 0, values["lat"], values["lon"], 512_000,
+        values["relative_alt"], values["q"], values["image_index"], 1, values["file_url"],
+    )  # fmt: skip
+
+
+def judged(
+    *messages: Message,
+    fetch: Callable[[str], Awaitable[bytes]] = served,
+    peers: Callable[[Peer], None] = lambda peer: None,
+) -> list[FrameSeen | FrameLost]:
+    """What the driver makes of announcements that are heard at 5.1 s, ordered at 5 s."""
+
+    async def main() -> list[FrameSeen | FrameLost]:
+        peer = Peer()
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(5.0)
+        peer.session.feed(peer.frame(heartbeat()))
+        peer.session.feed(peer.frame(place(5.0)))
+        source = MavlinkSource(peer.session, fetch)
+        poses = Poses(peer.session, mount_of(CAMERA), SETTING.grid)
+        driver = CameraDriver(1, source, poses, Classifier.of(MISSION, SETTING.grid), loop.time)
+        peer.answer = lambda message: peer.say(
+            mav.MAVLink_command_ack_message(message.command, 0, 0, 0, 245, 191), component=100
+        )
+        await driver.start(1.0, 1)
+        await asyncio.sleep(5.1 - loop.time())
+        peers(peer)
+        heard: list[Announcement] = []
+        source.listen(heard.append)
+        for message in messages:
+            peer.session.feed(peer.frame(message, 100))
+        events = [await driver.judge(picture, None) for picture in heard]
+        assert all(math.isfinite(event.t_s) for event in events)
+        return events
+
+    return run(main(), VirtualClock())
+
+
+def place(t_s: float) -> Message:
+    home = MISSION.home
+    return mav.MAVLink_global_position_int_message(
+        round(t_s * 1000), round(home.lat_deg * 1e7), round(home.lon_deg * 1e7), 512_000, 12_000,
+        0, 0, 0, 0,
+    )  # fmt: skip
+
+
+def test_a_picture_is_judged() -> None:
+    (event,) = judged(announced())
+    assert isinstance(event, FrameSeen)
+    assert event.vantage == Cell(0, 0)
+    assert len(event.votes) == 5
+    assert event.t_s == 5.0
+
+
+NAN, INF = math.nan, math.inf
+NO_ATTITUDE = "it tells no attitude, and the vehicle did not tell its own of then"
+
+
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        # told by neither the camera nor the autopilot
+        ({"q": [0.0] * 4, "lat": 0, "lon": 0}, NO_ATTITUDE),
+        ({"q": [0.0] * 4}, NO_ATTITUDE),
+        ({"q": [NAN] * 4}, NO_ATTITUDE),
+        ({"q": [NAN] * 4, "time_boot_ms": 900_000}, NO_ATTITUDE),
+        ({"q": [1.0, INF, 0.0, 0.0]}, "the quaternion is not finite"),
+        ({"q": [0.5, 0.0, 0.0, 0.0]}, "the quaternion is not of unit length"),
+        ({"q": [3e38] * 4}, "the quaternion is not of unit length"),
+        ({"lat": round(91e7)}, "the position is not on Earth"),
+        ({"lat": round(214.7e7)}, "the position is not on Earth"),
+        ({"lat": -(2**31)}, "the position is not on Earth"),
+        ({"lon": 2**31 - 1}, "the position is not on Earth"),
+        ({"lat": round(89.9e7)}, "the position is not where the vehicle was"),
+        ({"lon": round(-100e7)}, "the position is not where the vehicle was"),
+        ({"relative_alt": 2**31 - 1}, "the height is out of range"),
+        ({"relative_alt": -(2**31)}, "the height is out of range"),
+        ({"relative_alt": 900_000}, "the height is not that of the vehicle"),
+    ],
+)
+def test_a_pose_that_makes_no_sense(how: dict[str, Any], reason: str) -> None:
+    asked: list[str] = []
+
+    async def fetch(url: str) -> bytes:
+        asked.append(url)
+        return PICTURE
+
+    (event,) = judged(announced(**how), fetch=fetch)
+    assert isinstance(event, FrameLost)
+    assert event.reason == f"the camera tells no usable pose: {reason}"
+    assert asked == []
+
+
+def test_any_pose_at_all() -> None:
+    rng = random.Random(5)
+    values = [0.0, NAN, INF, -INF, 3.4e38, 1e-40, 1.0, -1.0, 0.7071068]
+    many = [
+        announced(
+            image_index=n,
+            time_boot_ms=rng.choice((0, 5000, 2**32 - 1, rng.randrange(2**32))),
+            lat=rng.choice((0, 473_000_000, rng.randrange(-(2**31), 2**31))),
+            lon=rng.choice((0, 85_000_000, rng.randrange(-(2**31), 2**31))),
+            relative_alt=rng.choice((0, 12_000, rng.randrange(-(2**31), 2**31))),
+            q=[rng.choice(values) for _ in range(4)],
+            file_url=rng.randbytes(rng.randrange(0, 200)),
+        )
+        for n in range(300)
+    ]
+    events = judged(*many)
+    assert len(events) == 300
+    for event in events:
+        assert 4.5 <= event.t_s <= 5.2
+        assert not isinstance(event, FrameLost) or event.reason.isprintable()
+
+
+def test_a_frame_is_stamped_within_the_capture() -> None:
+    """A camera that was switched on a minute before the autopilot, and one with a broken clock."""
+    (event,) = judged(announced(time_boot_ms=65_000))
+    assert event.t_s == pytest.approx(5.1)
+    (event,) = judged(announced(time_boot_ms=0))
+    assert 4.5 <= event.t_s <= 5.1
+    first, second = judged(announced(), announced(time_boot_ms=2**32 - 1, image_index=1))
+    assert first.t_s == 5.0
+    assert second.t_s == 5.1
+
+
+def test_another_size_is_a_lost_frame() -> None:
+    async def fetch(url: str) -> bytes:
+        return picture(64, 64)
+
+    (event,) = judged(announced(), fetch=fetch)
+    assert isinstance(event, FrameLost)
+    told = f"the picture is 64 x 64 px, the camera {WIDTH_PX} x {HEIGHT_PX} px"
+    assert told in event.reason
+
+
+def test_a_reason_from_outside_is_made_safe() -> None:
+    async def fetch(url: str) -> bytes:
+        raise LinkError(f"{url}: \x1b[2Jgone")
+
+    (event,) = judged(announced(), fetch=fetch)
+    assert isinstance(event, FrameLost)
+    assert event.reason == "http://127.0.0.1/0.jpg: gone"
+
+
+def test_a_vehicle_that_has_not_said_where_it_is() -> None:
+    def forget(peer: Peer) -> None:
+        peer.session.view.position = None
+
+    (event,) = judged(announced(), peers=forget)
+    assert isinstance(event, FrameLost)
+    assert "the vehicle has not said where it is" in event.reason

@@ -1,0 +1,255 @@
+"""Geotags and pixels of photographs: written here with Pillow, and real ones where present."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from missions.errors import ImageError
+from missions.geo.grid import Grid
+from missions.units import Quaternion
+from tests.support.photographs import DJI, dji, write_photo
+from uavmap.base.image_files import read_image
+from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.photo_file import decoded
+from uavmap.photos.sources.picture_record import Picture, Refused
+from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.tag_validation import Placed, credible
+from vision.camera import Camera, rotation
+from vision.look import Frame
+from vision.upright import upside_down
+
+
+def tagged(path: Path) -> tuple[Picture, ...]:
+    return gather(open_source(path)).pictures
+
+
+def placed(path: Path) -> list[Placed]:
+    entries = credible(tagged(path))
+    assert all(isinstance(entry, Placed) for entry in entries), entries
+    return [entry for entry in entries if isinstance(entry, Placed)]
+
+
+REAL = Path(__file__).resolve().parents[5] / "../shared/data/brighton_beach"
+
+
+def test_tags_of_a_photo(tmp_path: Path) -> None:
+    (photo,) = placed(write_photo(tmp_path / "a.JPG"))
+    assert photo.pose.position.lat_deg == pytest.approx(46 + 50 / 60 + 33.3855 / 3600)
+    assert photo.pose.position.lon_deg == pytest.approx(-(91 + 59 / 60 + 40.4156 / 3600))
+    assert photo.pose.height_m == 39.8
+    assert (photo.picture.width_px, photo.picture.height_px, photo.taken_s) == (64, 36, 0.0)
+    assert photo.picture.lens is not None
+    # 20 mm on a diagonal of 43.27 mm; a picture of 16:9 is cut from a sensor of 4:3
+    diagonal_px = math.hypot(64, 48)
+    assert photo.picture.lens.fx_px == pytest.approx(20.0 * diagonal_px / math.hypot(36, 24))
+    forward, _, down = rotation(photo.pose.attitude).T
+    assert forward == pytest.approx([0, 0, 1], abs=1e-9)
+    up = math.sqrt(0.5)  # the upper edge lies to the north-east
+    assert -down == pytest.approx([up, up, 0], abs=1e-9)
+
+
+def test_southern_and_eastern_letters(tmp_path: Path) -> None:
+    gps = {1: "S", 2: (33.0, 30.0, 0.0), 3: "E", 4: (151.0, 15.0, 0.0)}
+    (photo,) = placed(write_photo(tmp_path / "a.jpg", gps=gps))
+    assert (photo.pose.position.lat_deg, photo.pose.position.lon_deg) == (-33.5, 151.25)
+
+
+@pytest.mark.parametrize(
+    ("xmp", "yaw_deg"),
+    [
+        (dji(GimbalYawDegree=None), 12.0),
+        (dji(GimbalRollDegree=None), 45.0),
+        (
+            DJI.format(attributes='drone-dji:RelativeAltitude="40"')
+            .replace("/></rdf:RDF>", "></rdf:Description></rdf:RDF>")
+            .replace(
+                "</rdf:Description>",
+                '<c:Yaw xmlns:c="http://pix4d.com/camera/1.0/">77</c:Yaw>'
+                '<c:Pitch xmlns:c="http://pix4d.com/camera/1.0/"> -90 </c:Pitch>'
+                '<c:Roll xmlns:c="http://pix4d.com/camera/1.0/">0</c:Roll></rdf:Description>',
+            )
+            .encode(),
+            77.0,
+        ),
+    ],
+)
+def test_other_sets_of_angles(tmp_path: Path, xmp: bytes, yaw_deg: float) -> None:
+    (photo,) = placed(write_photo(tmp_path / "a.jpg", xmp=xmp))
+    expected = Quaternion.from_euler(0.0, -math.pi / 2, math.radians(yaw_deg))
+    assert photo.pose.attitude == pytest.approx(expected)
+
+
+def test_photos_are_in_the_order_of_exposure_then_of_name(tmp_path: Path) -> None:
+    write_photo(tmp_path / "a.jpg", taken="2016:06:23 16:32:06")
+    write_photo(tmp_path / "c.jpg", taken="2016:06:23 16:31:59")
+    shadow = Image.new("RGB", (160, 120), (40, 60, 30))  # else it would be a.jpg, saved anew
+    write_photo(tmp_path / "b.jpeg", taken="2016:06:23 16:32:06", film_mm=None, image=shadow)
+    write_photo(tmp_path / "d.jpg", taken="2016:06:23 16:33:00", film_mm=0)
+    (tmp_path / "LICENSE").write_text("no photo")
+    # of the same content but for their tags
+    photos = placed(tmp_path)
+    assert [p.picture.name for p in photos] == ["c.jpg", "a.jpg", "b.jpeg", "d.jpg"]
+    assert [p.taken_s for p in photos] == [0.0, 7.0, 7.0, 61.0]
+    assert photos[2].picture.lens is photos[3].picture.lens is None
+
+
+@pytest.mark.parametrize(
+    ("photo", "blamed"),
+    [
+        ({"gps": {}}, "no geotag: EXIF GPSLatitude is missing"),
+        ({"gps": {1: "N", 2: (46.0, 50.0, 0.0)}}, "EXIF GPSLongitude is missing"),
+        ({"gps": {1: "N", 2: (146.0, 50.0, 0.0), 3: "E", 4: (0.0, 0.0, 0.0)}}, "not a place"),
+        ({"gps": {1: "E", 2: (46.0, 50.0, 0.0), 3: "E", 4: (0.0, 0.0, 0.0)}}, "not a place"),
+        ({"xmp": dji(RelativeAltitude=None)}, "RelativeAltitude is missing.*exiftool"),
+        ({"xmp": dji(RelativeAltitude="high")}, "RelativeAltitude is 'high'"),
+        ({"xmp": dji(GimbalPitchDegree="nan")}, "GimbalPitchDegree is 'nan'"),
+        ({"xmp": dji(GimbalPitchDegree=None)}, "GimbalPitchDegree"),
+        ({"xmp": dji(GimbalYawDegree=None, FlightYawDegree=None)}, "GimbalYawDegree"),
+        ({"xmp": b"<x:xmpmeta"}, "not well-formed"),
+        ({"orientation": 3}, "Orientation is 3"),
+    ],
+)
+def test_what_is_missing_is_named_with_the_file(
+    tmp_path: Path, photo: dict[str, object], blamed: str
+) -> None:
+    write_photo(tmp_path / "bad.jpg", **photo)  # type: ignore[arg-type]
+    (reason,) = credible(tagged(tmp_path))
+    assert isinstance(reason, str)
+    assert re.search(f"(?s){blamed}", reason)
+
+
+@pytest.mark.parametrize("taken", [None, "yesterday"])
+def test_without_a_date_a_photo_comes_last(tmp_path: Path, taken: str | None) -> None:
+    write_photo(tmp_path / "a.jpg", taken=taken)
+    write_photo(tmp_path / "b.jpg")
+    assert [p.picture.name for p in placed(tmp_path)] == ["b.jpg", "a.jpg"]
+    notes = placed(tmp_path)[1].picture.notes
+    assert [("yesterday" in note) for note in notes] == [True] * (taken is not None)
+
+
+def test_a_mirrored_photo_is_refused(tmp_path: Path) -> None:
+    write_photo(tmp_path / "a.jpg", orientation=5)
+    (refused,) = open_source(tmp_path).pictures()
+    assert isinstance(refused, Refused)
+    assert "Orientation is 5" in refused.reason
+
+
+def test_folders_without_photos(tmp_path: Path) -> None:
+    with pytest.raises(ImageError, match="no pictures"):
+        tagged(tmp_path)
+    with pytest.raises(ImageError, match="no such file"):
+        tagged(tmp_path / "nowhere")
+    (tmp_path / "a.jpg").write_bytes(b"not a picture")
+    with pytest.raises(ImageError, match=r"a\.jpg: not a readable picture"):
+        tagged(tmp_path)
+
+
+def jpeg_bytes() -> bytes:
+    rng = np.random.default_rng(2)
+    picture = Image.fromarray(rng.integers(0, 256, (120, 160, 3), dtype=np.uint8))
+    out = io.BytesIO()
+    picture.save(out, "JPEG", quality=90)
+    return out.getvalue()
+
+
+def test_read_image_is_blue_green_red() -> None:
+    out = io.BytesIO()
+    Image.new("RGB", (4, 2), (10, 120, 240)).save(out, "PNG")
+    image = read_image(out.getvalue(), "p.png")
+    assert image.dtype == np.uint8
+    assert image.shape == (2, 4, 3)
+    assert image[0, 0].tolist() == [240, 120, 10]
+
+
+@pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.7, 0.95])
+def test_a_truncated_jpeg_is_refused(part: float) -> None:
+    data = jpeg_bytes()
+    cut = data[: int(len(data) * part)]
+    with pytest.raises(ImageError, match=r"frame7\.jpg: not a readable picture"):
+        read_image(cut, "frame7.jpg")
+
+
+def test_any_damage_is_an_image_error_or_a_picture(tmp_path: Path) -> None:
+    """Bytes of the head overwritten: refused, or a picture; nothing is raised but ImageError."""
+    data = bytearray(write_photo(tmp_path / "a.jpg").read_bytes())
+    rng = np.random.default_rng(11)
+    refused = 0
+    for _ in range(300):
+        bad = bytearray(data)
+        for at in rng.integers(2, len(bad), 6):
+            bad[int(at)] = int(rng.integers(0, 256))
+        (tmp_path / "a.jpg").write_bytes(bad)
+        try:
+            tagged(tmp_path)
+            read_image(bytes(bad), "a.jpg")
+            decoded(bytes(bad), 32)
+        except ImageError:
+            refused += 1
+    assert 0 < refused < 300
+
+
+# --- real photographs --------------------------------------------------------------------------
+needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"no photographs in {REAL}")
+
+
+@needs_real
+def test_real_tags() -> None:
+    photos = placed(REAL)
+    assert [p.picture.name for p in photos] == [f"DJI_00{k}.JPG" for k in range(18, 36)]
+    assert photos[-1].taken_s == 124.0
+    assert all(39.0 < p.pose.height_m < 41.0 for p in photos)
+    # 3.61 mm on a sensor 6.16 mm wide
+    lens = photos[0].picture.lens
+    assert lens is not None
+    assert lens.hfov_deg == pytest.approx(80.9, abs=0.1)
+
+
+@needs_real
+def test_real_photographs_agree_on_the_ground_once_upright() -> None:
+    """Those of the second leg are stored upside down, which their tags do not say."""
+    photos = [p for p in placed(REAL) if p.picture.name[-6:-4] in ("24", "25", "33", "34")]
+    grid = Grid.at(photos[0].pose.position, 4.0)
+    frames = []
+    for photo in photos:
+        image = photo.picture.decode(500).astype(np.uint8)
+        lens, (rows, columns) = photo.picture.lens, image.shape[:2]
+        assert lens is not None
+        frames.append(Frame(image, photo.pose, 0.0, Camera(lens.hfov_rad, columns, rows)))
+    turned = upside_down(frames, grid)
+    assert turned == (True, True, False, False)
+    upright = [
+        Frame(np.ascontiguousarray(f.image[::-1, ::-1]), f.pose, f.t_s, f.camera) if t else f
+        for f, t in zip(frames, turned, strict=True)
+    ]
+    assert ground_offset_m(upright[0], upright[3], grid) < 3.0
+    assert ground_offset_m(upright[1], upright[2], grid) < 3.0
+
+
+def ground_offset_m(first: Frame, second: Frame, grid: Grid) -> float:
+    """How far the second must be moved over ground to match 16 m by 16 m of the first."""
+    places = [grid.fixed(f.pose.position) for f in (first, second)]
+    middle = [(a + b) / 2 for a, b in zip(*places, strict=True)]
+
+    def ground(frame: Frame, half_m: float) -> np.ndarray:
+        """North up, five pixels a metre."""
+        size = round(10 * half_m)
+        to_ground = np.array(
+            [[0.2, 0, middle[0] - half_m], [0, -0.2, middle[1] + half_m], [0, 0, 1.0]]
+        )
+        matrix = frame.camera.homography(frame.pose, grid, frame.t_s) @ to_ground
+        gray = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return cv2.warpPerspective(gray, matrix, (size, size), flags=flags)
+
+    found = cv2.matchTemplate(ground(second, 14.0), ground(first, 8.0), cv2.TM_CCOEFF_NORMED)
+    row, column = np.unravel_index(np.argmax(found), found.shape)
+    assert found[row, column] > 0.6
+    return math.hypot(row - 30, column - 30) / 5.0

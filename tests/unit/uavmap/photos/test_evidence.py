@@ -1,0 +1,162 @@
+"""Maps by evidence: what weighs, that each picture counts once, that no order matters."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from missions.events import FrameSeen, Vote, Weighed, from_json, to_json
+from missions.mapping.evidence import Evidence, evidence_of
+from missions.units import Cell
+from tests.unit.uavmap.photos.sources.test_replay_robust import PLACES, good, shot
+from tests.unit.uavmap.photos.sources.test_replay_robust import mapped as mapped_by
+from tests.unit.uavmap.photos.test_replay import paint
+from uavmap.journal.event_log import Journal
+from uavmap.ui.cli import main
+from vision.weighing import weights
+
+__all__ = ["good"]  # a fixture
+
+HERE, THERE = Cell(0, 0), Cell(1, 0)
+SQUARE = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
+
+
+def weight(seen: float = 1.0, scale: float = 1.0, slant: float = 0.0) -> float:
+    (found,) = weights(np.array([seen]), SQUARE[None] * scale, np.array([slant]))
+    return float(found)
+
+
+def test_coverage_resolution_and_obliqueness_weigh() -> None:
+    assert weight(seen=0.5) == pytest.approx(0.5 * weight())
+    assert weight(scale=0.4) == pytest.approx(0.5)  # 8 px along the edge
+    assert weight(slant=1.0) == pytest.approx(weight() / 4.0)  # at 45 degrees
+    assert weight(scale=10.0) < 1.0 < 1.2 * weight(scale=10.0)
+    behind = weights(np.ones(1), np.full((1, 4, 2), np.nan), np.zeros(1))
+    assert behind.tolist() == [0.0]
+
+
+def test_a_look_from_above_outweighs_two_aslant() -> None:
+    evidence = Evidence()
+    evidence.add([Vote(HERE, True, 0.9)], [0.9])
+    for _ in range(2):
+        evidence.add([Vote(HERE, False, 0.1)], [0.2])
+    assert evidence.is_roi(HERE, 0.5)
+    assert evidence.cells() == {HERE: (1, 3)}
+
+
+def test_a_share_is_a_mean_and_many_pictures_do_not_make_it_more() -> None:
+    evidence = Evidence()
+    for _ in range(50):
+        evidence.add([Vote(HERE, False, 0.3)], [0.9])
+    assert evidence.belief(HERE) == pytest.approx(0.3)
+
+
+def test_too_little_weight_decides_nothing() -> None:
+    evidence = Evidence()
+    evidence.add([Vote(HERE, True, 1.0), Vote(THERE, True, 1.0)], [0.04, 0.9])
+    assert evidence.roi(0.5) == {THERE}
+    assert evidence.undecided == 1
+
+
+def test_no_order_moves_a_belief_by_a_bit() -> None:
+    rng = random.Random(3)
+    pictures = [
+        ([Vote(HERE, True, round(rng.random(), 3))], [round(rng.random(), 3)]) for _ in range(30)
+    ]
+    beliefs = set()
+    for _ in range(5):
+        evidence = Evidence()
+        for votes, weighs in pictures:
+            evidence.add(votes, weighs)
+        beliefs.add(evidence.belief(HERE))
+        rng.shuffle(pictures)
+    assert len(beliefs) == 1
+
+
+def test_a_journal_holds_the_evidence() -> None:
+    seen = FrameSeen(1, 1.0, HERE, (Vote(HERE, True, 0.8),))
+    told = Weighed(1, 1.0, (0.75,))
+    assert from_json(to_json(told)) == told
+    found = evidence_of([seen, told])
+    assert found is not None
+    assert (found.weight(HERE), found.is_roi(HERE, 0.5)) == (0.75, True)
+    assert evidence_of([seen]) is None
+
+
+# --- through the command -------------------------------------------------------------------------
+def mapped(photos: Path, good: Path, out: Path) -> Any:
+    return mapped_by(photos, good, out, "--refine", "off")
+
+
+def saved_again(path: Path, seed: int, place: tuple[float, float], image: Image.Image) -> None:
+    """The capture of `shot(..., seed, place)`, with the same tags, saved once more."""
+    shot(path, seed, place, image=image)
+
+
+def test_a_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Path) -> None:
+    photos = tmp_path / "photos"
+    shutil.copytree(good, photos)
+    code, _, _ = mapped(photos, good, tmp_path / "one")
+    assert code == 0
+    image = paint(*PLACES[0], 0.0, seed=0)
+    size = (image.width * 3 // 4, image.height * 3 // 4)
+    saved_again(photos / "small.jpg", 0, PLACES[0], image.resize(size))
+    saved_again(photos / "bright.jpg", 0, PLACES[0], image.point(lambda level: level * 9 // 10))
+    shutil.copy(photos / "1.jpg", photos / "a copy.jpg")
+    code, rows, summary = mapped(photos, good, tmp_path / "two")
+    assert code == 0
+    said = sorted(row["reason"] for row in rows.values() if row["reason"])
+    assert [line.startswith("the same capture as") for line in said] == [True, True, False]
+    assert said[2] == "the same file as 1.jpg"  # by name the last
+    assert (summary["photographs_judged"], summary["photographs_twice"]) == (3, 3)
+    one, two = (json.loads((tmp_path / n / "summary.json").read_text()) for n in ("one", "two"))
+    assert one["pictures_per_cell"] == two["pictures_per_cell"]
+
+
+def test_names_and_order_do_not_change_the_map(good: Path, tmp_path: Path) -> None:
+    """All of one second: nothing but what is in the files can order them."""
+    for name, order in (("one", (0, 1, 2)), ("two", (2, 0, 1))):
+        (tmp_path / name).mkdir()
+        for number, which in enumerate(order):
+            time = "2024:05:01 10:00:00"
+            shot(tmp_path / name / f"{number}.jpg", which, PLACES[which], taken=time)
+        assert mapped(tmp_path / name, good, tmp_path / f"map {name}")[0] == 0
+    one, two = ((tmp_path / f"map {n}" / "map.geojson").read_bytes() for n in ("one", "two"))
+    assert one == two
+
+
+def test_the_map_tells_beliefs_and_the_journal_leads_to_the_same(
+    good: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "map"
+    _, _, summary = mapped(good, good, out)
+    assert summary["decided_by"] == "evidence"
+    features = json.loads((out / "map.geojson").read_text())["features"]
+    told = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
+    with Journal.open(out / "journal.jsonl") as journal:
+        evidence = evidence_of(journal.events())
+    assert evidence is not None
+    for cell in told:
+        named = Cell(cell["column"], cell["row"])
+        assert cell["belief"] == round(evidence.belief(named), 3)
+        assert (cell["state"] == "explored") == evidence.is_roi(named, 0.5)
+    assert main(["animate", str(out), "--animate", str(tmp_path / "film.gif")]) == 0
+    assert main(["export", str(out), "--plan", str(tmp_path / "survey.plan")]) == 0
+
+
+def test_the_rule_of_the_paper_stays_by_name(good: Path, tmp_path: Path) -> None:
+    counting = tmp_path / "good"
+    shutil.copytree(good, counting)
+    file = counting / "m.toml"
+    text = file.read_text("utf-8").replace("positive = 2", 'positive = 2, recorded = "count"')
+    file.write_text(text, "utf-8")
+    _, _, summary = mapped(counting, counting, tmp_path / "map")
+    assert summary["decided_by"] == "count"
+    assert "belief" not in (tmp_path / "map" / "map.geojson").read_text()

@@ -1,0 +1,152 @@
+"""Nothing takes off beside people but by their word: Enter, pressed after the question."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import io
+import os
+import pty
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any, TextIO
+
+import pytest
+
+from tests.support.said import Said
+from uavmap.runner.operator.ground_crew import Crew
+
+SOON_S = 0.15
+PATIENCE_S = 120.0
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, TextIO]]:
+    """The operator's end of a terminal, and ours."""
+    operator, ours = pty.openpty()
+    stream = os.fdopen(ours, "r")
+    yield operator, stream
+    stream.close()
+    with contextlib.suppress(OSError):  # a test may have hung up
+        os.close(operator)
+
+
+def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    async def main() -> None:
+        await body()
+        assert len(asyncio.all_tasks()) == 1
+
+    asyncio.run(main())
+
+
+async def answered(task: asyncio.Task[None], within_s: float = SOON_S) -> bool:
+    done, _ = await asyncio.wait([task], timeout=within_s)
+    return bool(done)
+
+
+async def drop(*tasks: asyncio.Task[None]) -> None:
+    for task in tasks:
+        task.cancel()
+    await asyncio.wait(tasks)
+
+
+def test_simulated_crews_need_no_word(said: Said) -> None:
+    async def body() -> None:
+        crew = Crew(automatic=True, stream=io.StringIO())
+        await crew.swap(1)
+        assert not crew.absent
+        assert not crew.waiting
+
+    on_loop(body)
+    assert not said
+
+
+def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
+    operator, stream = terminal
+
+    async def body() -> None:
+        crew = Crew(automatic=False, stream=stream)
+        assert not crew.absent
+        task = asyncio.create_task(crew.swap(3))
+        assert not await answered(task)
+        assert crew.waiting == {3}
+        os.write(operator, b"not yet")
+        assert not await answered(task)
+        os.write(operator, b"\n")
+        assert await answered(task, PATIENCE_S)
+        assert crew.waiting == set()
+
+    on_loop(body)
+    assert len(said) == 1
+    assert "vehicle 3" in said[0]
+
+
+def test_enter_pressed_before_the_question_is_no_word(terminal: tuple[int, TextIO]) -> None:
+    operator, stream = terminal
+
+    async def body() -> None:
+        os.write(operator, b"\n\n\n")
+        await asyncio.sleep(SOON_S)
+        crew = Crew(automatic=False, stream=stream)
+        task = asyncio.create_task(crew.swap(1))
+        assert not await answered(task)
+        await drop(task)
+
+    on_loop(body)
+
+
+@pytest.mark.parametrize("how", ["end of file", "hang-up"])
+def test_a_terminal_that_is_gone_gives_no_word(terminal: tuple[int, TextIO], how: str) -> None:
+    operator, stream = terminal
+
+    async def body() -> None:
+        crew = Crew(automatic=False, stream=stream)
+        task = asyncio.create_task(crew.swap(1))
+        assert not await answered(task)
+        if how == "hang-up":
+            os.close(operator)
+        else:
+            os.write(operator, b"\x04")
+        assert not await answered(task)
+        assert crew.waiting == {1}
+        await drop(task)
+
+    on_loop(body)
+
+
+def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) -> None:
+    operator, stream = terminal
+
+    async def body() -> None:
+        crew = Crew(automatic=False, stream=stream)
+        first = asyncio.create_task(crew.swap(1))
+        second = asyncio.create_task(crew.swap(2))
+        assert not await answered(first)
+        assert len(said) == 1
+        os.write(operator, b"\n")
+        assert await answered(first, PATIENCE_S)
+        assert not await answered(second)
+        assert len(said) == 2
+        os.write(operator, b"\n")
+        assert await answered(second, PATIENCE_S)
+
+    on_loop(body)
+
+
+@pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])
+def test_without_a_terminal_nobody_can_give_it(
+    stream: TextIO | None, monkeypatch: pytest.MonkeyPatch, said: Said
+) -> None:
+    if stream is None:
+        monkeypatch.setattr("sys.stdin", None)
+
+    async def body() -> None:
+        crew = Crew(automatic=False, stream=stream)
+        assert crew.absent
+        task = asyncio.create_task(crew.swap(1))
+        assert not await answered(task)
+        assert crew.waiting == {1}
+        await drop(task)
+        assert crew.waiting == set()
+
+    on_loop(body)
+    assert said == ["vehicle 1 waits on the ground for a fresh battery"]

@@ -1,0 +1,42 @@
+"""Signals while a simulated flight runs on its loop: one ends it as Ctrl-C does."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+
+import pytest
+
+from uavmap.base.clock import VirtualClock, run
+from uavmap.runner.operator.interrupts import like_control_c
+
+
+@pytest.mark.parametrize("interrupt", [signal.SIG_IGN, signal.default_int_handler])
+def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
+    before = signal.signal(signal.SIGINT, interrupt)
+    tidied = []
+
+    async def busy() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            await asyncio.sleep(3600.0)
+        finally:
+            await asyncio.sleep(1.0)
+            tidied.append(True)
+
+    try:
+        with pytest.raises(KeyboardInterrupt), like_control_c():
+            run(busy(), VirtualClock())
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert tidied
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_a_task_that_is_cancelled_for_another_reason_is_no_interrupt():
+    async def cancelled() -> None:
+        raise asyncio.CancelledError
+
+    with pytest.raises(asyncio.CancelledError), like_control_c():
+        run(cancelled(), VirtualClock())

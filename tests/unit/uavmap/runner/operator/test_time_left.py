@@ -1,0 +1,78 @@
+"""The share and the time left along a recorded flight: honest, and silent where nobody knows."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import pytest
+
+from missions.events import from_json
+from missions.flight.state import Phase, State
+from missions.flight.step import step
+from tests.golden.recording import STOPS, Recording
+from uavmap.base.terminal import Terminal
+from uavmap.runner.operator import progress
+from uavmap.runner.operator.progress import ProgressTable
+from uavmap.runner.operator.time_left import Left, time_left
+
+
+def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
+    """What was told now and then, and last."""
+    setting, told = recording.setting(), []
+    state = State.initial(setting)
+    lines = recording.lines()
+    for index, line in enumerate(lines):
+        state, _ = step(setting, state, from_json(line))
+        if index % every == 0 or index == len(lines) - 1:
+            told.append((state, time_left(setting, state)))
+    return told
+
+
+def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back() -> None:
+    told = course(STOPS)
+    *before, (last, end) = told
+    assert last.over
+    assert (end.share, end.about_s) == (1.0, None)
+    shares = [left.share for _, left in before if left.share is not None]
+    assert max(shares) < 1.0
+    searching = [left.share or 0.0 for state, left in before if state.tree is None]
+    assert searching == sorted(searching)
+    assert searching[-1] > searching[0] == 0.0
+    home = [(state, left) for state, left in before if state.exploration_finished]
+    assert home
+    for state, left in home:  # the way home is known: it is right within a half, and 15 s
+        assert left.about_s == pytest.approx(last.t_s - state.t_s, rel=0.5, abs=15.0)
+    exploring = [left for state, left in before if state.tree and not state.exploration_finished]
+    assert all("of the known region done" in left.told for left in exploring)
+
+
+def test_nothing_is_said_where_nobody_knows() -> None:
+    setting = STOPS.setting()
+    state = State.initial(setting)
+    assert time_left(setting, replace(state, recalled=True)) == Left()
+    down = replace(state.vehicles[1], phase=Phase.DOWN)
+    others = {n: replace(v, phase=Phase.LOST) for n, v in state.vehicles.items()}
+    nobody = replace(state, vehicles={**others, 1: down})
+    assert time_left(setting, nobody) == Left()
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_a_terminal_and_a_pipe_show_it(live: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Stream(io.StringIO):
+        def isatty(self) -> bool:
+            return live
+
+    clock = iter(range(10**6))
+    monkeypatch.setattr(progress.time, "monotonic", lambda: 2.0 * next(clock))
+    monkeypatch.setenv("COLUMNS", "200")
+    setting, out = STOPS.setting(), Stream()
+    terminal, state = ProgressTable(Terminal(out)), State.initial(setting)
+    terminal.begin(setting, again=False)
+    for index, line in enumerate(STOPS.lines()[:400]):
+        state, _ = step(setting, state, event := from_json(line))
+        if index % 20 == 0:
+            terminal.update(event, state, 0)
+    terminal.end()
+    assert "% of the search lanes done, less than 10 s of mission time left for" in out.getvalue()
+    assert "100 % of the mission done" in out.getvalue()

@@ -1,0 +1,87 @@
+"""The ground that an autopilot knows becomes the ground of a mission, before it flies."""
+
+from __future__ import annotations
+
+import pytest
+
+from missions.errors import LinkError, MissionFileError
+from missions.geo.grid import Grid
+from missions.units import GridPoint
+from sitl.mavlink.telemetry import Telemetry
+from tests.support.hills import slope, text_over
+from tests.support.plans import plan_of
+from tests.support.said import Said
+from tests.support.small_missions import START, mission_text, square
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.runner.flight import fly
+from uavmap.runner.ground_survey import with_ground
+
+GRID = Grid.at(START, 4.0)
+
+
+def plan(autopilot: str = "ardupilot") -> FlightPlan:
+    text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 100, 110), altitude_m=14.0)
+    text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
+    text += (
+        '\n[terrain]\nsource = "autopilot"\n'
+        f'[sim]\nautopilot = "{autopilot}"\n[sim.terrain]\nslope_percent = 10.0\n'
+        "rises_toward_deg = 90.0\n"
+    )
+    return plan_of("field.toml", text, None, None, 1, (), None, 0.0)
+
+
+def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said: Said) -> None:
+    surveyed = with_ground(plan())
+    assert surveyed.mission.terrain is not None
+    assert surveyed.mission.terrain.source is None
+    ground = surveyed.mission.ground
+    assert ground is not None
+    assert ground.step_m == pytest.approx(10.0)
+    rise_m = ground.height_m(GridPoint(40.0, 0.0)) - ground.height_m(GridPoint(0.0, 0.0))
+    assert rise_m == pytest.approx(4.0, abs=0.05)
+    assert any("asks the autopilot for the ground at" in line for line in said)
+    assert with_ground(surveyed) is surveyed
+
+
+def test_without_its_answer_nothing_is_flown(tmp_path) -> None:
+    with pytest.raises(LinkError, match=r"a PX4 tells nobody of its terrain; give terrain.dem"):
+        _alone(lambda: with_ground(plan("px4")))
+    with pytest.raises(MissionFileError, match=r"terrain.source"):
+        fly(plan(), tmp_path)
+
+
+def test_ground_that_never_comes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    tell = Telemetry.terrain_report
+    monkeypatch.setattr(Telemetry, "terrain_report", lambda self, lat, lon, *, loaded: tell(
+        self, lat, lon, loaded=False))  # fmt: skip
+    with pytest.raises(LinkError, match=r"knows no ground at \d+ of \d+ places, and waits for 56"):
+        _alone(lambda: with_ground(plan()))
+
+
+def _alone(call) -> None:
+    """What a task of a group raises, by itself."""
+    alone: BaseException | None = None
+    try:
+        call()
+    except* LinkError as group:
+        alone = group.exceptions[0]
+    if alone is not None:  # the first versions of Python 3.11 wrap what is raised in an except*
+        raise alone
+
+
+def test_a_long_leg_up_a_steep_slope_is_no_trouble(tmp_path) -> None:
+    """It is slow, for its targets lie near; the guardian knows."""
+    text = mission_text(
+        square(-4, 150, 12, 12), square(-20, -20, 60, 200), altitude_m=16.0, capacity_wh=60.0
+    ).replace("[fence]", "[fence]\nceiling_m = 200.0")
+    text = text_over(text, slope(55.0, 0.0))
+    summary = fly(plan_of("steep.toml", text, None, None, 1, (), None, 0.0), tmp_path / "out")
+    assert summary["completed"]
+
+
+def test_a_fence_too_large_to_ask_for_is_refused() -> None:
+    text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 4000, 4000), altitude_m=14.0)
+    text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
+    large = plan_of("large.toml", text + '\n[terrain]\nsource = "autopilot"\n')
+    with pytest.raises(LinkError, match=r"lie 115 m apart, more than 100; draw it smaller"):
+        _alone(lambda: with_ground(large))

@@ -1,0 +1,161 @@
+"""Whole flights over links that lose, delay and double; more: tests.benchmarks.bad_links."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from missions.events import Airborne, Guarded, LinkLost, OrderFailed
+from missions.orders import FlyTo, Hold, TakeOff
+from missions.units import GridPoint
+from tests.benchmarks.bad_links import FORBIDDEN, fly
+from tests.support.flights import Flight, small_mission, under_way
+from tests.support.flights import fly as flight_of
+from uavmap.aircraft.guardian.last_watch import watched_over
+from uavmap.base.clock import VirtualClock, run
+
+UP_M = 12.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_with_a_fifth_of_everything_lost_the_mission_is_complete(seed: int) -> None:
+    flight = fly(("loss=0.2", seed), "speck")
+    assert flight.code == 0, flight.line()
+    assert not flight.columns & FORBIDDEN
+
+
+def test_with_most_of_everything_lost_nobody_is_left_in_the_air() -> None:
+    flight = fly(("loss=0.6", 4), "speck")
+    assert flight.kinds["lifted_off"] >= 1, flight.line()
+    assert flight.truth.aircraft[1].landed, flight.line()
+    assert flight.code in (0, 3)
+
+
+def test_who_cannot_connect_says_why() -> None:
+    flight = fly(("loss=0.6", 1), "speck")
+    assert flight.code == 2, flight.line()
+    assert "the link loses too much" in flight.said
+
+
+def commands(flight: Flight, number: int) -> list[Any]:
+    return [m for _, m in flight.sent if getattr(m, "command", None) == number]
+
+
+def test_a_stream_that_does_not_come_is_asked_for_again() -> None:
+    """Its acknowledgement may have been another's: they do not say what they are for."""
+    wanted = mav.MAVLINK_MSG_ID_SYS_STATUS
+
+    def dropped(message: Any) -> bool:
+        return getattr(message, "command", None) == mav.MAV_CMD_SET_MESSAGE_INTERVAL and (
+            message.param1 == wanted
+        )
+
+    async def main() -> None:
+        flight = Flight(small_mission())
+        # the vehicle never hears of it, and yet it is acknowledged
+        real = flight.session.send
+        flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)  # type: ignore[method-assign]
+        async with under_way(flight):
+            flight.session.send = real  # type: ignore[method-assign]
+            heard_s = flight.session.heard_s.get(wanted, 0.0)
+            assert not flight.session.view.prearm_ok
+            await flight.until(lambda: flight.session.view.prearm_ok, within_s=40.0)
+            assert flight.session.heard_s[wanted] > heard_s
+
+    run(main(), VirtualClock())
+
+
+def _doubled(flight: Flight, message: Any) -> None:
+    """The acknowledgement of the request before, once more, and the request is lost."""
+    ack = mav.MAVLink_command_ack_message(message.command, 0)
+    frame = ack.pack(mav.MAVLink(None, srcSystem=1, srcComponent=1))
+    asyncio.get_running_loop().call_soon(flight.session.feed, frame)
+
+
+def test_after_a_gap_nothing_is_asked_for_that_still_comes() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        asked = len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL))
+        flight.to_driver = lambda message: False
+        await flight.sees(LinkLost)
+        flight.to_driver = lambda message: True
+        await flight.until(lambda: len(flight.events) > 0 and flight.driver._monitor.connected)
+        await asyncio.sleep(5.0)
+        assert flight.driver._monitor.connected
+        assert len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL)) == asked
+
+    flight_of(body)
+
+
+def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again() -> None:
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.give(FlyTo((GridPoint(45.0, 30.0),), None, stop=False, height_m=UP_M))
+        await asyncio.sleep(6.0)
+        swallowed: list[Any] = []
+
+        def swallow(message: Any) -> bool:
+            if getattr(message, "command", None) != mav.MAV_CMD_DO_REPOSITION or swallowed:
+                return True
+            swallowed.append(message)
+            _doubled(flight, message)
+            return False
+
+        flight.to_vehicle = swallow
+        flight.driver.give(Hold())
+        await asyncio.sleep(15.0)
+        assert swallowed
+        assert flight.session.view.ground_speed_m_s < 0.5
+        here = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        assert here.distance_to(GridPoint(45.0, 30.0)) > 10.0
+
+    assert not flight_of(body).seen(OrderFailed)
+
+
+def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away() -> None:
+    async def body(flight: Flight) -> None:
+        flight.vehicle.fail.link(jitter_s=2.0)
+        await flight.after(TakeOff(UP_M), Airborne, within_s=200.0)
+        for goal in (GridPoint(45.0, 30.0), GridPoint(0.0, 10.0), GridPoint(45.0, 0.0)):
+            flight.driver.give(FlyTo((goal,), None, stop=False, height_m=UP_M))
+            await asyncio.sleep(7.0)
+            flight.driver.give(Hold())
+            await asyncio.sleep(20.0)
+
+    flight = flight_of(body)
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(Guarded)
+
+
+def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -> None:
+    """As after `uavmap resume` with a second vehicle that does not answer."""
+
+    async def main() -> None:
+        flight = Flight(small_mission())
+        async with under_way(flight):
+            await flight.after(TakeOff(UP_M), Airborne)
+        # another process took it up there and died; here is the next one
+        again = Flight(small_mission())
+        again.vehicle = flight.vehicle
+        again.driver.was_flying()
+        async with asyncio.TaskGroup() as tasks:
+            world = tasks.create_task(again.fly_world())
+
+            async def connect() -> None:
+                await again.driver.connect()
+                raise LinkError("vehicle 2: no vehicle answered")
+
+            with pytest.raises(LinkError, match="vehicle 2"):
+                await watched_over([again.driver.guardian], connect(), leave=True)
+            world.cancel()
+        assert flight.vehicle.truth.landed
+        assert again.said == [
+            "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is told to "
+            "return by its autopilot"
+        ]
+
+    run(main(), VirtualClock())

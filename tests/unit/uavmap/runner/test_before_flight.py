@@ -1,0 +1,227 @@
+"""Look, show, ask, set: what keeps a mission on the ground, and who may say fly."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pty
+from pathlib import Path
+
+import cv2
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import NotFlownError, PreflightError
+from missions.mission.schema import Battery
+from missions.mission.sections.sim_section import SimFault
+from tests.support.field import BOTH, Field, mission_of, on_field
+from uavmap.base.messages import shown_on
+from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
+from uavmap.runner.before_flight import BeforeFlight, Preflight
+from uavmap.runner.preflight.finding import Finding, Level, bad, could_fly, warn
+from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.runner.preflight.question import Operator
+from uavmap.runner.preflight.saved_settings import FILE
+
+
+def before(
+    field: Field, folder: Path, *, yes: bool = False, dry: bool = False, keep: bool = False
+) -> BeforeFlight:
+    wanted = Preflight(plan_lines, yes, dry, keep)
+    return BeforeFlight(wanted, field.setting, folder, field.links)
+
+
+def real(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The simulated vehicles are taken for real ones."""
+    monkeypatch.setattr(VehicleView, "is_simulator", property(lambda view: False))
+
+
+def told(field: Field, what: str) -> str:
+    """What is found of a thing, last."""
+    lines = [x for text in field.told for x in text.split("\n") if f" 1 {what}: " in x]
+    return lines[-1]
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot: str, tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        flight = before(field, tmp_path)
+        assert field.links[0].session.view.ekf_flags & EKF_ABSOLUTE == 0
+        with pytest.raises(NotFlownError) as dry:
+            await before(field, tmp_path, dry=True).go()
+        assert dry.value.could_fly, field.told
+        await flight.restore()
+
+    on_field(body, mission_of(autopilot), ready_s=0.0)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_simulator_is_shown_set_up_and_not_asked_about(autopilot: str, tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        flight = before(field, tmp_path)
+        await flight.go()
+        assert "a box of about" in field.told[0]
+        name = {"ardupilot": "ArduPilot 4.6.0", "px4": "PX4 1.15.4"}[autopilot]
+        assert f"{name}, the bundled simulator" in told(field, "autopilot")
+        assert told(field, "GPS") == "ok    1 GPS: a 3D fix, 10 satellites, HDOP 1.2"
+        assert "0.0 % lost" in told(field, "link")
+        assert "ready to arm" in told(field, "EKF")
+        assert "set and read back" in told(field, "fence")
+        picture = cv2.imread(str(tmp_path / "test-picture-1.png"))
+        assert picture is not None
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
+        await flight.restore()
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+
+    on_field(body, mission_of(autopilot))
+
+
+def test_nobody_to_ask_is_no_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real(monkeypatch)
+
+    async def body(field: Field) -> None:
+        with pytest.raises(PreflightError, match="give --yes"):
+            await before(field, tmp_path).go()
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+        await before(field, tmp_path, yes=True).go()
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
+
+    on_field(body, mission_of("ardupilot"))
+
+
+def test_who_is_in_the_air_already_is_told_of(tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        for command, *params in ((176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 25)):
+            filled = (*params, *([0.0] * (7 - len(params))))
+            field.ask(0, mav.MAVLink_command_long_message(1, 1, command, 0, *filled))
+        await asyncio.sleep(30.0)
+        found = await before(field, tmp_path)._examined(1)
+        (line,) = [f.line() for f in found if f.what == "vehicle"]
+        assert line.startswith("warn  1 vehicle: armed, 25 m up, in GUIDED (wanted: on the ground")
+
+    on_field(body, mission_of("ardupilot"))
+
+
+@pytest.mark.parametrize("vehicles", [1, 3])
+def test_a_dry_run_sets_all_and_arms_nothing(vehicles: int, tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        flight = before(field, tmp_path, dry=True)
+        with pytest.raises(NotFlownError) as over:
+            await flight.go()
+        assert over.value.could_fly
+        assert (tmp_path / FILE).exists()
+        await flight.restore()
+        assert not (tmp_path / FILE).exists()
+        assert not any(vehicle.truth.armed for vehicle in field.vehicles)
+
+    on_field(body, mission_of("ardupilot", vehicles))
+
+
+def test_an_empty_battery_cannot_be_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real(monkeypatch)
+    weak = Battery(capacity_wh=4000.0, hover_power_w=300.0, reserve=0.98)
+
+    async def body(field: Field) -> None:
+        field.vehicles[0]._battery.energy_wh = 2000.0
+        await asyncio.sleep(3.0)
+        with pytest.raises(PreflightError, match=r"bad   1 battery: \d+ %.*put a charged battery"):
+            await before(field, tmp_path, yes=True).go()
+
+    on_field(body, mission_of("ardupilot", battery=weak))
+
+
+@pytest.mark.parametrize(
+    ("kind", "why"), [("camera_stall", "none came"), ("camera_corrupt", "picture")]
+)
+def test_a_camera_that_gives_nothing_cannot_be_passed_over(
+    kind: str, why: str, tmp_path: Path
+) -> None:
+    fault = SimFault.model_validate({"vehicle": 1, "at_s": 0.0, "kind": kind})
+
+    async def body(field: Field) -> None:
+        with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
+            await before(field, tmp_path, yes=True).go()
+        assert why in str(error.value)
+        flight = before(field, tmp_path, dry=True)
+        with pytest.raises(NotFlownError) as over:
+            await flight.go()
+        assert not over.value.could_fly
+
+    on_field(body, mission_of("ardupilot", faults=(fault,)))
+
+
+def test_a_kept_fence_that_the_mission_leaves(tmp_path: Path) -> None:
+    async def body(field: Field) -> None:
+        field.put(0, "FENCE_ENABLE", 1)
+        await before(field, tmp_path, keep=True).go()
+        assert "kept: 0 items" in told(field, "fence")
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+        field.put(0, "FENCE_RADIUS", 15)
+        with pytest.raises(PreflightError, match="leaves the one that is set: search"):
+            await before(field, tmp_path, keep=True).go()
+
+    on_field(body, mission_of("ardupilot"))
+
+
+def test_without_a_fix_it_is_said_what_is_missing(tmp_path: Path) -> None:
+    fault = SimFault.model_validate({"vehicle": 1, "at_s": 0.0, "kind": "gps"})
+
+    async def body(field: Field) -> None:
+        with pytest.raises(NotFlownError) as over:
+            await before(field, tmp_path, dry=True).go()
+        assert not over.value.could_fly
+        assert told(field, "GPS").startswith("bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix")
+        assert told(field, "EKF").startswith("bad   1 EKF: no position yet")
+
+    on_field(body, mission_of("ardupilot", faults=(fault,)))
+
+
+def test_a_flight_that_is_gone_on_with_asks_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real(monkeypatch)
+
+    async def body(field: Field) -> None:
+        goes_on = BeforeFlight(None, field.setting, tmp_path, field.links)
+        await goes_on.go()
+        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
+        await goes_on.restore()
+        (tmp_path / FILE).write_text("damaged", "utf-8")
+        await goes_on.go()
+        assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
+        await goes_on.restore()
+        assert "stay as set for the mission" in field.told[-1]
+
+    on_field(body, mission_of("ardupilot"))
+
+
+# --- the question ----------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("typed", "answer"), [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False)]
+)
+def test_only_a_yes_is_a_yes(typed: str, answer: bool) -> None:
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs, "r") as stream:
+
+        async def main() -> bool:
+            operator = Operator(stream)
+            assert not operator.absent
+            with shown_on(Answers()):
+                return await operator.agrees("fly? [y/N]")
+
+        class Answers:
+            def show(self, text: str) -> None:
+                os.write(ours, typed.encode())
+
+        assert asyncio.run(main()) is answer
+    os.close(ours)
+
+
+def test_findings_are_lines_values_and_the_word_to_go() -> None:
+    found: list[Finding] = [warn("a", "1", "2", "do")]
+    assert could_fly(found)
+    found.append(bad("b", "1", "2", "do", binding=True))
+    assert not could_fly(found)
+    assert found[1].as_json()["level"] == Level.BAD.value

@@ -1,0 +1,80 @@
+"""A strategy that fails in flight: the aircraft comes home, and the operator is told why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from missions.errors import StrategyError
+from missions.planning.stepwise.interface import Decision, Situation
+from missions.planning.stepwise.rdfs import Rdfs
+from missions.units import Cell
+from tests.benchmarks.watched import Flown, flown, mission_text
+
+FAR = Cell(40, 40)
+
+
+def flight_with(monkeypatch: pytest.MonkeyPatch, failing: Callable[[Situation], Decision]) -> Flown:
+    """A flight whose strategy decides as it should until four cells are known."""
+    decide = Rdfs.decide
+
+    def decides(self: Rdfs, situation: Situation) -> Decision:
+        few = len(situation.tree.vertices) < 4
+        return decide(self, situation) if few else failing(situation)
+
+    monkeypatch.setattr(Rdfs, "decide", decides)
+    flight = flown("strategy", mission_text("speck"), 1)
+    assert flight.columns >= {"home"}, flight.line()
+    assert flight.kinds["airborne"] == 1
+    return flight
+
+
+def raises(failure: Exception) -> Callable[[Situation], Decision]:
+    def failing(situation: Situation) -> Decision:
+        raise failure
+
+    return failing
+
+
+def test_a_strategy_that_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = flight_with(monkeypatch, raises(StrategyError("rdfs: the stack is empty")))
+    assert flight.code == 2
+    assert flight.raised == ""
+    home, *_, last = (line for line in flight.said.splitlines() if "the stack is empty" in line)
+    assert home == (
+        "vehicle 1: the mission failed (rdfs: the stack is empty); "
+        "it is told to return by its autopilot"
+    )
+    assert last == "uavmap: rdfs: the stack is empty"
+    assert "to go on: uavmap resume" in flight.said
+
+
+def test_a_strategy_with_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It keeps its traceback, which is for whoever wrote it."""
+    flight = flight_with(monkeypatch, raises(ZeroDivisionError("division by zero")))
+    assert flight.code is None
+    assert "ZeroDivisionError: division by zero" in flight.raised
+    assert "the mission failed (division by zero); it is told to return" in flight.said
+
+
+def test_a_strategy_that_moves_where_nobody_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots, FAR)))
+    assert flight.code == 2
+    assert flight.said.splitlines()[-1].startswith("uavmap: rdfs: robot 1 moves from (")
+    assert flight.said.splitlines()[-1].endswith("to (40, 40), which is not known")
+
+
+@pytest.mark.parametrize("says", [True, False], ids=["wait", "nothing"])
+def test_a_strategy_that_leaves_everybody_waiting(
+    monkeypatch: pytest.MonkeyPatch, says: bool
+) -> None:
+    """Nobody hovers on, battery after battery."""
+    flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots) if says else {}))
+    assert flight.code == 3
+    assert not flight.summary["completed"]
+    assert flight.summary["sorties"] == 1
+    assert flight.summary["notes"]["1"] == (
+        "the strategy rdfs leaves it waiting, and cells are unexplored"
+    )
+    assert flight.truth.t_s < 120.0

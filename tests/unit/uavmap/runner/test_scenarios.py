@@ -1,0 +1,294 @@
+"""What went wrong when real autopilots were flown, against the simulated ones, flight by flight.
+
+The table with what happened then and what happens now is in docs/real-aircraft.md; it names these
+tests. Rows that other tests fly are named there, too.
+"""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.mission.checks import parse_mission
+from sitl.px4.modes import Px4Mode
+from tests.benchmarks.watched import mission_text
+from tests.support.scenarios import BOTH, after, command, flying, into, once, scenario
+
+LAND = {"ardupilot": 9, "px4": int(Px4Mode.LAND)}
+RTL = {"ardupilot": 6, "px4": int(Px4Mode.RTL)}
+FOLLOWS = {"ardupilot": 4, "px4": int(Px4Mode.HOLD)}
+BY_FAILSAFE = {"ardupilot": "RTL", "px4": "HOLD by a failsafe"}
+"""A PX4 waits in Hold before its failsafe acts."""
+both = pytest.mark.parametrize("autopilot", BOTH)
+
+
+def gone_on_with(said):
+    """The ending names the command that goes on."""
+    return "to go on: uavmap resume" in said
+
+
+# --- the link ------------------------------------------------------------------------------------
+@both
+def test_answers_that_come_late(autopilot):
+    """Every command is repeated before its answer comes, the start of a series of pictures too."""
+    late = {"kind": "link", "at_s": 0.0, "delay_s": 1.2}
+    flight = scenario(autopilot, faults=[late])
+    assert (flight.code, flight.kinds["order_failed"]) == (0, 0)
+
+
+@both
+def test_a_link_that_is_gone_for_40_seconds_on_a_lane(autopilot):
+    gone = once(flying, lambda v: v.fail.link(silent=True, after_s=3.0, for_s=40.0))
+    flight = scenario(autopilot, gone)
+    assert flight.code == 0
+    assert (flight.kinds["link_lost"], flight.kinds["order_failed"]) == (1, 0)
+    assert "answers, in the air and ours" in flight.said
+
+
+@both
+def test_the_vehicle_hears_nobody_for_30_seconds(autopilot):
+    """Its failsafe for the ground station flies it home, and nobody takes it back."""
+    own = {
+        "ardupilot": {"FS_GCS_ENABLE": 1, "SYSID_MYGCS": 245},
+        "px4": {"NAV_DLL_ACT": 2},
+    }[autopilot]
+    deaf = once(flying, lambda v: v.fail.link(silent=True, way="up", after_s=3.0, for_s=30.0))
+    flight = scenario(autopilot, deaf, parameters=own)
+    assert flight.code == 3
+    assert f"is in {BY_FAILSAFE[autopilot]}, not by us (" in flight.said
+    assert "): hands off until" in flight.said
+    assert flight.columns >= {"home"}
+    assert gone_on_with(flight.said)
+
+
+def test_an_ardupilot_does_not_take_the_service_for_its_ground_station_by_itself():
+    deaf = once(flying, lambda v: v.fail.link(silent=True, way="up", after_s=1.0, for_s=8.0))
+    flight = scenario("ardupilot", deaf, parameters={"FS_GCS_ENABLE": 1})
+    assert (flight.code, flight.kinds["overridden"]) == (0, 0)
+
+
+def test_to_a_px4_that_needs_a_ground_station_the_service_is_one():
+    assert scenario("px4", parameters={"NAV_DLL_ACT": 2}).code == 0
+
+
+# --- the pilot -----------------------------------------------------------------------------------
+@both
+def test_a_pilot_who_lands_is_told_how_to_go_on(autopilot):
+    lands = once(after(3.0), lambda v: into(v, LAND[autopilot]))
+    flight = scenario(autopilot, once(flying, lambda v: None), lands)
+    assert flight.code in (3, 4)  # 4: it landed away from its pad, which is said
+    assert "is in LAND, not by us: hands off" in flight.said
+    assert "has landed, not by us" in flight.said
+    assert gone_on_with(flight.said)
+
+
+@both
+def test_a_pilot_who_has_it_return_and_gives_it_back(autopilot):
+    takes = once(after(3.0), lambda v: into(v, RTL[autopilot]))
+    gives = once(after(5.0), lambda v: into(v, FOLLOWS[autopilot]))
+    flight = scenario(autopilot, once(flying, lambda v: None), takes, gives)
+    assert flight.code == 0
+    assert (flight.kinds["overridden"], flight.kinds["released"]) == (1, 1)
+
+
+# --- failsafes -----------------------------------------------------------------------------------
+@both
+def test_a_battery_failsafe_has_the_vehicle(autopilot):
+    own = {
+        "ardupilot": {"BATT_FS_LOW_ACT": 2, "BATT_LOW_VOLT": 18.0},
+        "px4": {"COM_LOW_BAT_ACT": 3},
+    }[autopilot]
+    flight = scenario(
+        autopilot, once(flying, lambda v: v.fail.battery_sag(9.0, after_s=3.0)), parameters=own
+    )
+    assert flight.code in (3, 4)
+    assert f"is in {BY_FAILSAFE[autopilot]}, not by us" in flight.said
+    assert "landed without an order" not in flight.said
+    assert gone_on_with(flight.said)
+
+
+def test_a_landing_that_a_failsafe_breaks_off_over_the_pad_is_no_failed_landing():
+    """A PX4 whose battery gets critical two metres above its pad holds first, and then lands."""
+    own = {"COM_LOW_BAT_ACT": 3}
+    sags = once(
+        lambda v: v.truth.mode == Px4Mode.LAND and v.truth.height_m < 3.0,
+        lambda v: v.fail.battery_sag(9.0),
+    )
+    flight = scenario("px4", sags, parameters=own)
+    assert flight.code == 0
+    assert [note.split("overridden: ")[-1].strip() for note in flight.notes] == [
+        "HOLD by a failsafe"
+    ]
+
+
+@both
+def test_satellites_that_are_gone_in_the_air(autopilot):
+    flight = scenario(autopilot, once(flying, lambda v: v.fail.gps(after_s=3.0)))
+    assert flight.code == 4  # it came down where it was, and that is said
+    assert "is in LAND" in flight.said
+    assert "from its pad" in flight.said
+    assert gone_on_with(flight.said)
+
+
+@both
+def test_a_position_that_leaps_by_55_m_is_noticed(autopilot):
+    leaps = {"kind": "gps_glitch", "at_s": 25.0, "metres": 55.0, "for_s": 10.0}
+    flight = scenario(autopilot, faults=[leaps])
+    assert flight.code in (3, 4)  # 4: it was landed at once, and that is said
+    assert "satellite navigation is not to be trusted" in flight.said
+    assert gone_on_with(flight.said)
+
+
+@both
+def test_an_altitude_fence_below_the_layer(autopilot):
+    own = {
+        "ardupilot": {
+            "FENCE_ENABLE": 1, "FENCE_TYPE": 1, "FENCE_ALT_MAX": 10, "FENCE_ACTION": 1,
+        },
+        "px4": {"GF_MAX_VER_DIST": 10, "GF_ACTION": 3},
+    }[autopilot]  # fmt: skip
+    flight = scenario(autopilot, parameters=own)
+    assert flight.code == 3
+    assert f"is in {BY_FAILSAFE[autopilot]}, not by us" in flight.said
+    assert flight.columns >= {"home"}
+    assert gone_on_with(flight.said)
+
+
+def test_a_circular_fence_that_the_box_leaves():
+    """Its refusal is not explained by a text of long ago."""
+    own = {"FENCE_ENABLE": 1, "FENCE_TYPE": 2, "FENCE_RADIUS": 12, "FENCE_ACTION": 1}
+    flight = scenario("ardupilot", parameters=own)
+    assert flight.code == 3
+    (note,) = [note for note in flight.notes if "order_failed" in note][:1]
+    assert "MAV_CMD_DO_REPOSITION was refused: failed" in note
+    assert "vehicle:" not in note
+    assert flight.columns >= {"home"}
+
+
+@both
+def test_a_radio_control_that_is_lost(autopilot):
+    flight = scenario(
+        autopilot, once(flying, lambda v: v.fail.rc(after_s=3.0)), parameters=FS_RADIO[autopilot]
+    )
+    assert flight.code == 3
+    assert f"is in {BY_FAILSAFE[autopilot]}, not by us" in flight.said
+
+
+FS_RADIO = {"ardupilot": {"FS_THR_ENABLE": 1}, "px4": {"NAV_RCL_ACT": 2}}
+
+
+@both
+def test_a_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
+    flight = scenario(autopilot, once(flying, lambda v: v.fail.motor(after_s=3.0)))
+    assert flight.code == 4
+    assert flight.columns >= {"crash", "down"}
+    assert "vehicle 1 is down" in flight.said
+    assert flight.truth.t_s < 60.0
+
+
+@both
+def test_an_outage_of_satellites_is_flown_through_by_optical_flow(autopilot):
+    flow = "[sim]\noptical_flow = true\nodometry_drift = 0.01\n"
+    goes_on = '\n[navigation]\ngnss_loss = "map"\nwatch = false\n'
+    flight = scenario(
+        autopilot,
+        once(flying, lambda v: v.fail.gps(after_s=2.0, for_s=20.0)),
+        change=lambda text: text.replace("[sim]\n", flow) + goes_on,
+    )
+    assert (flight.code, flight.summary["completed"]) == (0, True)
+    assert flight.columns >= {"home"}
+
+
+# --- cameras -------------------------------------------------------------------------------------
+NOTHING_JUDGED = "no region found in 0 judged frames"
+
+
+@both
+def test_without_a_camera_nothing_is_called_searched(autopilot):
+    flight = scenario(autopilot, quirks={"camera": "none"})
+    assert (flight.code, flight.summary["completed"]) == (3, False)
+    assert NOTHING_JUDGED in flight.summary["finding"]
+    assert "camera is silent" in flight.summary["notes"]["1"]
+
+
+def test_an_autopilots_own_camera_that_shows_no_picture():
+    """It accepts every command, as another component than was asked; CAM1_TYPE 1."""
+    flight = scenario("ardupilot", quirks={"camera": "autopilot"})
+    assert (flight.code, flight.summary["completed"]) == (3, False)
+    assert NOTHING_JUDGED in flight.summary["finding"]
+
+
+@both
+def test_every_picture_is_corrupt(autopilot):
+    flight = scenario(autopilot, faults=[{"kind": "camera_corrupt", "at_s": 0.0}])
+    assert (flight.code, flight.summary["completed"]) == (3, False)
+    assert "not a readable picture" in flight.said
+    assert flight.kinds["frame_lost"] <= 12
+
+
+@both
+def test_a_camera_that_tells_no_pose_harms_nobody(autopilot):
+    flight = scenario(autopilot, quirks={"camera_tells_pose": False})
+    assert flight.code == 0
+    assert flight.kinds["frame_lost"] == 0
+    assert flight.columns >= {"home"}
+
+
+@pytest.mark.parametrize(("autopilot", "ahead_s"), [("ardupilot", -1.7), ("px4", 1000.0)])
+def test_a_camera_with_a_clock_of_its_own(autopilot, ahead_s):
+    flight = scenario(autopilot, quirks={"camera_clock_s": ahead_s})
+    assert flight.code == 0
+    assert flight.kinds["frame_lost"] == 0
+
+
+@pytest.mark.parametrize(("autopilot", "ppm"), [("ardupilot", 2000.0), ("px4", -2000.0)])
+def test_a_vehicles_clock_that_drifts(autopilot, ppm):
+    """2 s in a thousand; a boot time that is taken once is wrong by 0.2 s after this flight."""
+    flight = scenario(autopilot, quirks={"clock_ppm": ppm})
+    assert flight.code == 0
+
+
+@both
+def test_a_camera_that_another_process_left_capturing(autopilot):
+    flight = scenario(
+        autopilot,
+        once(flying, lambda v: camera(v, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0.5, 0)),
+    )
+    assert (flight.code, flight.kinds["order_failed"]) == (0, 0)
+
+
+def camera(vehicle, number, *p):
+    filled = (*p, *([0.0] * (7 - len(p))))
+    message = mav.MAVLink_command_long_message(1, 100, number, 0, *filled)
+    vehicle.receive(message.pack(mav.MAVLink(None, srcSystem=250, srcComponent=190)))
+
+
+# --- before the flight ---------------------------------------------------------------------------
+def test_arming_that_is_refused_is_explained_by_the_vehicle():
+    flight = scenario("ardupilot", parameters={"BATT_ARM_VOLT": 30.0})
+    assert flight.code == 3
+    assert "Battery 1 below minimum arming voltage" in flight.said
+    assert flight.kinds["lifted_off"] == 0
+
+
+def test_without_satellites_at_the_start_the_reason_is_told_in_the_end():
+    flight = scenario("ardupilot", faults=[{"kind": "gps", "at_s": 0.0}])
+    assert flight.code == 3
+    assert "PreArm: GPS 1: Bad fix" in flight.said
+    assert flight.kinds["lifted_off"] == 0
+
+
+def test_a_home_far_from_the_mission_does_not_take_off():
+    moved = mission_text("speck").replace("[[vehicles]]", "[[vehicles]]\nhome = [47.303, 8.5]")
+    with pytest.raises(Exception, match="fence"):
+        parse_mission(moved, "moved")
+
+
+def test_a_forced_stop_of_the_motors_is_no_landing():
+    """As seen from the service: it is down, and is not waited for."""
+    flight = scenario(
+        "px4", once(flying, lambda v: None),
+        once(after(3.0), lambda v: command(v, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196)),
+    )  # fmt: skip
+    assert flight.code == 4
+    assert flight.columns >= {"crash", "down"}

@@ -1,0 +1,226 @@
+"""The service between a journal and vehicles that a test plays."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from missions.errors import JournalError
+from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from missions.flight.step import fold
+from missions.orders import Order, StandDown, TakeOff
+from missions.units import GridPoint
+from tests.support.flights import small_mission
+from tests.support.said import Said
+from uavmap.base.clock import VirtualClock, run
+from uavmap.journal import event_log
+from uavmap.journal.event_log import Journal
+from uavmap.runner.service import Service
+
+HOME = GridPoint(0.0, 0.0)
+CONNECTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 25.0)
+
+
+class Played:
+    """A vehicle that reports what it is told to, from the event loop as a socket would."""
+
+    def __init__(self, *events: tuple[float, Event]) -> None:
+        self.orders: list[Order] = []
+        self._events = events
+
+    async def run(
+        self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        for after_s, event in self._events:
+            loop.call_later(after_s, report, event)
+        await asyncio.Event().wait()
+
+    def give(self, order: Order) -> None:
+        self.orders.append(order)
+
+    def land_here(self, reason: str) -> bool:
+        return False
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
+        yield journal
+
+
+def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:
+    setting = Setting.of(small_mission())
+    seen: list[Event] = []
+    service = Service(
+        setting, journal, {1: vehicle}, State.initial(setting), lambda e, _: seen.append(e)
+    )
+
+    async def main() -> State:
+        asyncio.get_running_loop().call_later(10.0, act, service)
+        async with asyncio.timeout(60.0):
+            state = await service.fly()
+        assert len(asyncio.all_tasks()) == 1
+        return state
+
+    state = run(main(), VirtualClock())
+    assert seen == list(journal.events())
+    return state
+
+
+def test_events_are_committed_in_order_and_orders_handed_out(journal: Journal) -> None:
+    vehicle = Played((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (12.0, CONNECTED))
+    state = serve(journal, vehicle, Service.recall)
+    assert [type(o) for o in vehicle.orders] == [TakeOff, StandDown, StandDown]
+    assert [type(e) for e in journal.events()] == [Connected, LinkLost, Recalled, Connected]
+    assert state.over
+
+
+def test_a_flight_is_over_when_nobody_has_anything_to_do(journal: Journal) -> None:
+    vehicle = Played((1.0, CONNECTED), (2.0, Overridden(1, 2.0, "LOITER")))
+    state = serve(journal, vehicle, lambda service: pytest.fail("it should be over by now"))
+    assert state.over
+
+
+def test_an_order_comes_after_the_commit(journal: Journal) -> None:
+    committed: list[str] = []
+
+    class Watched(Played):
+        def give(self, order: Order) -> None:
+            super().give(order)
+            committed.append(list(journal.events())[-1].kind)
+
+    vehicle = Watched((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (3.0, CONNECTED))
+    serve(journal, vehicle, Service.stop)
+    assert committed == ["connected", "link_lost", "connected"]
+
+
+def test_a_recall_is_posted_once(journal: Journal) -> None:
+    def twice(service: Service) -> None:
+        service.recall()
+        service.recall()
+
+    vehicle = Played((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (12.0, CONNECTED))
+    serve(journal, vehicle, twice)
+    assert sum(isinstance(e, Recalled) for e in journal.events()) == 1
+
+
+def test_stop_ends_the_flight_as_it_is(journal: Journal) -> None:
+    state = serve(journal, Played((1.0, CONNECTED)), Service.stop)
+    assert not state.over
+
+
+def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal: Journal) -> None:
+    """Nobody is called back in the middle of a report."""
+    depth: list[int] = []
+
+    class Eager(Played):
+        report: Callable[[Event], None]
+
+        async def run(
+            self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
+        ) -> None:
+            self.report = report
+            report(CONNECTED)
+            await taken_in()
+            assert [type(order) for order in self.orders] == [TakeOff, StandDown]
+            await asyncio.Event().wait()
+
+        def give(self, order: Order) -> None:
+            depth.append(1)
+            assert len(depth) - len(self.orders) == 1
+            self.orders.append(order)
+            if isinstance(order, TakeOff):
+                self.report(LinkLost(1, 1.0))
+                assert len(self.orders) == 1
+
+    serve(journal, Eager(), Service.stop)
+    assert [type(e) for e in journal.events()] == [Connected, LinkLost]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_journal_that_cannot_be_written_ends_the_mission(
+    journal: Journal, monkeypatch: pytest.MonkeyPatch, said: Said
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    vehicle = Played(
+        (1.0, CONNECTED),
+        *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0)),
+    )
+    setting = Setting.of(small_mission())
+    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        loop.call_later(10.0, monkeypatch.setattr, event_log, "write_at", full)
+        try:
+            await service.fly()
+        finally:
+            assert loop.time() == pytest.approx(20.0)
+            assert service.ended
+
+    with pytest.raises(JournalError, match="cannot be written: No space left on device"):
+        run(main(), VirtualClock())
+    service.keep_last_words()
+    monkeypatch.undo()
+    assert [type(e) for e in journal.events()] == [Connected]
+    assert len(said) == 1
+    assert "is not in the journal" in said[0]
+
+
+def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
+    journal: Journal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The guardians bring everybody down: whoever resumes must know how that ended."""
+    flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
+    vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
+    setting = Setting.of(small_mission())
+    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+    append = journal.append
+
+    def failing(event: Event) -> None:
+        if event.t_s == 5.0:
+            raise JournalError("the disk is full")
+        append(event)
+
+    monkeypatch.setattr(journal, "append", failing)
+    with pytest.raises(JournalError, match="disk is full"):
+        run(service.fly(), VirtualClock())
+    monkeypatch.undo()  # somebody has made room
+    given = len(vehicle.orders)
+    service.post(Crashed(1, 30.0, HOME, "it fell"))
+    service.post(Tracked(1, 31.0, GridPoint(float("nan"), 0.0), 0.0, 25.0))
+    service.keep_last_words()
+    assert [(type(e), e.t_s) for e in journal.events()] == [
+        (Connected, 1.0),
+        (Tracked, 5.0),
+        (Crashed, 30.0),
+    ]
+    assert len(vehicle.orders) == given
+    assert fold(setting, journal.events()).vehicles[1].phase is Phase.DOWN
+
+
+def test_a_report_that_no_journal_can_hold_is_refused_and_told(
+    journal: Journal, said: Said
+) -> None:
+    nowhere = GridPoint(float("inf"), 0.0)
+    vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
+    setting = Setting.of(small_mission())
+    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+
+    async def main() -> None:
+        asyncio.get_running_loop().call_later(10.0, service.stop)
+        await service.fly()
+
+    run(main(), VirtualClock())
+    assert [type(e) for e in journal.events()] == [Connected]
+    assert service.refused == 1
+    assert service.state.vehicles[1].position == HOME
+    assert "a report was refused" in said[0]

@@ -1,0 +1,162 @@
+"""Whole simulated flights whose satellites are lost or lie: who notices, and where they land."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions.events import Navigated, Tracked
+from missions.flight.setting import Setting
+from missions.units import GridPoint
+from sitl.vehicle import SimVehicle
+from tests.support.plans import plan_of
+from tests.support.said import Said
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.runner.flight import fly
+from uavmap.runner.simulation import Truth
+
+WINDY = Path(__file__).parents[3] / "data" / "windy.toml"
+FLOW = "optical_flow = true\nodometry_drift = 0.03\n"
+SMALLER = {
+    "48.0010072": "48.0007000",
+    "interval_s = 0.2": "interval_s = 0.3",
+    "width_px = 640": "width_px = 320",
+    "height_px = 480": "height_px = 240\npixels_per_cell = 40",
+}
+LOST = '[[sim.faults]]\nkind = "gps"\nat_s = 25\n'
+
+
+@dataclass(slots=True)
+class Flown:
+    """A flight, and what truly happened."""
+
+    summary: dict[str, Any]
+    told: str
+    navigated: list[Navigated]
+    tracked: list[Tracked]
+    true: list[tuple[float, GridPoint]] = field(default_factory=list)
+    modes: set[str] = field(default_factory=set)
+
+    @property
+    def pad_m(self) -> float:
+        """How far from its home it stands in the end."""
+        return math.hypot(*self.true[-1][1])
+
+    def off_m(self, t_s: float) -> float:
+        """By how much the place that the service reckoned with was off then."""
+        event = min(self.tracked, key=lambda e: abs(e.t_s - t_s))
+        _, place = min(self.true, key=lambda entry: abs(entry[0] - event.t_s))
+        return event.position.distance_to(place)
+
+
+@pytest.fixture
+def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said):
+    """Fly the small box with more in its file."""
+
+    def flying(navigation: str, faults: str, sim: str = "") -> Flown:
+        true: list[tuple[float, GridPoint]] = []
+        modes: set[str] = set()
+        watch = Truth.watch
+
+        def watching(self: Truth, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+            truth = vehicles[0].truth
+            true.append((truth.t_s, setting.grid.fixed(truth.position)))
+            modes.add(truth.mode.name)
+            watch(self, vehicles, setting)
+
+        monkeypatch.setattr(Truth, "watch", watching)
+        text = WINDY.read_text(encoding="utf-8").replace("[sim]\n", f"[sim]\n{sim}")
+        for old, new in SMALLER.items():
+            assert old in text
+            text = text.replace(old, new)
+        text += f"\n[navigation]\n{navigation}\n{faults}"
+        plan = plan_of("windy.toml", text, None, None, 3, (), None, SIM_EPOCH_UTC_S)
+        summary = fly(plan, tmp_path / "out")
+        with Journal.open(tmp_path / "out" / JOURNAL) as journal:
+            events = list(journal.events())
+        return Flown(
+            summary,
+            "\n".join(said),
+            [event for event in events if isinstance(event, Navigated)],
+            [event for event in events if isinstance(event, Tracked)],
+            true,
+            modes,
+        )
+
+    return flying
+
+
+def test_satellites_that_are_lost_end_nothing_where_its_own_map_leads(flown):
+    flight = flown('gnss_loss = "map"', LOST, FLOW)
+    assert flight.summary["completed"], flight.summary["notes"]
+    assert flight.summary["fence_breaches"] == 0
+    assert flight.summary["iou_cells"] > 0.6
+    assert flight.pad_m < 3.0
+    assert "satellite navigation is lost; it goes on by its own map" in flight.told
+    known = flight.summary["navigation"]["1"]
+    assert known["noticed_s"] == flight.navigated[0].t_s
+    assert known["lost_s"] > 20.0
+    assert 0.0 < known["sigma_m"] < 2.0
+    off_m = [(event.t_s, flight.off_m(event.t_s)) for event in flight.navigated]
+    assert max(metres for _, metres in off_m) < 2.0, off_m
+
+
+def test_where_a_return_is_wanted_its_autopilot_returns(flown):
+    flight = flown('gnss_loss = "rtl"', LOST, FLOW)
+    assert "satellite navigation is lost; it is told to return by its autopilot" in flight.told
+    assert "RTL" in flight.modes
+    assert not flight.summary["completed"]
+    assert flight.summary["notes"]["1"].startswith("returning by its guardian: satellite")
+    assert flight.summary["navigation"]["1"]["sigma_m"] is None
+
+
+def test_without_flow_its_autopilot_has_the_last_word(flown):
+    flight = flown('gnss_loss = "map"', LOST)
+    assert "taken by a pilot or a failsafe" in flight.told or flight.summary["notes"]
+    assert not flight.summary["completed"]
+    assert flight.modes >= {"GUIDED", "LAND"}
+    assert "RTL" not in flight.modes
+
+
+def test_satellites_that_drift_are_noticed_before_they_are_off_by_a_cell(flown):
+    drift = '[[sim.faults]]\nkind = "gps_drift"\nat_s = 15\nm_s = 0.1\ntoward_deg = 70\n'
+    flight = flown('gnss_loss = "map"', drift)
+    assert flight.navigated
+    assert flight.navigated[0].gnss == "wrong"
+    assert flight.off_m(flight.navigated[0].t_s - 0.5) < 4.0
+    assert "satellite navigation tells a wrong place" in flight.told
+    assert flight.summary["fence_breaches"] == 0
+
+
+def test_a_leap_of_satellites_does_not_lead_it_astray(flown):
+    leap = '[[sim.faults]]\nkind = "gps_glitch"\nat_s = 30\nmetres = 15\ntoward_deg = 200\n'
+    flight = flown('gnss_loss = "map"', leap)
+    assert flight.navigated[0].gnss == "wrong"
+    assert flight.navigated[0].t_s < 34.0
+    assert flight.pad_m < 3.0
+    assert flight.summary["fence_breaches"] == 0
+
+
+def test_a_camera_that_repeats_its_picture_does_not_accuse_satellites(
+    flown, monkeypatch: pytest.MonkeyPatch
+):
+    image = SimVehicle.image
+    kept: list[bytes] = []
+
+    def repeated(self: SimVehicle, url: str) -> bytes | None:
+        picture = image(self, url)
+        if picture is not None and len(kept) < 30:
+            kept.append(picture)
+        return kept[-1]
+
+    monkeypatch.setattr(SimVehicle, "image", repeated)
+    flight = flown('gnss_loss = "map"', "")
+    assert not flight.navigated
+    assert not flight.summary["completed"]
+    assert flight.pad_m < 3.0

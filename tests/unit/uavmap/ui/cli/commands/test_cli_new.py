@@ -1,0 +1,352 @@
+"""`uavmap new` and `uavmap check --map` as a user runs them, in process."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sys
+import tomllib
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from pydantic import BaseModel
+
+from missions.mission.schema import Mission, VehicleSection
+from missions.mission.sections.sim_section import Sim
+from tests.support.area_files import (
+    FIELD,
+    KINDS,
+    collection,
+    feature,
+    kml,
+    kml_polygon,
+    placemark,
+    saved,
+)
+from tests.support.plans import named_text
+from tests.unit.uavmap.ui.cli.test_cli_bad_input import one_line, said
+from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, section_of
+from uavmap.load.mission_source import load
+from uavmap.output.drawing.palette import FENCE
+from uavmap.ui.cli import main
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def field(tmp_path: Path) -> str:
+    return KINDS["google_earth_pro"](tmp_path).name
+
+
+class Terminal(io.StringIO):
+    """Somebody who answers."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def new(*arguments: object) -> None:
+    assert main(["new", *map(str, arguments)]) == 0
+
+
+# --- what is written --------------------------------------------------------------------------
+def test_a_kml_becomes_a_mission_that_check_takes(
+    field: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new(field, "--drone", "x500", "--out", "field.toml")
+    out, err = capsys.readouterr()
+    assert "Untitled Polygon, 105 m x 114 m" in out
+    assert "52.45593 N 13.30378 E, UTM zone 33N (EPSG:32633); is that the place?" in out
+    assert "no home was drawn" in err
+    with Image.open("field.png") as picture:
+        assert picture.size[0] > 800
+    assert main(["check", "field.toml"]) == 0
+    assert "nothing wrong" in capsys.readouterr().out
+    mission = load("field.toml")
+    assert (mission.name, mission.battery.capacity_wh, mission.wind.speed_m_s) == ("field", 74, 5)
+
+
+def keys(model: type[BaseModel], prefix: str = "") -> set[str]:
+    """The dotted keys of a mission file, without those of lists of tables."""
+    found = set()
+    for key, field in model.model_fields.items():
+        inner = section_of(field)
+        if inner is not None and not prefix and key != "vehicles":
+            found |= keys(inner, f"{key}.")
+        elif key != "vehicles":
+            found.add(f"{prefix}{key}")
+    return found
+
+
+def test_every_key_of_a_mission_has_a_comment_and_every_comment_a_key() -> None:
+    known = keys(Mission) | {f"vehicles.{key}" for key in VehicleSection.model_fields}
+    assert set(COMMENTS) == known - {"detector.tables"}
+    tables = {k for k, f in Mission.model_fields.items() if section_of(f) is not None}
+    assert set(SECTIONS) == tables - {"vehicles"}
+
+
+def test_every_default_is_shown(field: str) -> None:
+    new(field, "--drone", "sim", "--out", "field.toml")
+    text = Path("field.toml").read_text("utf-8")
+    shown = tomllib.loads(text)
+    assert shown["team"] == {"separation_m": 4.0, "layer_m": 6.0}
+    assert shown["drift"] == {"speed_m_s": 0.0, "toward_deg": 0.0}
+    assert {k for k in Sim.model_fields if k not in shown["sim"]} == {
+        "terrain", "quirks", "parameters", "faults", "tag_m", "tag_dictionary"
+    }  # fmt: skip
+    for words in ("capacity_wh = 60.0", "Wh, above 0", "degrees, above 1, below 170"):
+        assert words in text
+    assert "amsl_m" not in shown["start"]  # its default is the height of no place
+
+
+def test_figures_by_hand_override_the_table(field: str) -> None:
+    new(
+        field, "--drone", "solo", "--camera", "rpi-hq-6mm", "--battery", 90, "--pixels", "1280x720",
+        "--wind", 7, "--vehicles", 2, "--cell", 5, "--height", 40, "--name", "two", "--strategy",
+        "rdfs", "--mounting", "gimbal", "--out", "a.toml", "--preview", "a.html",
+    )  # fmt: skip
+    mission = load("a.toml")
+    assert (mission.battery.capacity_wh, mission.battery.hover_power_w) == (90.0, 231.0)
+    assert (mission.camera.width_px, mission.camera.height_px) == (1280, 720)
+    assert (mission.camera.hfov_deg, mission.camera.mounting) == (55.3, "gimbal")
+    assert (mission.wind.speed_m_s, len(mission.vehicles), mission.grid.cell_m) == (7.0, 2, 5.0)
+    assert (mission.flight.altitude_m, mission.name, mission.strategy) == (40.0, "two", "rdfs")
+    assert Path("a.html").exists()
+    assert not Path("a.png").exists()
+
+
+def test_a_rectangle_by_its_middle_south_of_the_equator() -> None:
+    new("--at", "-33.8,151.2", "--size", "200x150", "--drone", "sim", "--home", "-33.8,151.2")
+    mission = load("area.toml")
+    assert mission.start.position == (-33.8, 151.2)
+    lats = [lat for lat, _ in mission.search.box]
+    assert (max(lats) - min(lats)) * 110_900 == pytest.approx(150, abs=6)
+
+
+def test_all_areas_of_a_file_and_one_by_name(tmp_path: Path) -> None:
+    east = [(x + 0.003, y) for x, y in FIELD]
+    saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(east, name="B")))
+    new("two.geojson", "--together", "--drone", "sim", "--out", "both.toml")
+    new("two.geojson", "--area", "b", "--drone", "sim", "--out", "b.toml")
+    both, only = (load(name).search.box for name in ("both.toml", "b.toml"))
+    assert min(lon for _, lon in both) < min(lon for _, lon in only)
+
+
+def test_the_table_of_drones(capsys: pytest.CaptureFixture[str]) -> None:
+    new("--drone", "list")
+    out = capsys.readouterr().out
+    assert "x500" in out
+    assert "sony-a6000-16mm" in out
+
+
+# --- asking -----------------------------------------------------------------------------------
+def test_what_is_missing_is_asked_at_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", Terminal("52.4565, 13.30375\n120x80\nsim\n"))
+    new()
+    err = capsys.readouterr().err
+    assert "area (a file, or LAT,LON of its middle):" in err
+    assert "which drone:" in err
+    assert load("area.toml").battery.capacity_wh == 60.0
+
+
+def test_which_area_is_asked_at_a_terminal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(name="B")))
+    monkeypatch.setattr(sys, "stdin", Terminal("two.geojson\n2\n"))
+    new("--drone", "sim")
+    assert "  2  B" in capsys.readouterr().err
+    assert "B, 105 m" not in Path("two.toml").read_text("utf-8")
+    assert "somewhere in 'B' (two.geojson)" in Path("two.toml").read_text("utf-8")
+
+
+def test_nobody_answers(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", Terminal(""))
+    assert main(["new"]) == 2
+    assert "no answer" in capsys.readouterr().err
+
+
+# --- what is refused --------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["field.kml"], "the aircraft is not known; give --drone NAME"),
+        (["field.kml", "--hover", "300", "--camera", "rpi-v2"], "or --battery WH"),
+        (["field.kml", "--drone", "x50"], "did you mean 'x500'?"),
+        (["field.kml", "--drone", "dji-m300"], "do not take orders over MAVLink"),
+        (["field.kml", "--drone", "sim", "--camera", "rpi"], "--camera rpi: not in the table"),
+        (["field.kml", "--drone", "sim", "--pixels", "640"], "--pixels 640 is not WxH"),
+        (["fields.kml", "--drone", "sim"], "did you mean 'field.kml'?"),
+        (["field.kml", "--at", "1,2", "--drone", "sim"], "give one of them"),
+        (["field.kml", "--size", "1x2", "--drone", "sim"], "goes with --at"),
+        (["--at", "52,13.3", "--size", "1x2", "--drone", "sim"], "each side from 4"),
+        (["--at", "95,13.3", "--drone", "sim"], "latitude is from -90 to 90"),
+        (["--at", "north", "--drone", "sim"], "is not LAT,LON"),
+        (["field.kml", "--drone", "sim", "--home", "52.5,13.303"], "4.8 km from the area"),
+        (["field.kml", "--drone", "sim", "--home", "13.303,52.456"], "longitude are swapped"),
+        (["field.kml", "--drone", "sim", "--out", "field.kml"], "a mission is a .toml"),
+        (["field.kml", "--drone", "sim", "--preview", "a.jpg"], "write a .html or a .png"),
+        (["field.kml", "--drone", "sim", "--out", "no/a.toml"], "there is no folder no"),
+        (["field.kml", "--drone", "sim", "--area", "x"], "there are 'Field'"),
+        (["field.kml", "--drone", "sim", "--crs", "25833"], "leave it out"),
+        (["--drone", "sim"], "no area; give a file, or --at LAT,LON"),
+    ],
+)
+def test_it_is_told_in_a_line_and_nothing_is_written(
+    arguments: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved(tmp_path, "field.kml", kml(placemark("Field", kml_polygon())))
+    assert expected in one_line(capsys, "new", *arguments)
+    assert [path.name for path in tmp_path.iterdir()] == ["field.kml"]
+
+
+def test_a_mission_that_could_not_be_flown_is_not_written(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = said(capsys, "new", field, "--drone", "sim", "--battery", 3, "--out", "a.toml")
+    assert "nothing is written" in lines[0]
+    assert "battery.capacity_wh = 3" in lines[1]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_nothing_is_overwritten(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved(tmp_path, "a.png", b"mine")
+    assert "is there already" in one_line(capsys, "new", field, "--drone", "sim", "--out", "a.toml")
+    assert not Path("a.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["fyl", "runway", "--sim"], "did you mean fly?"),
+        (["nwe", "field.kml"], "did you mean new?"),
+        (["chek", "runway"], "did you mean check?"),
+    ],
+)
+def test_a_mistyped_command(
+    arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    assert meant in capsys.readouterr().err
+
+
+def test_a_mistyped_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean 'runway'?" in one_line(capsys, "check", "runwya")
+    saved(tmp_path, "meadow.toml", "")
+    assert "did you mean 'meadow.toml'?" in one_line(capsys, "check", "medow.toml")
+    assert "did you mean" not in one_line(capsys, "check", "qqqqqqqq")
+
+
+# --- the plan ---------------------------------------------------------------------------------
+class Page(HTMLParser):
+    """What a page is made of, and what it would load."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.loads: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.loads += [v or "" for k, v in attrs if k in ("src", "href", "data", "action", "style")
+                       and v and ("://" in v or "url(" in v)]  # fmt: skip
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def test_the_plan_as_a_page_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "spill", "--map", "spill.html"]) == 0
+    assert "the plan is in spill.html" in capsys.readouterr().out
+    page = Page(Path("spill.html").read_text("utf-8"))
+    assert page.loads == []
+    assert not {"script", "img", "link", "iframe"} & set(page.tags)
+    words = " ".join(page.words)
+    for expected in (
+        "UTM zone",
+        "(EPSG:326",
+        "search box",
+        "lanes of vehicle 3",
+        "min",
+        "grid north",
+    ):
+        assert expected in words
+    assert page.tags.count("circle") >= 3 + 1  # three homes, and one in the legend
+
+
+def test_names_in_a_page_are_no_tags(tmp_path: Path) -> None:
+    text = named_text("runway").text.replace('name = "runway"', 'name = "a & b\'s"')
+    saved(tmp_path, "a.toml", text)
+    assert main(["check", "a.toml", "--map", "a.html"]) == 0
+    assert "Plan of a &amp; b&#39;s" in Path("a.html").read_text("utf-8")
+
+
+def test_the_plan_as_a_picture() -> None:
+    assert main(["check", "runway", "--map", "plan.PNG"]) == 0
+    with Image.open("plan.PNG") as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    near = np.abs(pixels - np.array(FENCE)).max(axis=2) < 40
+    rows, columns = np.nonzero(near)
+    # the fence goes around the drawing: 900 pixels less a rim on either side
+    assert np.ptp(columns) > 650
+    assert np.ptp(rows) > 600
+
+
+def test_figures_and_a_map_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "runway", "--json", "--map", "a.html"]) == 0
+    assert json.loads(capsys.readouterr().out)["mission"] == "runway"
+
+
+def test_a_map_of_another_kind_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "write a .html or a .png" in one_line(capsys, "check", "runway", "--map", "a.pdf")
+    assert "cannot be written" in one_line(capsys, "check", "runway", "--map", "no/a.html")
+
+
+def with_fence(text: str, fence: str) -> str:
+    ring = re.compile(r"^polygon = \[.*?^\]", re.MULTILINE | re.DOTALL)
+    changed, count = ring.subn(f"polygon = {fence}", text, count=1)
+    assert count == 1
+    return changed
+
+
+def test_a_home_far_from_the_box_is_asked_about(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new(field, "--drone", "astro", "--out", "a.toml")
+    wide = "[[52.44, 13.29], [52.44, 13.32], [52.49, 13.32], [52.49, 13.29]]"
+    text = with_fence(Path("a.toml").read_text("utf-8"), wide)
+    far = re.sub(r"^position = .*$", "position = [52.4785, 13.3030]", text, count=1, flags=re.M)
+    saved(tmp_path, "b.toml", far)
+    assert main(["check", "b.toml"]) == 0
+    assert "start.position = [52.4785, 13.303]: 2.4 km from search.box; is that" in (
+        capsys.readouterr().out
+    )
+
+
+def test_a_fence_on_another_continent_is_refused(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new(field, "--drone", "sim", "--out", "a.toml")
+    there = "[[12.44, 13.29], [12.44, 13.32], [12.49, 13.32], [12.49, 13.29]]"
+    saved(tmp_path, "b.toml", with_fence(Path("a.toml").read_text("utf-8"), there))
+    capsys.readouterr()
+    assert "fence.polygon" in one_line(capsys, "check", "b.toml")

@@ -1,0 +1,84 @@
+"""What `uavmap onboard` and `uavmap resume` say of options that cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.small_missions import mission_text, square
+from uavmap.mavlink.links.key_file import new_key
+from uavmap.ui.cli import main
+
+URL = "udpin://127.0.0.1:1"
+GROUP = "udp/224.0.0.224:7447#iface=lo"
+
+
+@pytest.fixture
+def field(tmp_path: Path) -> Path:
+    """A mission of two vehicles, beside a key."""
+    file = tmp_path / "field.toml"
+    box, fence = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
+    pads = [(0.0, 0.0), (16.0, 0.0)]
+    file.write_text(mission_text(box, fence, vehicles=2, homes=pads, strategy="swath"), "utf-8")
+    new_key(tmp_path / "fleet.key")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--vehicle", "3", "--connect", URL], "there is no vehicle 3, it has 2"),
+        (["--vehicle", "2"], "no vehicle to fly; give --connect URL"),
+        (["--vehicle", "2", "--connect", URL, "--connect", URL], "--connect is given 2 times"),
+        (["--vehicle", "1", "--connect", URL, "--listen", GROUP], "--fleet-key FILE is missing"),
+        (["--vehicle", "1", "--connect", URL, "--fleet-key", ""], "--fleet-key is empty"),
+        (["--vehicle", "1", "--connect", URL, "--peer", "drone"], "--peer drone: write tcp/"),
+        (["--vehicle", "1", "--connect", URL, "--strategy", "rdfs"], "strategy = 'rdfs'"),
+        (["--vehicle", "1", "--connect", URL, "--camera", "x", "--camera", "y"], "--camera is"),
+    ],
+)
+def test_a_line_names_what_is_wrong(
+    arguments: list[str],
+    words: str,
+    field: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.delenv("UAVMAP_FLEET_KEY_FILE", raising=False)
+    keyed = ["--fleet-key", str(field.with_name("fleet.key"))] if "--peer" in arguments else []
+    out = field.with_name("out")
+    assert main(["onboard", str(field), *arguments, *keyed, "--out", str(out)]) == 2
+    assert words in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_the_help_names_what_a_fleet_can_fly(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["onboard", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "--strategy NAME instead of the mission file's: swath, survey --speedup" in told
+    assert "--sim" not in told
+
+
+def test_a_flight_of_no_fleet_has_no_network(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tests.unit.uavmap.output.test_merging import ALONE, plan, written  # noqa: PLC0415
+
+    folder = written(tmp_path / "flight", plan(ALONE, None), [])
+    assert main(["resume", str(folder), "--listen", GROUP]) == 2
+    assert "go with a flight that `uavmap onboard` began" in capsys.readouterr().err
+
+
+def test_on_the_ground_a_fleet_is_joined_where_it_is_heard(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fly", "burn", "--fleet", "--out", str(tmp_path / "a")]) == 2
+    assert "--listen, --peer or --router" in capsys.readouterr().err
+    listen = ["--listen", "tcp/127.0.0.1:7447"]
+    assert main(["fly", "burn", "--sim", *listen, "--out", str(tmp_path / "a")]) == 2
+    assert "go with --fleet" in capsys.readouterr().err
+    assert main(["fly", "burn", "--fleet", *listen, "--out", str(tmp_path / "a")]) == 2
+    assert "--fleet-key FILE is missing" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()

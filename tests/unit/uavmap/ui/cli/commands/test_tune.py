@@ -1,0 +1,366 @@
+"""`uavmap tune` from pictures and examples to a detector that `replay` maps with."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from missions.errors import ImageError, MissionFileError
+from missions.units import LatLon
+from tests.benchmarks.photos import brighton
+from tests.benchmarks.photos.detectors import judged
+from tests.support.small_missions import START, ring, square
+from tests.unit.uavmap.photos.test_replay import (
+    GEOD,
+    GRID,
+    HEIGHT,
+    ROI,
+    UP_M,
+    WIDTH,
+    paint,
+    painted,
+)
+from uavmap.load.kept_detector import KEPT
+from uavmap.load.mission_source import load
+from uavmap.output.facts.map_model import NOT_ROI
+from uavmap.photos.tune.examples import Example, load_examples
+from uavmap.photos.tune.metrics import total
+from uavmap.photos.tune.samples import Described, variants
+from uavmap.photos.tune.selection import Picture, dealt, folds
+from uavmap.photos.tune.training import fit_trees
+from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
+from uavmap.ui.cli import main
+from vision.detectors.learned import LearnedDetector
+from vision.detectors.learned_model import Model, Scorer, model_bytes, read_model
+
+WIDE = 320
+SMALL = ["--width", str(WIDE), "--cell-px", "18", "--features", "color"]
+
+
+def place(east_m: float, north_m: float) -> LatLon:
+    azimuth_deg = math.degrees(math.atan2(east_m, north_m))
+    lon, lat, _ = GEOD.fwd(START.lon_deg, START.lat_deg, azimuth_deg, math.hypot(east_m, north_m))
+    return LatLon(lat, lon)
+
+
+def region_file(path: Path, kind: str = "region") -> Path:
+    west, east, south, north = ROI
+    corners = [(west, south), (east, south), (east, north), (west, north), (west, south)]
+    outline = [[p.lon_deg, p.lat_deg] for p in (place(*corner) for corner in corners)]
+    geometry = {"type": "Polygon", "coordinates": [outline]}
+    feature = {"type": "Feature", "properties": {"kind": kind}, "geometry": geometry}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    return path
+
+
+def mission_file(path: Path) -> Path:
+    path.write_text(f"""
+start.position = [{START.lat_deg}, {START.lon_deg}]
+search.box = {ring(GRID, square(-10, -10, 60, 50))}
+fence.polygon = {ring(GRID, square(-30, -30, 100, 90))}
+flight.altitude_m = {UP_M}
+camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal", pixels_per_cell = 20}}
+detector = {{view = "all"}}
+votes = {{frames = 3, positive = 2}}
+""")
+    return path
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with photographs, polygons, a mission, and the detector learned from them."""
+    folder = tmp_path_factory.mktemp("tuned")
+    images = painted(folder / "images")
+    polygons = region_file(folder / "region.geojson")
+    arguments = ["tune", str(images), "--examples", str(polygons), "--out", str(folder / "eyes")]
+    assert main([*arguments, *SMALL]) == 0
+    mission_file(folder / "field.toml")
+    return folder
+
+
+def test_a_detector_is_learned_from_polygons_and_maps_the_region(
+    tuned: Path, tmp_path: Path
+) -> None:
+    report = json.loads((tuned / "eyes" / REPORT).read_text())
+    assert report["cells"]["iou"] > 0.9
+    assert report["pixels"]["precision"] > 0.9
+    assert len(report["pictures"]) == 4
+    assert sorted(p.name for p in (tuned / "eyes" / OVERLAYS).iterdir()) == [
+        f"{number}.jpg" for number in range(4)
+    ]
+    out = tmp_path / "map"
+    arguments = ["--mission", str(tuned / "field.toml"), "--detector", str(tuned / "eyes")]
+    assert main(["replay", str(tuned / "images"), *arguments, "--out", str(out)]) in (0, 3)
+    features = json.loads((out / "map.geojson").read_text())["features"]
+    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
+    west, east, south, north = ROI
+    area_m2 = (east - west) * (north - south)
+    roi_m2 = GRID.cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
+    assert area_m2 * 0.7 < roi_m2 < area_m2 * 1.3
+
+
+def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(
+    tuned: Path, tmp_path: Path
+) -> None:
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    for example in load_examples(tuned / "images", tuned / "region.geojson", WIDE):
+        Image.fromarray(example.region.astype(np.uint8) * 255).save(masks / f"{example.name}.png")
+    arguments = ["tune", str(tuned / "images"), "--examples", str(masks), *SMALL]
+    assert main([*arguments, "--out", str(tmp_path / "again")]) == 0
+    for name in (MODEL, DETECTOR, REPORT):
+        assert (tmp_path / "again" / name).read_bytes() == (tuned / "eyes" / name).read_bytes()
+
+
+def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
+    tuned: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "eyes"
+    folder.mkdir()
+    for name in (MODEL, DETECTOR):
+        (folder / name).write_bytes((tuned / "eyes" / name).read_bytes())
+    mission = load(str(tuned / "field.toml"), str(folder))
+    section = mission.detector
+    assert (section.name, section.view) == ("learned", "all")
+    assert section.model == str((folder / MODEL).resolve())
+    (folder / MODEL).write_bytes((folder / MODEL).read_bytes() + b" ")
+    from uavmap.aircraft.imaging.classifier import detector_of  # noqa: PLC0415
+
+    with pytest.raises(MissionFileError, match="has changed since the mission was begun"):
+        detector_of(mission)
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        (lambda data: data[:200], "damaged"),
+        (lambda data: b"\x80\x04\x95", "damaged"),
+        (lambda data: b'{"format": "other"}', "not a detector's model"),
+        (lambda data: data.replace(b'"version":1', b'"version":9'), "version 9"),
+        (lambda data: data.replace(b'"bias"', b'"bios"'), "damaged"),
+        (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
+    ],
+)
+def test_a_damaged_or_foreign_model_is_refused_in_a_line(
+    tuned: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    damage: object,
+    why: str,
+) -> None:
+    assert callable(damage)
+    folder = tmp_path / "eyes"
+    folder.mkdir()
+    (folder / DETECTOR).write_bytes((tuned / "eyes" / DETECTOR).read_bytes())
+    (folder / MODEL).write_bytes(damage((tuned / "eyes" / MODEL).read_bytes()))
+    arguments = ["--mission", str(tuned / "field.toml"), "--detector", str(folder)]
+    assert main(["replay", str(tuned / "images"), *arguments, "--out", str(tmp_path / "m")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert why in line
+    assert str(folder / MODEL) in line
+
+
+def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> None:
+    images = tuned / "images"
+    where = tmp_path / "masks"
+    with pytest.raises(ImageError, match="no folder of masks"):
+        load_examples(images, where, WIDE)
+    where.mkdir()
+    with pytest.raises(ImageError, match=r"paint some, for example 0\.png"):
+        load_examples(images, where, WIDE)
+    black = Image.new("L", (160, 90), 0)
+    black.save(where / "0.png")
+    with pytest.raises(ImageError, match="nothing is painted as region"):
+        load_examples(images, where, WIDE)
+    black.save(where / "other.png")
+    with pytest.raises(ImageError, match=r"other\.png: no picture has this name"):
+        load_examples(images, where, WIDE)
+    (where / "other.png").unlink()
+    Image.new("L", (160, 160), 255).save(where / "1.png")
+    with pytest.raises(ImageError, match="not the shape"):
+        load_examples(images, where, WIDE)
+    (where / "1.png").write_bytes(b"no picture")
+    with pytest.raises(ImageError, match=r"1\.png: not a readable picture \(no JPEG, PNG"):
+        load_examples(images, where, WIDE)
+
+
+def test_one_painted_picture_is_too_few(
+    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mask = np.zeros((90, 160), np.uint8)
+    mask[:40] = 255
+    where = tmp_path / "masks"
+    where.mkdir()
+    Image.fromarray(mask).save(where / "0.png")
+    arguments = ["tune", str(tuned / "images"), "--examples", str(where), *SMALL]
+    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
+    assert "paint at least two" in capsys.readouterr().err
+
+
+def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: Path) -> None:
+    images, told = tmp_path / "images", list[str]()
+    shutil.copytree(tuned / "images", images)
+    data = (images / "1.jpg").read_bytes()
+    (images / "1.jpg").write_bytes(data[: len(data) // 2])
+    examples = load_examples(images, tuned / "region.geojson", WIDE, told.append)
+    assert [example.name for example in examples] == ["0", "2", "3"]
+    (line,) = told
+    assert line.startswith(f"left out: {images / '1.jpg'}")
+
+
+def test_mid_grey_is_undecided(tuned: Path, tmp_path: Path) -> None:
+    mask = np.full((90, 160), 128, np.uint8)
+    mask[:30], mask[60:] = 255, 0
+    Image.fromarray(mask).save(tmp_path / "2.png")
+    (example,) = load_examples(tuned / "images", tmp_path, WIDE)
+    assert example.known.mean() == pytest.approx(2 / 3, abs=0.02)
+    assert example.region[example.known].mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_variants_show_the_same_ground_otherwise() -> None:
+    picture = np.asarray(paint(10.0, 10.0, 0.0))
+    region = picture[:, :, 0] < 140
+    example = Example("x", picture, region, np.ones_like(region))
+    for variant in variants(example, np.random.default_rng(3), 4):
+        assert not np.array_equal(variant.picture, picture)
+        levels = variant.picture[:, :, 1].astype(float)
+        gap = levels[~variant.region].mean() - levels[variant.region].mean()
+        assert gap > 3 * levels[variant.region].std()
+
+
+def test_trees_answer_as_the_learner_does_and_survive_their_file() -> None:
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=(4000, 3)).astype(np.float32)
+    labels = (values[:, 0] * values[:, 1] > 0.2) | (values[:, 2] > 1.0)
+    parts = fit_trees(values, labels, 1)  # holds its answers against the learner's by itself
+    model = Model(features=("light", "red_green", "detail"), parts=(parts,))
+    again = read_model(model_bytes(model), "x")
+    assert model_bytes(again) == model_bytes(model)
+    columns = np.ascontiguousarray(values.T)
+    found = Scorer(again).probability(columns)
+    assert np.array_equal(found, Scorer(model).probability(columns))
+    assert ((found > 0.5) == labels).mean() > 0.95
+
+
+@pytest.mark.parametrize("count", [2, 3, 7])
+def test_no_picture_is_on_both_sides(count: int) -> None:
+    judged = []
+    for learned_from, out in folds(count):
+        assert not set(learned_from) & set(out)
+        assert len(learned_from) + len(out) == count
+        judged += out
+    assert sorted(judged) == list(range(count))
+
+
+def test_without_the_learner_the_extra_is_named(
+    tuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    arguments = ["tune", str(tuned / "images"), "--examples", str(tuned / "region.geojson")]
+    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
+    assert "pip install 'scikit-learn>=" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")
+def test_three_real_photographs_teach_the_road_in_others() -> None:
+    names = brighton.names()
+    painted = brighton.examples([names[i] for i in (2, 7, 12)])
+    wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
+    model, choice, _ = learned(painted, [], wishes, lambda _: None)
+    detector = LearnedDetector(model)
+    others = brighton.examples([names[i] for i in (0, 5, 10, 15)])
+    cells = total([judged(detector, example, choice.share)[1] for example in others])
+    assert cells.iou > 0.62
+
+
+def test_what_was_learned_maps_without_a_mission_file(
+    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cells and camera from the pictures, the detector from the folder: nobody writes a file."""
+    out, eyes = tmp_path / "map", str(tuned / "eyes")
+    photos = str(tuned / "images")
+    assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
+    made = load(str(out / "mission.toml"))
+    assert (made.detector.name, made.detector.view) == ("learned", "all")
+    assert made.detector.model == str((out / KEPT / MODEL).resolve())  # its copy
+    features = json.loads((out / "map.geojson").read_text())["features"]
+    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
+    west, east, south, north = ROI
+    roi_m2 = made.grid.cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
+    assert 0.7 < roi_m2 / ((east - west) * (north - south)) < 1.3
+
+    seen = ["look", str(tuned / "images" / "0.jpg"), "--out", str(tmp_path / "seen.png"), "--json"]
+    capsys.readouterr()
+    assert main([*seen, "--detector", eyes]) == 0
+    learned_share = json.loads(capsys.readouterr().out)["roi_share"]
+    assert main([*seen, "--detector", eyes, "--mission", str(tuned / "field.toml")]) == 0
+    assert json.loads(capsys.readouterr().out)["roi_share"] == pytest.approx(learned_share, abs=0.1)
+    assert main(seen) == 0
+    assert (
+        json.loads(capsys.readouterr().out)["roi_share"] > learned_share + 0.2
+    )  # not one colour is green
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (None, "cannot be read"),
+        ('name = "learned"\nmodel = "gone.json"', "gone.json"),
+        ('name = "learnt"', "detector.name is 'learnt'"),
+        ('name = "paved"\nshare = 2', "detector.share = 2: input should be"),
+    ],
+)
+@pytest.mark.parametrize("command", ["replay", "look"])
+def test_a_detector_is_looked_at_before_any_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, why: str, command: str
+) -> None:
+    if text is not None:
+        (tmp_path / DETECTOR).write_text(f"[detector]\n{text}\n")
+    assert main([command, str(tmp_path / "no pictures"), "--detector", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"uavmap: --detector {tmp_path}: ")
+    assert why in line
+
+
+def described_as(name: str, *, region: bool, surround: bool) -> Picture:
+    share = np.array([1.0 if region else 0.0, 0.0 if surround else 1.0], np.float32)
+    known = np.array([region, surround])
+    plain = Described(name, np.zeros((1, 2), np.float32), share, known, 1, 2)
+    return Picture(plain, ())
+
+
+@pytest.mark.parametrize(
+    "kinds", ["bssssb", "brrrrb", "rrss", "bbbbbbb", "sssssssrr", "rrrrrrrss", "r-s-rs--"]
+)
+def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
+    """Few of many pictures show the region, and stand where a plain count judges them together."""
+    more = {"b": (True, True), "r": (True, False), "s": (False, True), "-": (False, False)}
+    pictures = [
+        described_as(str(i), region=more[kind][0], surround=more[kind][1])
+        for i, kind in enumerate(kinds)
+    ]
+    judged = []
+    for learned_from, out in dealt(pictures):
+        assert not set(learned_from) & set(out)
+        judged += out
+        seen = [more[kinds[i]] for i in learned_from]
+        assert any(region for region, _ in seen)
+        assert any(surround for _, surround in seen)
+    assert sorted(judged) == list(range(len(kinds)))
+
+
+def test_trees_answer_alike_where_many_values_lie_on_their_borders() -> None:
+    """Of few levels, as in a dark picture: each threshold is a value that many places have."""
+    rng = np.random.default_rng(2)
+    levels = np.log(rng.integers(1, 40, (6000, 2)) / 7.0).astype(np.float32)
+    levels += rng.choice([0.0, 1e-7, 3e-7], (6000, 2)).astype(np.float32)
+    labels = levels[:, 0] > levels[:, 1]
+    parts = fit_trees(levels, labels, 1)  # holds its answers against the learner's by itself
+    assert any(at not in (0.0, round(at, 6)) for tree in parts.trees for at in tree.at_most)

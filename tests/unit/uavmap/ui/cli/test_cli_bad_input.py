@@ -1,0 +1,273 @@
+"""Whatever is wrong with the input: exit code 2 and a line that says so, in process."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.support.photographs import write_photo
+from tests.support.plans import named_text
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, TLOG
+from uavmap.ui.cli import main
+
+RUNWAY = named_text("runway").text
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
+    """The lines of a command that must fail with code 2."""
+    code = main([str(a) for a in arguments])
+    streams = capsys.readouterr()
+    assert code == 2, streams.err
+    assert "Traceback" not in streams.err
+    assert streams.out == ""
+    lines = [line for line in streams.err.splitlines() if line.startswith("uavmap: ")]
+    assert lines
+    return lines
+
+
+def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    lines = said(capsys, *arguments)
+    assert len(lines) == 1
+    return lines[0]
+
+
+def changed(folder: Path, pattern: str, replacement: str) -> Path:
+    """The runway mission with a place changed."""
+    text, count = re.subn(pattern, replacement, RUNWAY, count=1, flags=re.DOTALL | re.MULTILINE)
+    assert count == 1
+    path = folder / "field.toml"
+    path.write_text(text)
+    return path
+
+
+MISSION_FAULTS = {
+    "a missing key": (r"^position = .*?$", "", "start.position: missing"),
+    "a missing table": (r"^\[search\].*?^\[fence\]", "[fence]", "search: missing"),
+    "a misspelt key": (r"^cell_m", "cel_m", "grid.cel_m: unknown key; did you mean 'cell_m'?"),
+    "a misspelt table": (r"^\[battery\]", "[batery]", "did you mean 'battery'?"),
+    "a box outside the fence": (
+        r"^box = \[\n    \[37\.1972279, -80\.5789901\]",
+        "box = [[37.1972279, -80.5799901]",
+        "search.box: not inside fence.polygon",
+    ),
+    "a polygon that crosses itself": (
+        r"^polygon = \[\n(.*?)\n(.*?)\n",
+        r"polygon = [\n\2\n\1\n",
+        "fence.polygon: crosses or touches itself",
+    ),
+    "swapped beyond range": (
+        r"^position = \[37\.1973, -80\.5789\]",
+        "position = [37.1973, -181.0]",
+        "start.position[1] = -181.0",
+    ),
+    "latitude and longitude swapped": (
+        r"^position = \[37\.1973, -80\.5789\]",
+        "position = [-80.5789, 37.1973]",
+        "start.position",
+    ),
+    "zero cell size": (r"^cell_m = 4\.0", "cell_m = 0.0", "grid.cell_m = 0.0"),
+    "a field of view too small": (r"^hfov_deg = 80\.0", "hfov_deg = 30.0", "camera.hfov_deg"),
+    "no TOML": (r"^name = ", "name ", "not a TOML file"),
+    "an unknown strategy": (r'^strategy = "swath"', 'strategy = "dfs"', "strategy"),
+    "an unknown detector": (r'^name = "threshold"', 'name = "oracle"', "detector.name"),
+    "more votes than frames": (r"^positive = 3", "positive = 9", "votes"),
+}
+
+
+@pytest.mark.parametrize("command", ["check", "fly", "replay"])
+@pytest.mark.parametrize("fault", MISSION_FAULTS)
+def test_faults_of_a_mission_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, fault: str
+) -> None:
+    pattern, replacement, words = MISSION_FAULTS[fault]
+    path = changed(tmp_path, pattern, replacement)
+    out = tmp_path / "out"
+    arguments: list[object] = {
+        "check": ["check", path],
+        "fly": ["fly", path, "--sim", "--out", out],
+        "replay": ["replay", tmp_path, "--mission", path, "--out", out],
+    }[command]
+    lines = said(capsys, *arguments)
+    assert any(words in line for line in lines), lines
+    assert all(str(path) in line for line in lines)
+    assert not out.exists()
+
+
+def test_every_fault_of_a_file_has_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "field.toml"
+    path.write_text(RUNWAY.replace("cell_m = 4.0", "cell_m = 0").replace("[battery]", "[batery]"))
+    lines = said(capsys, "check", path)
+    assert len(lines) == 2
+    text = path.read_text().splitlines()
+    for line, key in zip(sorted(lines), ("[batery]", "cell_m = 0"), strict=True):
+        number = next(n for n, written in enumerate(text, 1) if written.startswith(key))
+        assert any(given.startswith(f"uavmap: {path}:{number}: ") for given in lines), line
+
+
+def test_a_mission_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = one_line(capsys, "check", tmp_path / "nowhere.toml")
+    assert "No such file" in line
+    assert "runway" in line
+    assert "cannot be read" in one_line(capsys, "check", tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    assert "UTF-8" in one_line(capsys, "check", tmp_path / "binary.toml")
+
+
+def test_an_unknown_strategy_on_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = one_line(
+        capsys, "fly", "runway", "--sim", "--strategy", "dfs", "--out", tmp_path / "out"
+    )
+    assert "dfs" in line
+    assert "rdfs" in line
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("udpout://0.0.0.0:14550", "listen with udpin"),
+        ("14550", "is not a connection URL"),
+        ("serial:///dev/no-such-port:57600", "cannot be opened"),
+    ],
+)
+def test_urls(tmp_path: Path, capsys: pytest.CaptureFixture[str], url: str, words: str) -> None:
+    line = one_line(capsys, "fly", "runway", "--connect", url, "--out", tmp_path / "out")
+    assert words in line
+    assert url in line
+
+
+def test_a_bad_url_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one_line(capsys, "fly", "runway", "--connect", "14550", "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def test_a_connection_that_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"tcpout://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    line = one_line(capsys, "fly", "runway", "--connect", url, "--out", tmp_path / "out")
+    assert url in line
+    assert "cannot be opened" in line
+
+
+def test_nobody_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    out = tmp_path / "out"
+    line = one_line(capsys, "fly", "runway", "--connect", url, "--speedup", 100, "--out", out)
+    assert url in line
+    assert "no vehicle answered within " in line
+
+
+def test_no_vehicle_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = one_line(capsys, "fly", "runway", "--out", tmp_path / "out")
+    assert "--connect URL" in line
+    assert "--sim" in line
+
+
+def test_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    images, out = tmp_path / "images", tmp_path / "out"
+    replay = ["replay", images, "--mission", "road", "--out", out]
+    assert "no such file or folder" in one_line(capsys, *replay)
+    images.mkdir()
+    assert "no pictures (*.jpg" in one_line(capsys, *replay)
+    write_photo(images / "a.jpg", gps={})
+    assert "a.jpg: no geotag: EXIF GPSLatitude is missing" in one_line(capsys, *replay)
+    (images / "a.jpg").write_bytes(b"not a picture")
+    assert "a.jpg: not a readable picture" in one_line(capsys, *replay)
+    noise = np.random.default_rng(1).normal((10, 120, 240), 4.0, (360, 640, 3))
+    large = Image.fromarray(np.clip(noise, 0, 255).astype(np.uint8))
+    whole = write_photo(images / "a.jpg", image=large).read_bytes()
+    (images / "a.jpg").write_bytes(whole[: len(whole) - 200])
+    assert "a.jpg: not a readable picture" in one_line(capsys, *replay)
+    assert not (out / JOURNAL).exists()  # mended, the same command works
+    (images / "a.jpg").write_bytes(whole)
+    assert main([str(a) for a in replay]) == 0
+    capsys.readouterr()
+    assert "holds a mission already" in one_line(capsys, *replay)
+    assert "photographs" in one_line(capsys, "resume", out)
+
+
+def test_out_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("notes")
+    assert "is a file" in one_line(capsys, "fly", "runway", "--sim", "--out", file)
+    line = one_line(capsys, "fly", "runway", "--sim", "--out", file / "below")
+    assert str(file / "below") in line
+    assert file.read_text() == "notes"
+
+
+def test_out_that_holds_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    with Journal.create(out / JOURNAL, {"plan": {}}):
+        pass
+    before = (out / JOURNAL).read_bytes()
+    line = one_line(capsys, "fly", "runway", "--sim", "--out", out)
+    assert f"uavmap resume {out}" in line
+    assert (out / JOURNAL).read_bytes() == before
+    assert not (out / TLOG).exists()
+
+
+def test_resume_of_what_is_no_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no journal here" in one_line(capsys, "resume", tmp_path)
+    journal = tmp_path / JOURNAL
+    with Journal.create(journal, {"plan": {"seed": 1}}):
+        pass
+    assert "holds no flight plan" in one_line(capsys, "resume", tmp_path)
+    data = journal.read_bytes()
+    shutil.copy(journal, tmp_path / "kept")
+    journal.write_bytes(data[: len(data) // 2])
+    assert "damaged in its first line" in one_line(capsys, "resume", tmp_path)
+    assert journal.read_bytes() == data[: len(data) // 2]
+    journal.write_bytes(b"notes")
+    assert "is not a journal of uavmap" in one_line(capsys, "resume", tmp_path)
+    assert journal.read_bytes() == b"notes"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly", "runway", "--sim", "--seed", "-1"],
+        ["fly", "runway", "--sim", "--vehicles", "0"],
+        ["fly", "runway", "--sim", "--speedup", "nan"],
+        ["fly", "runway", "--sim", "--speedup", "-1"],
+        ["fly", "runway", "--sim", "--connect", "udp:127.0.0.1:14550"],
+        ["sitl", "--port", "70000"],
+        ["sitl", "--seed", "-3"],
+        ["fly"],
+        ["nothing"],
+    ],
+)
+def test_arguments(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """argparse says how a command is used, and leaves with code 2."""
+    monkeypatch.chdir(tmp_path)
+    try:
+        code: object = main(arguments)
+    except SystemExit as left:
+        code = left.code
+    assert code == 2
+    error = capsys.readouterr().err
+    assert "uavmap" in error
+    assert "Traceback" not in error
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,149 @@
+"""How a flight that is kept from going on ends, and what the operator is told of it."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from missions.events import Landed, Overridden, Released
+from missions.flight.state import Phase
+from missions.mapping.tree import Tree
+from missions.orders import AwaitBattery, StandDown, TakeOff
+from missions.units import Cell, GridPoint
+from tests.support.small_missions import mission, square
+from tests.unit.missions.flight.test_step import HOME, Service
+from uavmap.base.terminal import Terminal
+from uavmap.output.facts.figures import aircraft_down
+from uavmap.runner.one_flight import _all_wait
+from uavmap.runner.operator.progress import ProgressTable
+from uavmap.ui.cli import parser
+from uavmap.ui.cli.common import report
+from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
+
+BESIDE = GridPoint(8.0, 0.0)
+
+
+def service(vehicles: int) -> Service:
+    made = mission(
+        square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0, vehicles=vehicles
+    )
+    begun = Service(made)
+    begun.connect(1)
+    if vehicles > 1:
+        begun.connect(2, at=BESIDE)
+    return begun
+
+
+def told(made: Service, event: Overridden | Landed | Released) -> str:
+    """The line that the operator sees, once the event is taken in."""
+    made.post(event)
+    out = io.StringIO()
+    terminal = ProgressTable(Terminal(out))
+    terminal._drawn_s = float("inf")  # without the line of every few seconds
+    terminal.update(event, made.state, 0)
+    return out.getvalue()
+
+
+# --- a pilot keeps it on the ground ----------------------------------------------------------
+def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others() -> None:
+    made = service(2)
+    line = told(made, Overridden(1, 3.0, "LOITER"))
+    assert "vehicle 1 was put into LOITER on the ground" in line
+    assert "it takes off at once" in line
+    assert not made.state.over
+    assert made.order(1) == StandDown()
+    assert isinstance(made.order(2), TakeOff)
+    made.post(Overridden(2, 4.0, "LOITER"))
+    assert made.state.over
+
+
+def test_given_back_before_its_first_flight_it_takes_off_as_the_line_said() -> None:
+    made = service(2)
+    told(made, Overridden(1, 3.0, "LOITER"))
+    made.track(1, HOME, 0.0)
+    made.post(Released(1, 9.0, HOME, 0.0))
+    assert isinstance(made.order(1), TakeOff)
+
+
+def test_given_back_after_a_flight_it_waits_for_its_crew_as_the_line_said() -> None:
+    made = service(2)
+    made.state = made.state.with_vehicle(replace(made.state.vehicles[1], cleared=False))
+    assert "it waits for its crew" in told(made, Overridden(1, 3.0, "LOITER"))
+    made.post(Released(1, 9.0, HOME, 0.0))
+    assert made.order(1) == AwaitBattery()
+
+
+def test_where_nobody_else_flies_the_flight_ends_and_says_why() -> None:
+    made = service(1)
+    line = told(made, Overridden(1, 3.0, "LOITER"))
+    assert made.state.over
+    assert "nobody else flies: the flight ends" in line
+
+
+def test_so_it_does_after_a_pilots_landing() -> None:
+    made = service(1)
+    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
+    made.state = made.state.with_vehicle(here)
+    assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
+    assert not made.state.over
+    line = told(made, Landed(1, 30.0, 40.0, position=HOME))
+    assert "vehicle 1 has landed, not by us; nobody else flies: the flight ends" in line
+    assert made.state.over
+
+
+@pytest.mark.parametrize("landed", [True, False])
+def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed: bool) -> None:
+    """In the air, however, it is waited for."""
+    made = service(2)
+    kept = replace(made.state.vehicles[2], phase=Phase.YIELDED, landed=landed, order=StandDown())
+    assert _all_wait(made.state.with_vehicle(kept), {1}) is landed
+
+
+# --- an aircraft that is down, and a map that is whole ----------------------------------------
+def mapped(phase: Phase, landed_away_m: float) -> Service:
+    """All is explored; the second vehicle came down 45 m from its pad."""
+    made = service(2)
+    root = Cell(0, 6)
+    made.state = replace(made.state, tree=Tree.rooted(root).looked(root, ()))
+    for number, how in ((1, Phase.FINISHED), (2, phase)):
+        there = replace(
+            made.state.vehicles[number], phase=how, lanes=(), order=StandDown(),
+            landed_away_m=landed_away_m if number == 2 else 0.0,
+        )  # fmt: skip
+        made.state = made.state.with_vehicle(there)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("phase", "away_m", "completed"), [(Phase.YIELDED, 45.0, True), (Phase.DOWN, 0.0, False)]
+)
+def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
+    phase: Phase, away_m: float, completed: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = mapped(phase, away_m)
+    assert made.state.exploration_finished
+    assert made.state.completed is completed
+    down = aircraft_down(made.setting, made.state)
+    assert len(down) == 1
+    summary = {
+        "mission": "m", "strategy": "rdfs", "completed": made.state.completed, "seed": None,
+        "aircraft_down": down,
+    }  # fmt: skip
+    assert report(summary, Path("results/m-1"), as_json=False) == AIRCRAFT_DOWN
+    out, err = capsys.readouterr()
+    assert ("yes" if completed else "no") in out
+    assert "vehicle 2 near" in err
+    assert report(
+        {**summary, "completed": False, "aircraft_down": []}, Path("r"), as_json=True
+    ) == (INCOMPLETE)
+
+
+@pytest.mark.parametrize("command", ["fly", "resume"])
+def test_the_help_tells_the_exit_codes(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parser().parse_args([command, "--help"])
+    text = capsys.readouterr().out
+    assert '"mission completed: yes" may come with it' in text

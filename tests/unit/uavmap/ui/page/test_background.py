@@ -1,0 +1,103 @@
+"""Tiles from a file under the map: the right ground at the right place."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from missions.errors import OutputError
+from missions.flight.setting import Setting
+from missions.units import GridPoint, LatLon
+from uavmap.load.mission_source import load
+from uavmap.ui.page.background import of_mosaic, of_tiles
+
+MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
+ZOOM = 18
+
+
+@pytest.fixture(scope="module")
+def setting() -> Setting:
+    return Setting.of(load(MISSION))
+
+
+def tile_of(place: LatLon, zoom: int) -> tuple[float, float]:
+    """The usual formula, by the northern latitude's hyperbolic sine."""
+    y = math.asinh(math.tan(math.radians(place.lat_deg))) / math.pi
+    return (place.lon_deg + 180.0) / 360.0 * 2**zoom, (1.0 - y) / 2.0 * 2**zoom
+
+
+def written(path: Path, around: LatLon, kind: str = "png", zoom: int = ZOOM) -> Path:
+    """Tiles around a place: red is the column in a tile, green its row."""
+    ramp = np.arange(256, dtype=np.uint8)
+    tile = np.dstack([np.zeros((256, 256), np.uint8), np.repeat(ramp, 256).reshape(256, 256),
+                      np.tile(ramp, (256, 1))])  # fmt: skip
+    data = cv2.imencode(".png", tile)[1].tobytes()
+    x, y = (math.floor(part) for part in tile_of(around, zoom))
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        database.execute("INSERT INTO metadata VALUES ('format', ?)", (kind,))
+        database.execute(
+            "CREATE TABLE tiles (zoom_level INT, tile_column INT, tile_row INT, tile_data BLOB)"
+        )
+        for column in range(x - 2, x + 3):
+            for row in range(y - 2, y + 3):
+                values = (zoom, column, 2**zoom - 1 - row, data)
+                database.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", values)
+        database.commit()
+    return path
+
+
+def test_every_point_of_the_ground_is_where_the_tiles_have_it(
+    setting: Setting, tmp_path: Path
+) -> None:
+    found = of_tiles(written(tmp_path / "a.mbtiles", setting.mission.home), setting)
+    image = cv2.imdecode(np.frombuffer(found.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    rows, columns = image.shape[:2]
+    m_per_px = found.width_m / columns
+    assert found.height_m / rows == pytest.approx(m_per_px, rel=0.002)
+    seen = 0
+    for east_m in np.linspace(found.west_m + 5, found.west_m + found.width_m - 5, 9):
+        for north_m in np.linspace(found.north_m - 5, found.north_m - found.height_m + 5, 9):
+            x, y = tile_of(setting.grid.position(GridPoint(float(east_m), float(north_m))), ZOOM)
+            red, green = 256 * (x % 1.0) - 0.5, 256 * (y % 1.0) - 0.5
+            if not (6 < red < 250 and 6 < green < 250):
+                continue  # a ramp begins anew
+            at = image[
+                int((found.north_m - north_m) / m_per_px), int((east_m - found.west_m) / m_per_px)
+            ]
+            assert abs(float(at[2]) - red) < 5
+            assert abs(float(at[1]) - green) < 5
+            seen += 1
+    assert seen > 40
+
+
+def test_files_that_do_not_help_are_refused_in_a_line(setting: Setting, tmp_path: Path) -> None:
+    home = setting.mission.home
+    for name, said, make in (
+        ("vector", "vector tiles", lambda p: written(p, home, "pbf")),
+        ("far", "no tile of this mission", lambda p: written(p, LatLon(-30.0, 100.0))),
+        ("text", "cannot be read", lambda p: p.write_text("no tiles")),
+        ("missing", "cannot be read", lambda p: None),
+    ):
+        path = tmp_path / f"{name}.mbtiles"
+        make(path)
+        with pytest.raises(OutputError, match=said) as refusal:
+            of_tiles(path, setting)
+        assert str(path) in str(refusal.value)
+        assert "\n" not in str(refusal.value)
+
+
+def test_a_coarser_zoom_is_taken_where_there_is_no_finer(setting: Setting, tmp_path: Path) -> None:
+    assert of_tiles(written(tmp_path / "b.mbtiles", setting.mission.home, zoom=12), setting).jpeg
+
+
+def test_without_a_mosaic_there_is_none(setting: Setting, tmp_path: Path) -> None:
+    assert of_mosaic(tmp_path / "ortho.tif", setting) is None
+    (tmp_path / "ortho.tif").write_bytes(b"no GeoTIFF")
+    assert of_mosaic(tmp_path / "ortho.tif", setting) is None

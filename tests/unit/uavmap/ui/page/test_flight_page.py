@@ -1,0 +1,202 @@
+"""A page beside a flight: it is told everything, and never ends or changes the flight."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from missions.events import from_json
+from missions.flight.state import State
+from missions.flight.step import step
+from tests.golden.recording import STOPS
+from tests.support.plans import named_text, plan_of
+from tests.support.said import Said
+from uavmap.base.messages import shown_on
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.runner.flight import fly
+from uavmap.runner.one_flight import Company
+from uavmap.ui.page.board import Board
+from uavmap.ui.page.live import SIMULATED, FlightPage
+from uavmap.ui.page.page_pipe import Lines, Words
+from uavmap.ui.page.page_scene import STATES
+
+MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
+
+
+BROKEN = (
+    "the live page has failed (RuntimeError: the page is broken); the flight goes on without it"
+)
+
+
+class Heard:
+    """A display whose lines are waited for."""
+
+    def __init__(self) -> None:
+        self.lines: asyncio.Queue[str] = asyncio.Queue()
+
+    def show(self, text: str) -> None:
+        self.lines.put_nowait(text)
+
+
+class Feed:
+    """A page's process that takes what it is told, or breaks at some message."""
+
+    orders_file = -1
+
+    def __init__(self, breaks_at: int = 10**9) -> None:
+        self.told: list[tuple[Words, bytes]] = []
+        self.dead = False
+        self._asked = 0
+        self._breaks_at = breaks_at
+
+    def put(self, words: Words, data: bytes = b"") -> bool:
+        if len(self.told) >= self._breaks_at:
+            raise RuntimeError("the page is broken")
+        self.told.append((json.loads(json.dumps(words)), data))
+        return True
+
+    @property
+    def idle(self) -> bool:
+        """It is busy now and then."""
+        self._asked += 1
+        return self._asked % 5 != 0
+
+    def orders(self) -> list[Words]:
+        return []
+
+
+def ticking() -> Any:
+    """A clock that goes on by 0.07 s each time that it is asked."""
+    times = iter(range(10**9))
+    return lambda: 0.07 * next(times)
+
+
+def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, said: Said) -> None:
+    source, broken = named_text(MISSION), Feed(20)
+    plan = plan_of(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
+    feed: Any = Feed()
+    page = FlightPage(feed, simulated=True, now_s=ticking())
+    breaking = FlightPage(cast(Any, broken), simulated=True, now_s=ticking())
+    with shown_on(page, breaking):
+        summary = fly(plan, tmp_path, Company(onlookers=(page, breaking)))
+    assert summary["completed"]
+    page.close("the flight is over")
+    breaking.close("the flight is over")
+    assert [line for line in said if "live page" in line] == [BROKEN]
+    kinds = [words["kind"] for words, _ in feed.told]
+    assert (kinds[0], kinds[-1]) == ("scene", "ended")
+    board = Board()
+    for words, _ in feed.told:
+        if words["kind"] == "delta":
+            board.apply(words["delta"])
+    codes = [STATES[code] for code in board.cells.values()]
+    assert codes.count("explored") == summary["cells_roi"] == board.field("roi")
+    assert board.field("certificate")["lower_bound_s"] == summary["lower_bound_s"]
+    assert board.field("picture")["cells"]
+    assert "picture" in kinds
+    assert kinds.count("delta") > 20
+
+
+def told_of(feed: Any) -> FlightPage:
+    """A page that has heard of a recorded flight."""
+    setting, page = STOPS.setting(), FlightPage(feed, simulated=True, now_s=ticking())
+    state = State.initial(setting)
+    page.begin(setting, again=False)
+    for line in STOPS.lines():
+        state, _ = step(setting, state, event := from_json(line))
+        page.update(event, state, 0)
+    page.end()
+    return page
+
+
+@pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
+def test_whenever_it_fails_it_is_told_once(breaks_at: int, said: Said) -> None:
+    page = told_of(Feed(breaks_at))
+    page.show("something else")
+    page.close("the flight is over")
+    assert said == [BROKEN]
+
+
+def test_a_page_that_never_reads_is_told_nothing_more() -> None:
+    class Full(Feed):
+        idle = property(lambda self: False)
+
+    feed = Full()
+    told_of(feed)
+    assert [words["kind"] for words, _ in feed.told] == [
+        "scene",
+        "delta",
+    ]  # the last one, at the end
+
+
+def test_a_simulated_flight_takes_no_orders() -> None:
+    feed = Feed()
+    told_of(feed)
+    (first, *_) = [words["delta"] for words, _ in feed.told if words["kind"] == "delta"]
+    assert first["fields"]["hands_off"] == SIMULATED
+
+
+class Steered:
+    """A service that notes what it is asked for."""
+
+    flying = True
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def pause(self) -> bool:
+        self.asked.append("pause")
+        return True
+
+    def go_on(self) -> bool:
+        raise RuntimeError("a defect")
+
+
+def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: Said) -> None:
+    read, write = os.pipe()
+    os.set_blocking(read, False)
+    lines, service = Lines(), Steered()
+
+    class Piped(Feed):
+        orders_file = read
+
+        def orders(self) -> list[Words]:
+            try:
+                return lines.of(os.read(read, 1000))
+            except BlockingIOError:
+                return []
+
+    def ask(order: str) -> None:
+        os.write(write, json.dumps({"do": order, "id": "7"}).encode() + b"\n")
+
+    feed = Piped()
+    page = FlightPage(cast(Any, feed), simulated=False)
+    page.begin(STOPS.setting(), again=False)
+
+    async def flight() -> None:
+        ask("pause")  # before anybody could fly: forgotten
+        heard = Heard()
+        with shown_on(heard), page.steering(cast(Any, service)):
+            await asyncio.sleep(0.01)
+            assert service.asked == []
+            ask("pause")
+            await heard.lines.get()
+            ask("continue")  # and what fails in there ends the page only
+            await heard.lines.get()
+        ask("pause")
+        await asyncio.sleep(0.01)
+
+    asyncio.run(flight())
+    assert service.asked == ["pause"]
+    assert said[0] == "page: paused: everybody holds"
+    assert {"kind": "answer", "id": "7", "text": "paused: everybody holds"} in [
+        words for words, _ in feed.told
+    ]
+    assert "a defect" in said[1]
+    os.close(read)
+    os.close(write)

@@ -1,0 +1,228 @@
+"""A journal of another process as a page: while it is written, and when it is whole."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from missions.errors import JournalError
+from missions.events import FrameSeen, Vote, Weighed, from_json
+from missions.units import Cell, Pose, Quaternion
+from tests.golden.recording import STOPS
+from tests.support.plans import named_text, plan_of
+from uavmap.journal.event_log import Journal, JournalReader
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
+from uavmap.output.facts.figures import figures
+from uavmap.ui.cli import main
+from uavmap.ui.cli.commands import watch
+from uavmap.ui.page import following
+from uavmap.ui.page.board import Board
+from uavmap.ui.page.browser import Wishes
+from uavmap.ui.page.following import WATCHES, Follower, Pictures
+from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_scene import STATES
+
+LINES = STOPS.lines()
+
+
+class EnoughError(Exception):
+    """Nobody watches any longer."""
+
+
+class Feed:
+    dead = False
+
+    def __init__(self) -> None:
+        self.told: list[Words] = []
+
+    def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
+        self.told.append(json.loads(json.dumps(words)))
+        return True
+
+    def orders(self) -> list[Words]:
+        return []
+
+    @property
+    def board(self) -> Board:
+        board = Board()
+        for words in self.told:
+            if words["kind"] == "delta":
+                board.apply(words["delta"])
+        return board
+
+
+def begun(folder: Path, **meta: object) -> Journal:
+    source = named_text(STOPS.mission)
+    plan = plan_of(source.source, source.text, "rdfs", 1, 11, (), None, SIM_EPOCH_UTC_S)
+    return Journal.create(folder / JOURNAL, {"plan": plan.as_json(), **meta})
+
+
+def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
+    feed: Any = Feed()
+    third = len(LINES) // 3
+    with begun(tmp_path) as journal:
+        journal.append_all(from_json(line) for line in LINES[:third])
+        follower = Follower(JournalReader(tmp_path / JOURNAL))
+        assert follower.title == STOPS.setting().mission.name
+        parts = iter([LINES[third : 2 * third], LINES[2 * third :], None])
+
+        def sleep(_: float) -> None:
+            """Nothing new is there: the flight goes on meanwhile."""
+            part = next(parts)
+            if part is None:
+                raise EnoughError
+            assert feed.board.field("hands_off") == WATCHES
+            journal.append_all(from_json(line) for line in part)
+
+        with pytest.raises(EnoughError):
+            follower.run(feed, sleep)
+    state, _ = figures(STOPS.setting(), map(from_json, LINES))
+    assert feed.board.field("over")
+    assert feed.board.field("roi") == len(state.belief.roi)
+    assert feed.board.field("hands_off") == "the flight is over"
+    times = [w["delta"]["fields"].get("t_s") for w in feed.told if w["kind"] == "delta"]
+    assert len([t for t in times if t is not None]) > 30
+
+
+def test_reading_leaves_the_writer_alone(tmp_path: Path) -> None:
+    """Read before, between and after; the journal is whole, and nothing lies beside it."""
+    with begun(tmp_path) as journal:
+        reader = JournalReader(tmp_path / JOURNAL)
+        assert reader.new_events() == []
+        for line in LINES[:40]:
+            journal.append(from_json(line))
+            assert len(reader.new_events()) == 1
+    assert reader.new_events() == []
+    assert os.listdir(tmp_path) == [JOURNAL]
+    with Journal.open(tmp_path / JOURNAL) as journal:
+        assert journal.bodies() == LINES[:40]
+
+
+def test_a_read_only_folder_can_be_watched(tmp_path: Path) -> None:
+    with begun(tmp_path) as journal:
+        journal.append_all(from_json(line) for line in LINES[:9])
+    (tmp_path / JOURNAL).chmod(0o400)
+    tmp_path.chmod(0o500)
+    try:
+        assert len(JournalReader(tmp_path / JOURNAL).new_events()) == 9
+    finally:
+        tmp_path.chmod(0o700)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (None, "no journal here"),
+        (b"", "not a journal"),
+        (b"x" * 200, "not a journal"),
+        (b"SQLite format 3\0" + b"\0" * 100, "not a journal"),
+    ],
+)
+def test_what_is_no_journal_is_said(data: bytes | None, said: str, tmp_path: Path) -> None:
+    if data is not None:
+        (tmp_path / JOURNAL).write_bytes(data)
+    with pytest.raises(JournalError, match=said):
+        JournalReader(tmp_path / JOURNAL)
+
+
+def test_a_damaged_event_and_an_exchanged_journal_are_said(tmp_path: Path) -> None:
+    with begun(tmp_path) as journal:
+        journal.append_all(from_json(line) for line in LINES[:9])
+    reader = JournalReader(tmp_path / JOURNAL)
+    assert len(reader.new_events()) == 9
+    lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
+    (tmp_path / JOURNAL).write_bytes(b"".join(lines[:6]))
+    with pytest.raises(JournalError, match="exchanged"):
+        reader.new_events()
+    (tmp_path / JOURNAL).write_bytes(b"".join([*lines[:2], *lines[3:]]))
+    reader = JournalReader(tmp_path / JOURNAL)
+    assert len(reader.new_events()) == 1
+    with pytest.raises(JournalError, match="line 3 is not as it was written"):
+        reader.new_events()
+
+
+def test_the_command_watches_until_control_c(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the folder is as it was."""
+    with begun(tmp_path) as journal:
+        journal.append_all(from_json(line) for line in LINES)
+    before = (tmp_path / JOURNAL).read_bytes()
+    asked: list[Any] = []
+
+    class Interrupted(Feed):
+        def orders(self) -> list[Words]:  # asked for when everything is told
+            raise KeyboardInterrupt
+
+    feed = Interrupted()
+
+    @contextlib.contextmanager
+    def opened(wishes: Wishes, config: Words) -> Iterator[Any]:
+        asked.append((wishes, config))
+        yield feed
+
+    monkeypatch.setattr(watch, "opened", opened)
+    monkeypatch.setattr(following, "LOOK_S", 0.0)
+    assert main(["watch", str(tmp_path), "--port", "9123", "--page-host", "0.0.0.0"]) == 0
+    ((wishes, config),) = asked
+    assert (wishes.port, wishes.host, wishes.option) == (9123, "0.0.0.0", "--port")
+    assert (config["steers"], config["timeline"]) == (False, True)
+    assert feed.board.field("over")
+    assert os.listdir(tmp_path) == [JOURNAL]
+    assert (tmp_path / JOURNAL).read_bytes() == before
+
+
+def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
+    """Also those that are written after their events, and with lines that are damaged."""
+    setting = STOPS.setting()
+    pictures = Pictures(tmp_path, setting)
+    seen = FrameSeen(1, 12.5, None, (Vote(Cell(0, 0), True, 0.9), Vote(Cell(1, 0), False, 0.1)))
+    pictures.note(seen)
+    assert pictures.newest() is None
+    with FrameKeeper(tmp_path, lambda text: None) as keeper:
+        down = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
+        pose = Pose(setting.mission.home, 12.0, down)
+        keeper.keep(KeptFrame("", 1, 12.5, pose, 80.0), np.zeros((24, 32, 3), np.uint8))
+    with (tmp_path / "frames" / "poses.csv").open("a") as file:
+        file.write("damaged\n")
+    pictures.note(seen)
+    found: Any = pictures.newest()
+    assert found["id"] == "1-000012.500.jpg"
+    first, second = found["cells"]
+    assert (first[8:], second[8:]) == ([1, 0.9], [0, 0.1])
+    assert sum(first[0:8:2]) / 4 == pytest.approx(0.5, abs=0.01)  # right below the camera
+    assert sum(first[1:8:2]) / 4 == pytest.approx(0.5, abs=0.01)
+    assert pictures.newest() is None
+
+
+@pytest.mark.parametrize("weighed", [True, False])
+def test_recorded_pictures_are_shown_by_their_rule(weighed: bool, tmp_path: Path) -> None:
+    """Nobody flies in a replay; its cells are decided by evidence, or counted."""
+    with begun(tmp_path, replay="photos") as journal:
+        for t_s, positive in enumerate((True, True, True, False)):
+            votes = (Vote(Cell(0, 0), positive, 0.9 * positive), Vote(Cell(1, 0), False, 0.0))
+            journal.append(FrameSeen(1, float(t_s), None, votes))
+            if weighed:
+                journal.append(Weighed(1, float(t_s), (0.5, 0.5)))
+    follower, feed = Follower(JournalReader(tmp_path / JOURNAL)), Feed()
+    with pytest.raises(EnoughError):
+        follower.run(cast(Any, feed), enough)
+    shown = {cell: STATES[code] for cell, code in feed.board.cells.items()}
+    assert shown == {(0, 0): "explored", (1, 0): "non-roi"}
+    assert feed.board.vehicles == ()
+    assert feed.board.field("hands_off") == following.RECORDED
+    assert feed.board.field("frames") == [4, 0]
+
+
+def enough(_: float) -> None:
+    """Nothing new is there."""
+    raise EnoughError

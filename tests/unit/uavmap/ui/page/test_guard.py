@@ -1,0 +1,76 @@
+"""Who may look at the page: the token, its cookie, and pages of other origins."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from uavmap.ui.page.access_guard import Guard
+
+TOKEN = "right"
+GOOD = (b"cookie", b"other=1; uavmap-8470=right")
+
+
+def answered(kind: str, path: str = "/", query: bytes = b"", *headers: tuple[bytes, bytes]) -> Any:
+    """What is sent back; None where the application behind was asked."""
+    sent: list[Any] = []
+    passed = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        passed.append(scope["type"])
+        if kind == "http":
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def receive() -> dict[str, Any]:
+        return {"type": f"{kind}.connect"}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {
+        "type": kind,
+        "path": path,
+        "query_string": query,
+        "headers": [(b"host", b"127.0.0.1:8470"), *headers],
+    }
+    asyncio.run(Guard(app, TOKEN, "uavmap-8470")(scope, receive, send))
+    return passed, sent
+
+
+def test_the_token_becomes_a_cookie_that_scripts_cannot_read() -> None:
+    passed, sent = answered("http", "/", b"token=right")
+    headers = dict(sent[0]["headers"])
+    assert (passed, sent[0]["status"], headers[b"location"]) == ([], 303, b"/")
+    assert headers[b"set-cookie"] == b"uavmap-8470=right; Path=/; HttpOnly; SameSite=Lax"
+
+
+def test_the_cookie_lets_in_and_nothing_comes_from_elsewhere() -> None:
+    passed, sent = answered("http", "/", b"", GOOD)
+    assert passed == ["http"]
+    assert b"default-src 'self'" in dict(sent[0]["headers"])[b"content-security-policy"]
+
+
+@pytest.mark.parametrize("query", [b"", b"token=", b"token=wrong", b"token=right&token=wrong"])
+def test_without_the_token_nothing_is_shown(query: bytes) -> None:
+    passed, sent = answered("http", "/", query)
+    assert (passed, sent[0]["status"]) == ([], 403)
+    assert b"token" in sent[1]["body"]
+
+
+@pytest.mark.parametrize(
+    "cookie", [b"uavmap-8470=wrong", b"uavmap-8471=right", b"right", b"uavmap-8470=\xff", b"=;,\0"]
+)
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_a_wrong_cookie_is_refused(kind: str, cookie: bytes) -> None:
+    passed, sent = answered(kind, "/_nicegui_ws/socket.io/", b"token=right", (b"cookie", cookie))
+    assert not passed
+    assert sent[0].get("status", sent[0].get("code")) in (403, 1008)
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_a_page_of_another_origin_is_refused_whatever_the_browser_sends(kind: str) -> None:
+    for origin in (b"http://127.0.0.1:3000", b"https://example.org", b"null"):
+        assert not answered(kind, "/x", b"", GOOD, (b"origin", origin))[0]
+    assert answered(kind, "/x", b"", GOOD, (b"origin", b"http://127.0.0.1:8470"))[0] == [kind]

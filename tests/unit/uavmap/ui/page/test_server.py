@@ -1,0 +1,231 @@
+"""The page's process through HTTP and NiceGUI's socket, without a browser; tests are the flight."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import select
+import signal
+import socket
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from missions.errors import OutputError, UavmapError
+from tests.support.page_tab import PATIENCE_S, Tab
+from tests.support.said import Said
+from uavmap.base.messages import shown_on
+from uavmap.ui.page import address
+from uavmap.ui.page.board import Board
+from uavmap.ui.page.browser import Wishes, opened
+from uavmap.ui.page.feed import Feed
+from uavmap.ui.page.hub import Hub
+
+pytest.importorskip("nicegui", reason="the live page needs the extra page")
+SCENE = {"mission": "a <field>", "states": [["explored", "#00ff00"]], "box": [], "vehicles": 2}
+
+
+class Flight:
+    """What a flight tells its page, and hears from it."""
+
+    def __init__(self, feed: Feed, said: list[str]) -> None:
+        self.feed, self.said = feed, said
+        self.url = said[0].removeprefix("live page: ")
+        self.board = Board()
+        self.version = 0
+        feed.put({"kind": "scene", "scene": SCENE}, wait_s=PATIENCE_S)
+        self.set(hands_off="", paused=False, t_s=0.0)
+
+    def set(self, **fields: Any) -> None:
+        for name, value in fields.items():
+            self.board.set_field(name, value)
+        self.tell()
+
+    def tell(self) -> None:
+        delta = self.board.since(self.version)
+        assert self.feed.put({"kind": "delta", "delta": delta}, wait_s=PATIENCE_S)
+        self.version = delta["v"]
+
+    def ordered(self) -> dict[str, Any]:
+        while not (orders := self.feed.orders()):
+            assert select.select([self.feed.orders_file], [], [], PATIENCE_S)[0]
+        (order,) = orders
+        return order
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    """A page with buttons and a slider."""
+    said = Said()
+    frames = tmp_path_factory.mktemp("frames")
+    cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
+    (frames.parent / "secret.jpg").write_bytes((frames / "1-000001.000.jpg").read_bytes())
+    config = {"title": "a <field>", "steers": True, "timeline": True, "frames": str(frames)}
+    with shown_on(said), opened(Wishes(0, "--page"), config) as feed:
+        yield Flight(feed, said)
+
+
+@contextlib.contextmanager
+def tab(flight: Flight, **options: Any) -> Iterator[Tab]:
+    opened_tab = Tab(flight.url, **options)
+    try:
+        yield opened_tab
+    finally:
+        opened_tab.close()
+
+
+def shows(page: Tab, flight: Flight) -> bool:
+    return page.board.version == flight.board.version
+
+
+def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight: Flight) -> None:
+    for code in range(20):
+        flight.board.set_cell((code, -code), code % 3)
+    flight.tell()
+    with tab(flight) as one, tab(flight) as two:
+        one.wait(lambda: shows(one, flight))
+        assert one.scene["mission"] == "a <field>"
+        flight.board.set_cell((0, 0), 5)
+        flight.board.set_vehicle(2, {"e": 1.0, "n": 2.0, "doing": "flying"})
+        flight.board.set_vehicle(1, {"e": 0.0, "n": 2.0, "doing": "flying"})
+        flight.tell()
+        for page in (one, two):
+            page.wait(lambda page=page: shows(page, flight))
+            assert page.board.since(0) == flight.board.since(0)
+        assert one.snapshots == 1
+
+
+def test_a_tab_that_confirms_nothing_is_told_nothing_more(flight: Flight) -> None:
+    """So nothing piles up for a slow one, and others do not wait for it."""
+    with tab(flight, confirms=False) as slow, tab(flight) as quick:
+        slow.wait(lambda: slow.scene)
+        for t_s in range(5):
+            flight.set(t_s=float(t_s))
+            quick.wait(lambda: shows(quick, flight))
+        assert slow.takes == 0
+
+
+def test_buttons_ask_first_and_the_flight_answers(flight: Flight) -> None:
+    with tab(flight) as page:
+        page.press("Pause")
+        page.press("No")
+        page.wait(lambda: "Yes" not in page.buttons().values())
+        page.press("Pause")
+        page.press("Yes")
+        order = flight.ordered()
+        assert order["do"] == "pause"
+        flight.feed.put({"kind": "answer", "id": order["id"], "text": "everybody holds"})
+        page.wait(lambda: "everybody holds" in page.notes)
+        flight.set(paused=True)
+        page.wait(lambda: {"Continue", "Return"} <= set(page.buttons().values()))
+        assert "Pause" not in page.buttons().values()
+        page.press("Continue")
+        page.press("Yes")
+        assert flight.ordered()["do"] == "continue"
+        flight.set(paused=False)
+
+
+def test_without_hands_there_are_no_buttons(flight: Flight) -> None:
+    with tab(flight) as page:
+        page.wait(lambda: "Pause" in page.buttons().values())
+        flight.set(hands_off="nobody flies")
+        page.wait(lambda: "Pause" not in page.buttons().values())
+        assert any(e.get("text") == "nobody flies" for e in page.elements.values())
+    flight.set(hands_off="")
+
+
+def test_the_slider_shows_what_was(flight: Flight) -> None:
+    flight.set(t_s=100.0, roi=1)
+    flight.set(t_s=200.0, roi=2)
+    with tab(flight) as page:
+        page.wait(lambda: page.board.field("roi") == 2)
+        (number,) = [n for n, e in page.elements.items() if e["tag"] == "q-slider"]
+        page.event(number, "update:modelvalue", 150.0)
+        page.wait(lambda: page.board.field("roi") == 1)
+        assert page.board.field("t_s") == 100.0
+        assert not page.link["live"]
+        page.press("Now")
+        page.wait(lambda: page.board.field("roi") == 2)
+
+
+def test_nobody_gets_in_without_the_token(flight: Flight) -> None:
+    base, _, token = flight.url.partition("?token=")
+    with httpx.Client() as client:
+        for path in ("", "?token=wrong", "picture/1", "_nicegui_ws/socket.io/?EIO=4"):
+            assert client.get(base + path).status_code == 403, path
+        assert client.get(flight.url).status_code == 303
+        assert client.get(base).status_code == 200
+        other = {"origin": "http://127.0.0.1:1"}
+        assert client.get(base, headers=other).status_code == 403
+    assert token
+
+
+def test_pictures_come_small_and_from_their_folder_only(flight: Flight) -> None:
+    raw = np.zeros((24, 32, 3), np.uint8)
+    words = {"kind": "picture", "id": "7", "shape": raw.shape}
+    flight.feed.put(words, raw.tobytes(), wait_s=PATIENCE_S)
+    flight.set(t_s=300.0)
+    base = flight.url.partition("?")[0]
+    with httpx.Client(follow_redirects=True) as client, tab(flight) as page:
+        page.wait(lambda: shows(page, flight))
+        client.get(flight.url)
+        for name, size in (("7", (24, 32)), ("1-000001.000.jpg", (45, 640))):
+            data = client.get(f"{base}picture/{name}").content
+            assert cv2.imdecode(np.frombuffer(data, np.uint8), 1).shape[:2] == size
+        for name in ("8", "..%2Fsecret.jpg", "poses.csv", ".jpg", "no.jpg"):
+            assert client.get(f"{base}picture/{name}").status_code == 404
+
+
+def test_everything_is_served_from_here(flight: Flight) -> None:
+    with tab(flight) as page:
+        assert "a <field>" not in page.html
+        without_names = page.html.replace("http://www.w3.org", "")
+        assert "http://" not in without_names
+        assert "https://" not in without_names
+
+
+def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(OutputError, match=rf"--port: .* port {port} .*in use.*--port 0"):
+            address.bound("127.0.0.1", port, "--port")
+    with pytest.raises(OutputError, match=r"--page: .* on 192\.0\.2\.1 port 0"):
+        address.bound("192.0.2.1", 0, "--page")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(UavmapError, match=r"pip install .nicegui>="):
+        address.need_nicegui()
+
+
+def test_everybody_is_told_the_end() -> None:
+    """Before the page's process ends, which it does at once then."""
+    hub = Hub({"title": "x"})
+
+    async def ending() -> None:
+        hub.enter("a browser")
+        waiting = asyncio.create_task(hub.nobody())
+        await hub.take({"kind": "ended", "text": "over"}, b"")
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        hub.leave("a browser")
+        await waiting
+
+    asyncio.run(ending())
+    assert hub.ended == "over"
+
+
+def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight: Flight) -> None:
+    """The last one: this page is gone then."""
+    feed = flight.feed
+    os.kill(feed.pid, signal.SIGKILL)
+    while not feed.dead:
+        select.select([feed.orders_file], [], [], PATIENCE_S)
+        assert feed.orders() == []
+    assert not feed.idle
+    assert not any(feed.put({"kind": "delta"}) for _ in range(3))
+    assert len(flight.said) == 2
+    assert flight.said[1].startswith("the live page is gone")

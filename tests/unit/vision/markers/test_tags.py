@@ -1,0 +1,184 @@
+"""Where a marker is, on rendered pictures and in flight, and whether errors are as said."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.geo.geodesy import LocalPlane
+from missions.units import LatLon, Quaternion
+from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.render import render
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+from sitl.world.tags import TagPose
+from sitl.world.world import World, WorldSpec
+from vision.camera import Camera
+from vision.markers.marker_corners import find_tags
+from vision.markers.marker_pose import Carrier, SightingErrors, sight
+
+TAG_M, BELOW_M = 0.4, 6.0
+SPEC = CameraSpec(hfov_deg=78.0, width_px=320, height_px=240)
+CAMERA = Camera(math.radians(78.0), 320, 240)
+WORLD = World(WorldSpec(LatLon(37.2, -80.4), 600.0, (), tag_m=TAG_M, seed=3))
+ERRORS = SightingErrors(corner_px=0.02)
+BELOW_SIGMA_M, TOLD_TILT = 0.05, math.radians(1.0)
+
+
+def picture(jpeg):
+    decoded = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert decoded is not None
+    return decoded
+
+
+def seen(place, attitude, body, number=2, world=WORLD, seed=0):
+    """The picture of a marker at (east, north, up) of the camera."""
+    east, north, up = place
+    tag = TagPose(number, east, north, 30.1 + up, body)
+    return picture(render(world, SPEC, Shot(0.0, 0.0, 30.0, attitude, 0.0, seed, tags=(tag,))))
+
+
+LEVEL, FLAT = SPEC.attitude(0.0, 0.0, 0.0), Quaternion.from_euler(0.0, 0.0, 0.0)
+
+
+def test_corners_are_exact_to_hundredths_of_a_pixel():
+    found = find_tags(seen((1.0, 0.5, -BELOW_M), LEVEL, FLAT))
+    assert [tag.tag_id for tag in found] == [2]
+    focal = CAMERA.focal_px
+    half = TAG_M / 2.0
+    metres = np.array([[1 - half, 0.5 + half], [1 + half, 0.5 + half],
+                       [1 + half, 0.5 - half], [1 - half, 0.5 - half]])  # fmt: skip
+    exact = np.array([159.5, 119.5]) + focal / BELOW_M * metres * [1.0, -1.0]
+    assert np.abs(found[0].corners_px - exact).max() < 0.1
+    sigmas = np.sqrt(np.diag(found[0].covariance_px2))
+    assert (sigmas > 0.005).all()
+    assert (sigmas < 0.1).all()
+
+
+def test_nothing_is_found_where_nothing_is():
+    bare = render(WORLD, SPEC, Shot(0.0, 0.0, 30.0, LEVEL, 0.0, 0))
+    assert find_tags(picture(bare)) == ()
+    other = seen((0.0, 0.0, -BELOW_M), LEVEL, FLAT)
+    assert find_tags(other, "DICT_6X6_50") == ()
+    assert find_tags(np.full((60, 80), 128, np.uint8)) == ()
+    with pytest.raises(ValueError, match="dictionary 'QR': there is DICT_4X4_50"):
+        find_tags(other, "QR")
+
+
+def test_a_number_that_is_there_twice_is_nobodys():
+    one, other = (TagPose(2, east, 0.0, 24.1, FLAT) for east in (-1.0, 1.0))
+    shot = Shot(0.0, 0.0, 30.0, LEVEL, 0.0, 0, tags=(one, other))
+    assert find_tags(picture(render(WORLD, SPEC, shot))) == ()
+    shot = replace(shot, tags=(one, replace(other, number=5)))
+    assert [tag.tag_id for tag in find_tags(picture(render(WORLD, SPEC, shot)))] == [2, 5]
+
+
+def drawn(rng):
+    """A geometry, what is told of it, and its picture."""
+    reach = 0.4 * BELOW_M
+    place = np.array([*rng.uniform(-reach, reach, 2), -BELOW_M * rng.uniform(0.8, 1.2)])
+    tilt, lean = rng.normal(0.0, math.radians(3.0), (2, 2))
+    yaws = rng.uniform(0.0, math.tau, 2)
+    body = Quaternion.from_euler(*lean, yaws[1])
+    taken = seen(place, SPEC.attitude(*tilt, yaws[0]), body, seed=int(rng.integers(1000)))
+    off = rng.normal(0.0, [ERRORS.tilt_rad, ERRORS.tilt_rad, ERRORS.heading_rad])
+    told = SPEC.attitude(*(tilt + off[:2]), yaws[0] + off[2])
+    roll, pitch = lean + rng.normal(0.0, TOLD_TILT, 2)
+    below_m = -place[2] + rng.normal(0.0, BELOW_SIGMA_M)
+    return taken, place, yaws[1], told, Carrier(roll, pitch, TOLD_TILT, below_m, BELOW_SIGMA_M)
+
+
+def test_errors_are_as_large_as_said():
+    """NEES over random geometries: 3 where the covariance is honest (chi square, 3 degrees)."""
+    rng = np.random.default_rng(11)
+    told_kinds = {"size": [], "size and heights": []}
+    up_sigmas = {kind: [] for kind in told_kinds}
+    yaws, count = [], 40
+    for _ in range(count):
+        taken, place, yaw, told, carrier = drawn(rng)
+        (found,) = find_tags(taken)
+        by_size = replace(carrier, below_m=None)
+        for kind, known in zip(told_kinds, (by_size, carrier), strict=True):
+            sighting = sight(found, CAMERA, told, TAG_M, known, ERRORS)
+            assert sighting is not None
+            off = sighting.place_m - place
+            told_kinds[kind].append(off @ np.linalg.solve(sighting.covariance_m2, off))
+            up_sigmas[kind].append(math.sqrt(sighting.covariance_m2[2, 2]))
+        yaws.append(math.remainder(sighting.yaw_rad - yaw, math.tau) / sighting.yaw_sigma_rad)
+    # of the mean of 40 draws 99.9 % lie in here
+    for values in told_kinds.values():
+        assert 1.9 < np.mean(values) < 4.5
+    assert 0.6 < np.std(yaws) < 1.45
+    # heights that are as exact as this are worth more than the size, and both more than either
+    by_both, by_one = np.array(up_sigmas["size and heights"]), np.array(up_sigmas["size"])
+    assert (by_both < by_one).all()
+    assert (by_both < BELOW_SIGMA_M).all()
+
+
+def test_what_fits_nothing_is_no_sighting():
+    (found,) = find_tags(seen((0.0, 0.0, -BELOW_M), LEVEL, FLAT))
+    heights = Carrier(below_m=BELOW_M, below_sigma_m=0.1)
+    assert sight(found, CAMERA, LEVEL, TAG_M, heights, ERRORS) is not None
+    # a marker of another size, where the heights say how far it is
+    assert sight(found, CAMERA, LEVEL, 2.0 * TAG_M, heights, ERRORS) is None
+    # a camera that looks at the sky
+    up = Quaternion.from_euler(0.0, math.pi / 2.0, 0.0)
+    assert sight(found, CAMERA, up, TAG_M) is None
+    for refused in (
+        lambda: sight(found, CAMERA, LEVEL, 0.0),
+        lambda: Carrier(tilt_rad=0.0),
+        lambda: SightingErrors(heading_rad=0.0),
+    ):
+        with pytest.raises(ValueError, match="above 0"):
+            refused()
+
+
+def _give(vehicle, place, height_m):
+    vehicle.send(
+        mav.MAVLink_set_position_target_global_int_message(
+            0, vehicle.system_id, 1, 6, 3576, round(place.lat_deg * 1e7),
+            round(place.lon_deg * 1e7), height_m, *([0.0] * 8),
+        )
+    )  # fmt: skip
+
+
+def test_one_vehicle_sees_another_that_flies_below():
+    """Over MAVLink: what the camera announces and its JPEG are all that is known."""
+    camera = replace(SPEC, exposure_s=0.002)
+    fleet = Fleet(Setup(vehicles=2, gps_sigma_m=0.0, tag_m=TAG_M, camera=camera, seed=2))
+    high, low = fleet
+    fleet.run(6.0)
+    for vehicle, height_m in ((low, 4.0), (high, 10.0)):
+        vehicle.until(lambda vehicle=vehicle: vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == 0)
+        assert vehicle.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+        assert vehicle.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
+        vehicle.until(lambda v=vehicle, h=height_m: v.truth.height_m > h - 0.2)
+    plane = LocalPlane(high.truth.position)
+    _give(low, plane.to_wgs84(-2.0, 8.0), 4.0)  # it passes below, at some metres a second
+    low.until(lambda: plane.to_plane(low.truth.position)[1] > 0.5)
+    assert math.hypot(*low.truth.velocity_m_s) > 1.0
+    high.send(
+        mav.MAVLink_command_long_message(
+            1, 100, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, 0, 1, 1, 0, 0, 0
+        )
+    )
+    told = high.expect("CAMERA_IMAGE_CAPTURED", timeout_s=2.0)
+    east, north = LocalPlane(high.truth.position).to_plane(low.truth.position)
+    up = low.truth.height_m + 0.3 - (high.truth.height_m + 0.1)  # marker over feet, lens over feet
+    (found,) = find_tags(picture(high.image(told.file_url)))
+    sighting = sight(
+        found, CAMERA, Quaternion(*told.q), TAG_M,
+        Carrier(low.truth.roll_rad, low.truth.pitch_rad, math.radians(0.2)),
+        SightingErrors(0.02, math.radians(0.05), math.radians(0.05)),
+    )  # fmt: skip
+    assert found.tag_id == 2
+    assert sighting.place_m == pytest.approx([east, north, up], abs=0.05)
+    assert math.remainder(sighting.yaw_rad - low.truth.yaw_rad, math.tau) == pytest.approx(
+        0.0, abs=math.radians(1.0)
+    )
+    fleet.close()

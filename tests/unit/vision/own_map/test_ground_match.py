@@ -1,0 +1,184 @@
+"""How far a camera moved, by two pictures: rendered ones, photographs, and ones that cannot say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from missions.units import LatLon, Pose, Quaternion
+from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.render import render
+from sitl.world.world import Patch as Region
+from sitl.world.world import World, WorldSpec
+from vision.camera import Camera
+from vision.look import Frame
+from vision.own_map.ground_match import Match, Patch, match, patch, resolution_m
+
+PHOTOGRAPHS = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
+ORIGIN = LatLon(48.0, 11.0)
+SPEC = CameraSpec(hfov_deg=80.0, width_px=640, height_px=480)
+CAMERA = Camera(math.radians(80.0), 640, 480)
+PLANE = World(WorldSpec(ORIGIN, 0.0, ())).plane
+STRIP = Region(
+    tuple(PLANE.to_wgs84(e, n) for e, n in ((3.0, -60.0), (20.0, -60.0), (20.0, 60.0), (3.0, 60.0)))
+)
+WORLD = World(WorldSpec(ORIGIN, 0.0, (STRIP,), seed=5))
+DOWN = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
+
+
+def frame(
+    east_m: float,
+    north_m: float,
+    height_m: float,
+    attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    told_yaw_rad: float | None = None,
+    seed: int = 1,
+    world: World = WORLD,
+) -> Frame:
+    data = render(world, SPEC, Shot(east_m, north_m, height_m, SPEC.attitude(*attitude), 0.0, seed))
+    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
+    roll, pitch, yaw = attitude
+    told = SPEC.attitude(roll, pitch, yaw if told_yaw_rad is None else told_yaw_rad)
+    return Frame(image, Pose(ORIGIN, height_m + 0.1, told), 0.0, CAMERA)
+
+
+def shown(taken: Frame) -> Patch:
+    found = patch(taken)
+    assert found is not None
+    return found
+
+
+def level(gray: np.ndarray) -> Frame:
+    """A picture of level ground from 12 m: a pixel is 0.0315 m."""
+    image = np.repeat(np.clip(gray, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    return Frame(image, Pose(ORIGIN, 12.0, DOWN), 0.0, CAMERA)
+
+
+# --- what can be said -----------------------------------------------------------------------
+@pytest.mark.parametrize("height_m", [12.0, 24.0, 40.0])
+@pytest.mark.parametrize("gain", [1.0, 0.75])
+def test_it_moves_as_far_as_the_ground_says(height_m: float, gain: float) -> None:
+    rng = np.random.default_rng(round(height_m))
+    errors = []
+    for k in range(4):
+        east, north, yaw = *rng.uniform(-12.0, 15.0, 2), rng.uniform(0.0, math.tau)
+        d_east, d_north = rng.uniform(-0.3, 0.3, 2) * height_m
+        lean = rng.uniform(-0.087, 0.087, (2, 2))  # up to 5 degrees
+        a = frame(east, north, height_m, (*lean[0], yaw), seed=2 * k)
+        b = frame(east + d_east, north + d_north, height_m, (*lean[1], yaw + 0.4), seed=2 * k + 1)
+        if gain != 1.0:
+            b = replace(b, image=np.asarray(cv2.convertScaleAbs(b.image, alpha=gain), np.uint8))
+        off_e, off_n = rng.uniform(-2.0, 2.0, 2)
+        found = match(shown(a), shown(b), (d_east + off_e, d_north + off_n), 3.0)
+        assert found is not None
+        errors.append((found.moved_m[0] - d_east, found.moved_m[1] - d_north))
+        assert math.hypot(*errors[-1]) < 4.0 * found.sigma_m
+    assert np.abs(errors).max() < 0.25 * resolution_m(CAMERA, height_m)
+
+
+def test_a_heading_that_is_three_degrees_off_and_blur_still_match() -> None:
+    a = frame(0.0, 0.0, 12.0, (0.0, 0.0, 0.5))
+    b = frame(3.0, 2.0, 12.0, (0.0, 0.0, 0.5), told_yaw_rad=0.5 + math.radians(3.0), seed=2)
+    b = replace(b, image=np.asarray(cv2.blur(b.image, (5, 5)), np.uint8))
+    found = match(shown(a), shown(b), (2.5, 2.5), 2.0)
+    assert found is not None
+    # the ground turns about the place below the camera: 3 degrees of some 2 m
+    assert math.dist(found.moved_m, (3.0, 2.0)) < 0.25
+
+
+def test_photographs_cut_twice() -> None:
+    if not PHOTOGRAPHS.is_dir():
+        pytest.skip(f"no photographs in {PHOTOGRAPHS}")
+    rng = np.random.default_rng(3)
+    gsd_m = CAMERA.gsd_m(12.0)
+    for name in ("DJI_0019.JPG", "DJI_0030.JPG"):
+        whole = cv2.imread(str(PHOTOGRAPHS / name), cv2.IMREAD_REDUCED_GRAYSCALE_2)
+        assert whole is not None
+        for _ in range(4):
+            x, y = rng.integers(0, 1000), rng.integers(0, 400)
+            right, down = (int(n) for n in rng.integers(20, 200, 2))
+            noise = rng.normal(0.0, 4.0, (480, 640))
+            a = level(whole[y : y + 480, x : x + 640])
+            b = level(0.8 * whole[y + down : y + down + 480, x + right : x + right + 640] + noise)
+            true = right * gsd_m, -down * gsd_m
+            found = match(shown(a), shown(b), (true[0] + 1.0, true[1] - 1.5), 3.0)
+            assert found is not None
+            assert math.dist(found.moved_m, true) < 0.05
+
+
+# --- what cannot ----------------------------------------------------------------------------
+def matched(a: np.ndarray, b: np.ndarray, expected_m: tuple[float, float] = (0.0, 0.0)) -> object:
+    return match(shown(level(a)), shown(level(b)), expected_m, 3.0)
+
+
+def test_uniform_ground_says_nothing() -> None:
+    rng = np.random.default_rng(1)
+    a, b = (rng.normal(120.0, 4.0, (480, 640)) for _ in range(2))
+    assert matched(a, b) is None
+    # nor does a sensor's own pattern, or a lens that darkens its corners
+    v, u = np.mgrid[-1:1:480j, -1:1:640j]
+    pattern = rng.normal(0.0, 4.0, (480, 640)) - 60.0 * (u * u + v * v)
+    assert matched(120.0 + pattern, 120.0 + pattern) is None
+
+
+def test_a_straight_edge_says_nothing_of_the_way_along_it() -> None:
+    rng = np.random.default_rng(2)
+    columns = np.arange(640)[None, :] + 0.2 * np.arange(480)[:, None]
+    edge = np.where(columns < 350.0, 80.0, 190.0)
+    assert matched(*(edge + rng.normal(0.0, 3.0, edge.shape) for _ in range(2))) is None
+
+
+def test_rows_of_a_field_say_nothing() -> None:
+    rng = np.random.default_rng(2)
+    rows = 120.0 + 40.0 * np.sin(np.arange(640) / 8.0)[None, :] * np.ones((480, 1))
+    squares = rows + 40.0 * np.sin(np.arange(480) / 8.0)[:, None]
+    for field in (rows, squares):
+        assert matched(*(field + rng.normal(0.0, 3.0, field.shape) for _ in range(2))) is None
+
+
+def test_water_says_nothing() -> None:
+    rng = np.random.default_rng(4)
+    waves = [
+        cv2.GaussianBlur(rng.normal(0.0, 1.0, (480, 640)), (0, 0), 6.0) * 400.0 for _ in range(2)
+    ]
+    assert matched(120.0 + waves[0], 120.0 + waves[1]) is None
+
+
+def test_other_ground_says_nothing() -> None:
+    said = [
+        match(
+            shown(frame(k, -10.0, 12.0, seed=k)), shown(frame(k, 15.0, 12.0, seed=9)), (0.0, 0.0),
+            3.0,
+        )
+        for k in range(6)
+    ]  # fmt: skip
+    assert said == [None] * 6
+
+
+def test_too_little_in_common_says_nothing() -> None:
+    a, b = shown(frame(0.0, 0.0, 12.0)), shown(frame(0.0, 14.5, 12.0, seed=2))
+    assert match(a, b, (0.0, 14.5), 2.0) is None
+    assert match(a, b, (0.0, 40.0), 2.0) is None
+
+
+def test_what_shows_no_ground_is_no_patch() -> None:
+    grounded = replace(frame(0.0, 0.0, 12.0), pose=Pose(ORIGIN, 0.0, DOWN))
+    assert patch(grounded) is None
+    ahead = replace(grounded, pose=Pose(ORIGIN, 12.0, Quaternion.from_euler(0.0, -0.3, 0.0)))
+    assert patch(ahead) is None
+
+
+def test_patches_with_other_pixels_are_refused() -> None:
+    a, b = frame(0.0, 0.0, 12.0), frame(0.0, 0.0, 24.0)
+    with pytest.raises(ValueError, match=r"0\.2 and 0\.4"):
+        match(shown(a), shown(b), (0.0, 0.0), 3.0)
+    fine = patch(b, metres_per_pixel=0.2)
+    assert fine is not None
+    found = match(shown(a), fine, (0.5, 0.5), 2.0)
+    assert isinstance(found, Match)
+    assert math.hypot(*found.moved_m) < 0.1

@@ -1,0 +1,126 @@
+"""Where a vehicle is by its own pictures, which the simulator has rendered."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from missions.navigation import ToldErrors
+from missions.units import LatLon, Pose
+from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.render import render
+from sitl.world.world import World, WorldSpec
+from vision.camera import Camera
+from vision.look import Frame
+from vision.own_map.ground_match import Patch, patch
+from vision.own_map.map_position import OwnMap
+
+ORIGIN = LatLon(48.0, 11.0)
+SPEC = CameraSpec(hfov_deg=80.0, width_px=320, height_px=240)
+CAMERA = Camera(math.radians(80.0), 320, 240)
+WORLD = World(WorldSpec(ORIGIN, 0.0, (), seed=3))
+ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
+
+
+def taken(east_m: float, north_m: float, t_s: float) -> Patch:
+    attitude = SPEC.attitude(0.0, 0.0, 0.0)
+    data = render(WORLD, SPEC, Shot(east_m, north_m, 12.0, attitude, t_s, round(10 * t_s)))
+    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
+    found = patch(Frame(image, Pose(ORIGIN, 12.1, attitude), t_s, CAMERA))
+    assert found is not None
+    return found
+
+
+def there_and_back(k: int) -> tuple[float, float]:
+    """Thirty steps of 2 m to the north, and back over the same ground."""
+    return 0.4 * (k >= 30), 2.0 * min(k, 60 - k)
+
+
+def test_it_stays_small() -> None:
+    """Over the same ground for long: what is kept is bounded, and what it knows stays."""
+    own = OwnMap(ERRORS, most_keyframes=25)
+    rng = np.random.default_rng(1)
+    for k in range(90):
+        north = 2.0 * abs((k + 15) % 30 - 15)
+        off = (rng.normal(0.0, 0.2), rng.normal(0.0, 0.2))
+        told = off[0], north + off[1]
+        estimate = own.take(3.0 * k, taken(0.0, north, 0.0), told, True)
+    assert own.keyframes == 25
+    assert len(own.track.numbers) <= 26
+    assert math.dist(estimate.error_m, off) < 3.0 * estimate.sigma_m
+    assert estimate.sigma_m < 0.2
+
+
+def test_a_position_that_leaps_is_noticed_at_once() -> None:
+    own = OwnMap(ERRORS)
+    for k in range(42):
+        off = 0.0 if k < 40 else 25.0
+        own.take(k / 5, taken(0.0, 1.2 * k, 0.0), (off, 1.2 * k), True)
+        assert own.disagreement().wrong(1.0) == (k == 41)
+
+
+@pytest.mark.parametrize("leap_m", [(2.0, 0.0), (-14.0, 14.0), (0.0, -200.0)])
+@pytest.mark.parametrize("slides_s", [0.1, 1.0])
+def test_a_leap_is_not_taken_for_movement(leap_m: tuple[float, float], slides_s: float) -> None:
+    """A filter smooths it, and the vehicle brakes meanwhile: it is told by nobody that it does."""
+    own = OwnMap(ERRORS)
+    north, speed = 0.0, 6.0
+    for k in range(60):
+        after_s = (k - 30) / 5
+        share = 1.0 - math.exp(-after_s / slides_s) if after_s >= 0.0 else 0.0
+        speed = max(-3.0, speed - 1.2) if after_s > 0.2 else speed
+        north += speed / 5
+        told = share * leap_m[0], north + share * leap_m[1]
+        if k == 33:  # as whoever watches what is told would say
+            own.track.distrust(k / 5 - 2.0)
+        estimate = own.take(k / 5, taken(0.0, north, 0.0), told, k < 33)
+        if k >= 33:
+            off = math.dist(estimate.error_m, (share * leap_m[0], share * leap_m[1]))
+            assert off < 1.0, (k, off)
+
+
+@pytest.mark.parametrize("off_m", [(3.0, -2.0), (-6.0, 4.0)])
+def test_it_is_found_anew_after_a_time_without_pictures(off_m: tuple[float, float]) -> None:
+    own = OwnMap(ERRORS)
+    for k in range(40):
+        east, north = 8.0 * (k // 10), 4.0 * (k % 10 if k // 10 % 2 == 0 else 9 - k % 10)
+        own.take(float(k), taken(east, north, 0.0), (east, north), True)
+    for k in range(40, 90):  # nothing to be seen: it flies away, and back
+        share = (k - 40) / 50
+        told = 24.0 + share * off_m[0], 6.0 * min(k - 40, 90 - k) + share * off_m[1]
+        lost = own.take(float(k), None, told, False)
+    assert lost.sigma_m > 2.0
+    found = own.take(91.0, taken(16.0, 20.0, 0.0), (16.0 + off_m[0], 20.0 + off_m[1]), False)
+    assert math.dist(found.error_m, off_m) < 0.4
+    assert found.sigma_m < 0.5
+
+
+def test_it_finds_back_to_the_map_made_before() -> None:
+    own = OwnMap(ERRORS)
+    for k in range(60):
+        east, north = there_and_back(k)
+        lost = k >= 30
+        off = 0.1 * (k - 30) if lost else 0.0
+        estimate = own.take(k / 2, taken(east, north, k / 2), (east + off, north), not lost)
+    assert math.dist(estimate.error_m, (off, 0.0)) < 0.4
+    assert estimate.sigma_m < 0.4
+
+
+def test_it_finds_satellites_that_lie() -> None:
+    own = OwnMap(ERRORS)
+    found_s = None
+    for k in range(60):
+        east, north = there_and_back(k)
+        off = 0.1 * max(0, k - 20)
+        own.take(k / 2, taken(east, north, k / 2), (east + off, north), True)
+        said = own.disagreement()
+        if found_s is None and said.wrong(1.0):
+            found_s = said.since_s
+            assert off < 3.0
+            own.track.distrust(found_s)
+    assert found_s is not None
+    assert abs(found_s - 10.0) < 6.0
+    assert math.dist(own.track.estimate().error_m, (off, 0.0)) < 0.6

@@ -1,0 +1,1 @@
+"""One aircraft: its orders, manoeuvres, streams, guardian and cameras."""

@@ -1,0 +1,140 @@
+"""What a vehicle says in words: to the operator as it comes, and into the journal.
+
+Both within limits: a text that is repeated is counted, and a vehicle that talks without end fills
+neither the screen nor the disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from missions.events import Told
+from missions.flight.operator_orders import UNTOLD
+from uavmap.aircraft.failsafes import failsafe_of, may_be_a_failsafe
+from uavmap.aircraft.reporter import Reporter
+from uavmap.mavlink.status_texts import Text
+from uavmap.mavlink.vehicle_view import VehicleView
+
+REPEAT_S: Final = 60.0
+"""The same words are told again only after so long, with how often they were said."""
+BURST: Final = 10
+"""So many texts at once are told of each class (grave, other), and then one in..."""
+EVERY_S: Final = 2.0
+GRAVE: Final = 3
+"""MAV_SEVERITY_ERROR: up to here a text is grave, and does not wait behind others."""
+LEAST: Final = 6
+"""MAV_SEVERITY_INFO: what is for debugging is not told."""
+MOST_TOLD: Final = 5000
+"""So many texts of a vehicle are kept in the journal of one run."""
+MOST_KNOWN: Final = 200
+EXPLAINS_S: Final = 5.0
+"""Words explain a mode that changed within this time, before or after."""
+_SEVERITIES: Final = (
+    "emergency", "alert", "critical", "error", "warning", "notice", "info", "debug",
+)  # fmt: skip
+
+
+@dataclass(slots=True)
+class _Known:
+    """Words that were said before."""
+
+    told_s: float
+    times: int = 0
+    """How often since they were told."""
+
+
+@dataclass(slots=True)
+class _Allowance:
+    """So many now, and one more every few seconds."""
+
+    left: float = BURST
+    at_s: float = 0.0
+
+    def take(self, now_s: float) -> bool:
+        """Whether one more may be told."""
+        self.left = min(self.left + max(now_s - self.at_s, 0.0) / EVERY_S, float(BURST))
+        self.at_s = now_s
+        if self.left < 1.0:
+            return False
+        self.left -= 1.0
+        return True
+
+
+class Spoken:
+    """The words of one vehicle. `tell` takes a line for the operator."""
+
+    def __init__(self, reporter: Reporter, view: VehicleView, tell: Callable[[str], None]) -> None:
+        self._reporter = reporter
+        self._view = view
+        self._tell = tell
+        self._known: dict[tuple[int, str], _Known] = {}
+        self._allowed = {True: _Allowance(), False: _Allowance()}
+        self._untold = 0
+        self._kept = 0
+        self._open_s = float("-inf")
+        """When a mode changed that nothing has explained yet."""
+        view.hear = self.hear
+
+    def why(self, mode_name: str) -> str | None:
+        """Why the vehicle is in a mode that it was not told to enter, by its own words of now.
+
+        What it says within `EXPLAINS_S` from now on still explains it.
+        """
+        self._open_s = float("-inf")
+        if not may_be_a_failsafe(mode_name):
+            return None
+        now_s = self._reporter.loop_s()
+        cause = failsafe_of(self._view.words_since(now_s - EXPLAINS_S))
+        if cause is not None:
+            return cause
+        self._open_s = now_s
+        return UNTOLD if self._view.critical else None
+
+    def hear(self, text: Text) -> None:
+        """A text is complete."""
+        now_s = self._reporter.loop_s()
+        cause = None
+        if now_s - self._open_s <= EXPLAINS_S:
+            cause = failsafe_of([text.words])
+        if cause is not None:
+            self._open_s = float("-inf")
+        elif not text.words or text.severity > LEAST:
+            return
+        known = self._known.get((text.severity, text.words))
+        if known is not None:
+            known.times += 1
+        if cause is None and known is not None and now_s - known.told_s < REPEAT_S:
+            return
+        if cause is None and not self._allowed[text.severity <= GRAVE].take(now_s):
+            self._untold += 1
+            return
+        times = 1 if known is None else known.times
+        self._remember(text, now_s)
+        self._say(text, times)
+        self._keep(text, times, cause)
+
+    def _remember(self, text: Text, now_s: float) -> None:
+        while len(self._known) >= MOST_KNOWN:
+            del self._known[next(iter(self._known))]
+        self._known[text.severity, text.words] = _Known(now_s)
+
+    def _say(self, text: Text, times: int) -> None:
+        number = self._reporter.number
+        if self._untold:
+            self._tell(f"vehicle {number}: {self._untold} texts in quick succession are not shown")
+            self._untold = 0
+        severity = _SEVERITIES[min(max(text.severity, 0), 7)]
+        again = f" ({times} times)" if times > 1 else ""
+        self._tell(f"[vehicle {number}, {severity}] {text.words}{again}")
+
+    def _keep(self, text: Text, times: int, cause: str | None) -> None:
+        if self._kept >= MOST_TOLD and cause is None:
+            return
+        self._kept += 1
+        reporter = self._reporter
+        reporter.report(
+            Told(reporter.number, reporter.t_s(), text.severity, text.words, times=times,
+                 cause=cause)
+        )  # fmt: skip

@@ -1,0 +1,3 @@
+"""Where pictures come from: cameras, streams, folders, each behind
+`uavmap.aircraft.cameras.source`.
+"""

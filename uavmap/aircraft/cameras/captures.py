@@ -1,0 +1,197 @@
+"""Devices and streams that give one picture after the other, read in a thread of their own.
+
+OpenCV reads V4L2 devices, RTSP and video over HTTP; programs of the system that write JPEGs to
+their standard output read the rest (libcamera, GStreamer), whatever OpenCV was built with.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import shlex
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
+
+import cv2
+import numpy as np
+
+from missions.errors import ImageError, LinkError
+from uavmap.aircraft.cameras.source import Loaded
+from uavmap.base.image_files import MAX_PICTURE_BYTES
+
+OPEN_TIMEOUT_MS: Final = 10_000
+READ_TIMEOUT_MS: Final = 5_000
+URL_SETTLE_S: Final = 1.5
+"""FFmpeg reads ahead, up to a second, to find out what a stream holds; that comes first."""
+DEVICE_SETTLE_S: Final = 0.3
+_CHUNK_BYTES: Final = 1 << 16
+_BEGIN, _END = b"\xff\xd8\xff", b"\xff\xd9"
+
+
+class Capture(Protocol):
+    """An open device or stream. All but `interrupt` is called from one thread."""
+
+    settle_s: float
+    """Real seconds after its opening for which it may give old pictures."""
+
+    def grab(self) -> bool:
+        """Wait for the next picture; False when there will be none."""
+        ...
+
+    def retrieve(self) -> Loaded:
+        """The picture that was grabbed last. Raises `ImageError`."""
+        ...
+
+    def interrupt(self) -> None:
+        """Have a `grab` that waits end soon; from another thread."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+Open = Callable[[], Capture]
+"""Raises `LinkError` with the remedy."""
+
+
+class OpenCvCapture:
+    """A device or URL that OpenCV reads."""
+
+    def __init__(self, target: str, name: str, size_px: tuple[int, int]) -> None:
+        device = target.startswith("/dev/")
+        self._name = name
+        self.settle_s = DEVICE_SETTLE_S if device else URL_SETTLE_S
+        if device:
+            self._capture = cv2.VideoCapture(target, cv2.CAP_V4L2)
+            self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, size_px[0])
+            self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size_px[1])
+            # an old frame that waited in a buffer would be dated too late
+            self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        else:
+            limits = [
+                cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_TIMEOUT_MS,
+                cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_TIMEOUT_MS,
+            ]  # fmt: skip
+            self._capture = cv2.VideoCapture(target, cv2.CAP_FFMPEG, limits)
+        if not self._capture.isOpened():
+            self._capture.release()
+            remedy = (
+                "is it plugged in, free, and may this user read it (group video)?"
+                if device
+                else "does it play in VLC or ffplay on this computer?"
+            )
+            raise LinkError(f"{name}: cannot be opened; {remedy}")
+
+    def grab(self) -> bool:
+        """Wait for the next picture."""
+        return bool(self._capture.grab())
+
+    def retrieve(self) -> Loaded:
+        """The picture that was grabbed last."""
+        good, image = self._capture.retrieve()
+        if not good or image is None:
+            raise ImageError(f"{self._name}: a frame cannot be decoded")
+        if image.ndim == 2:
+            image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+        return image.astype(np.uint8, copy=False)
+
+    def interrupt(self) -> None:
+        """OpenCV cannot be interrupted; its own limits end a `grab`."""
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._capture.release()
+
+
+class PipeCapture:
+    """A program that writes one JPEG after the other to its standard output."""
+
+    def __init__(self, arguments: Sequence[str], name: str) -> None:
+        self.settle_s = DEVICE_SETTLE_S
+        self._buffer = bytearray()
+        self._jpeg = b""
+        if shutil.which(arguments[0]) is None:
+            raise LinkError(f"{name}: needs the program {arguments[0]}, which is not installed")
+        try:
+            self._process = subprocess.Popen(
+                list(arguments), stdout=subprocess.PIPE, stdin=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL, bufsize=0, start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            raise LinkError(f"{name}: {arguments[0]} cannot be run: {error.strerror}") from None
+
+    def grab(self) -> bool:
+        """Wait for the end of the next JPEG."""
+        assert self._process.stdout is not None
+        while (jpeg := next_jpeg(self._buffer)) is None:
+            try:
+                data = os.read(self._process.stdout.fileno(), _CHUNK_BYTES)
+            except (OSError, ValueError):  # closed meanwhile
+                return False
+            if not data or len(self._buffer) > MAX_PICTURE_BYTES:
+                return False
+            self._buffer += data
+        self._jpeg = jpeg
+        return True
+
+    def retrieve(self) -> Loaded:
+        """The JPEG that was grabbed last."""
+        return self._jpeg
+
+    def interrupt(self) -> None:
+        """End the program."""
+        with contextlib.suppress(OSError):
+            self._process.kill()
+
+    def close(self) -> None:
+        """End the program and clear up behind it."""
+        self.interrupt()
+        self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+def next_jpeg(buffer: bytearray) -> bytes | None:
+    """Cut the first whole JPEG from the beginning of a stream; None while there is none.
+
+    Cameras' JPEGs carry no thumbnail in such streams, so that the first end is its end.
+
+    >>> stream = bytearray(bytes.fromhex("00 ffd8ff01ffd9 ffd8ff02"))
+    >>> next_jpeg(stream).hex(), next_jpeg(stream), stream.hex()
+    ('ffd8ff01ffd9', None, 'ffd8ff02')
+    """
+    begin = buffer.find(_BEGIN)
+    if begin < 0:
+        del buffer[: max(len(buffer) - len(_BEGIN) + 1, 0)]
+        return None
+    end = buffer.find(_END, begin + len(_BEGIN))
+    if end < 0:
+        del buffer[:begin]
+        return None
+    jpeg = bytes(buffer[begin : end + len(_END)])
+    del buffer[: end + len(_END)]
+    return jpeg
+
+
+def libcamera_command(number: str, size_px: tuple[int, int], interval_s: float) -> list[str]:
+    """What has a camera of a Raspberry Pi write JPEGs to its standard output.
+
+    Some more of them than are wanted, so that each is fresh when it is due.
+    """
+    program = "rpicam-vid" if shutil.which("rpicam-vid") else "libcamera-vid"
+    width, height = size_px
+    return [
+        program, "--camera", number, "--codec", "mjpeg", "--quality", "95", "--width", str(width),
+        "--height", str(height), "--framerate", str(min(max(math.ceil(3.0 / interval_s), 5), 30)),
+        "--timeout", "0", "--nopreview", "--flush", "--output", "-",
+    ]  # fmt: skip
+
+
+def gstreamer_command(pipeline: str) -> list[str]:
+    """What has a pipeline whose end is raw video write JPEGs to its standard output."""
+    tail = "videoconvert ! jpegenc quality=95 ! fdsink fd=1 sync=false"
+    return ["gst-launch-1.0", "-q", *shlex.split(pipeline), *f"! {tail}".split()]

@@ -1,0 +1,112 @@
+"""A folder that fills up with pictures, as a source: of a camera that shoots by its own rhythm."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from missions.errors import LinkError
+from uavmap.aircraft.cameras.exif_time import CardClock, exif_time_s
+from uavmap.aircraft.cameras.folder_watch import POLL_S, FolderWatch, NewFile, read_file
+from uavmap.aircraft.cameras.local import LocalSource
+from uavmap.aircraft.cameras.source import Announcement
+
+MOST_UNSURE_S: Final = 0.25
+"""A picture whose time is known no better than +- this tells nobody where it was taken."""
+_TELL_EVERY_S: Final = 10.0
+
+T = TypeVar("T")
+Slowly = Callable[[Callable[[], T]], Awaitable[T]]
+"""Runs what may take a while: `asyncio.to_thread`, but for tests on virtual time."""
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class CardPicture:
+    """A picture that lies in a folder, with the best that is known of its time."""
+
+    path: Path
+    taken_s: float
+    """When it was exposed, on the loop's clock."""
+    fault: str | None
+
+
+class Card:
+    """The pictures of a folder, one after the other, as they become whole."""
+
+    def __init__(
+        self, folder: Path, latency_s: float, say: Say, slowly: Slowly[Any] = asyncio.to_thread
+    ) -> None:
+        self.folder = folder
+        self._latency_s = latency_s
+        self._say = say
+        self._slowly = slowly
+        self._watch = FolderWatch(folder)
+        self._clock = CardClock()
+        self._told_s = float("-inf")
+
+    async def begin(self) -> None:
+        """Note what lies there already. Raises `LinkError` where there is no such folder."""
+        loop = asyncio.get_running_loop()
+        await self._slowly(lambda: self._watch.look(loop.time()))
+
+    async def run(self, found: Callable[[CardPicture], None]) -> None:
+        """Call `found` with each new picture, until cancelled; a folder may go and come."""
+        loop = asyncio.get_running_loop()
+
+        def look() -> list[tuple[NewFile, float | None]]:
+            return [(new, exif_time_s(new.path)) for new in self._watch.look(loop.time())]
+
+        while True:
+            try:
+                for new, exif_s in await self._slowly(look):
+                    found(self._picture(new, exif_s))
+            except LinkError as error:
+                if loop.time() - self._told_s >= _TELL_EVERY_S:
+                    self._told_s = loop.time()
+                    self._say(str(error))
+            await asyncio.sleep(POLL_S)
+
+    def _picture(self, new: NewFile, exif_s: float | None) -> CardPicture:
+        at_s = new.appeared_s if exif_s is None else self._clock.taken_s(exif_s, new.appeared_s)
+        # by its own clock a picture is known as well as the clocks are, however late it is seen
+        vague = exif_s is None and new.unsure_s > MOST_UNSURE_S
+        fault = "nobody knows when it appeared: the folder is too slow" if vague else None
+        return CardPicture(new.path, at_s - self._latency_s, fault)
+
+    async def load(self, path: Path) -> bytes:
+        """The bytes of a picture. Raises `LinkError`."""
+        data: bytes = await self._slowly(lambda: read_file(path))
+        return data
+
+
+class FolderSource(LocalSource):
+    """The pictures of a folder; those that appear while nothing is ordered are left out."""
+
+    def __init__(
+        self, folder: Path, latency_s: float, say: Say, slowly: Slowly[Any] = asyncio.to_thread
+    ) -> None:
+        super().__init__(latency_s)
+        self._card = Card(folder, latency_s, say, slowly)
+
+    async def begin(self) -> None:
+        """Note what lies there already. Raises `LinkError` where there is no such folder."""
+        await self._card.begin()
+
+    async def run(self) -> None:
+        """Look into the folder until cancelled."""
+        await self._card.run(self._found)
+
+    def _found(self, picture: CardPicture) -> None:
+        if self._cadence.take(picture.taken_s):
+            self._heard(
+                Announcement(
+                    name=str(picture.path),
+                    taken_s=picture.taken_s,
+                    load=lambda: self._card.load(picture.path),
+                    fault=picture.fault,
+                )
+            )

@@ -1,0 +1,178 @@
+"""Where a camera was, and how it was turned, when it took a picture.
+
+A camera that tells its pose is believed, if that can be; for what it does not tell the autopilot's
+telemetry is interpolated to the time of the exposure.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import GeodesyError, ImageError
+from missions.geo.grid import Grid
+from missions.units import LatLon, Pose, Quaternion
+from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.source import Announcement, ToldPose
+from uavmap.mavlink.attitude_history import Attitudes
+from uavmap.mavlink.continuity import FASTEST_M_S, distance_m
+from uavmap.mavlink.message_rules import unit_fault
+from uavmap.mavlink.session import Message, Session
+from uavmap.mavlink.vehicle_view import VehicleView
+
+APART_M: Final = 15.0
+"""How far the camera's own idea of the place may be from where the autopilot then was."""
+SURE_S: Final = 1.0
+"""So far from the nearest position in time the vehicle is where its speed has taken it."""
+RATE_HZ: Final = 10.0
+"""Of the attitude, for a camera that does not tell its own."""
+AFTER_S: Final = 0.6
+"""So long telemetry of after an exposure is waited for."""
+_CLOCKS_APART_S: Final = 2.0
+_LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
+
+
+class Poses:
+    """The poses of one camera's pictures.
+
+    `grid` None: on a computer that knows no mission.
+    """
+
+    def __init__(self, session: Session, mount: Mount, grid: Grid | None) -> None:
+        self._session = session
+        self._view = session.view
+        self._mount = mount
+        self._grid = grid
+        self._attitudes = Attitudes()
+        self._told = False
+        self.streams: dict[int, float] = {}
+        """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
+        session.listen(self._on_message)
+
+    def need_telemetry(self) -> None:
+        """Have the autopilot tell its attitude often: the camera does not tell its own."""
+        if self.streams:
+            return
+        self.streams[mav.MAVLINK_MSG_ID_ATTITUDE] = RATE_HZ
+        if self._view.autopilot is not None:
+            self._session.send(rate_command(self._view, mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ))
+
+    def _on_message(self, message: Message) -> None:
+        """Note an attitude; one with a stamp of another clock is refused and counted."""
+        kind = message.get_type()
+        if kind not in ("ATTITUDE", "ATTITUDE_QUATERNION"):
+            return
+        boot_s, clock_s = message.time_boot_ms / 1000.0, self._view.gate.clock.boot_s
+        if clock_s is not None and abs(boot_s - clock_s) > _CLOCKS_APART_S:
+            now_s = asyncio.get_running_loop().time()
+            self._view.gate.refuse(kind, "its time is not that of the vehicle's position", now_s)
+            return
+        if kind == "ATTITUDE":
+            turned = Quaternion.from_euler(message.roll, message.pitch, message.yaw)
+        else:
+            turned = Quaternion(message.q1, message.q2, message.q3, message.q4)
+        self._attitudes.take(boot_s, turned)
+
+    async def of(self, picture: Announcement) -> Pose:
+        """The pose of a picture. Raises `ImageError` with what is wrong, which is counted.
+
+        Waits until the vehicle has told where it was after the exposure, if the camera does not.
+        """
+        told = picture.told
+        if told.position is None or told.attitude is None:
+            self._tell(picture)
+            self.need_telemetry()
+            await self._session.until(lambda: self._knows(picture.taken_s), AFTER_S)
+        fault, pose = self._pose(picture)
+        if pose is None or fault is not None:
+            self._view.gate.refuse(
+                picture.kind, f"the camera tells no usable pose: {fault}",
+                asyncio.get_running_loop().time(),
+            )  # fmt: skip
+            raise ImageError(f"the camera tells no usable pose: {fault}")
+        return pose
+
+    def _tell(self, picture: Announcement) -> None:
+        """Say once that a camera that could tell its pose does not."""
+        if self._told or picture.kind != "CAMERA_IMAGE_CAPTURED":
+            return
+        self._told = True
+        what = "attitude" if picture.told.attitude is None else "position"
+        self._view.gate.say(
+            f"the camera does not tell its {what}: the autopilot's is taken, with camera.mounting, "
+            "camera.yaw_deg, camera.pitch_deg and camera.roll_deg"
+        )
+
+    def _knows(self, taken_s: float) -> bool:
+        """Whether the telemetry reaches beyond a time of the loop."""
+        boot_s = taken_s - (self._view.boot_offset_s or 0.0)
+        place = self._view.place_at(taken_s)
+        told_s = self._view.gate.clock.boot_s
+        beyond = place is not None and told_s is not None and told_s >= boot_s
+        return beyond and self._attitudes.last_s >= boot_s
+
+    def _pose(self, picture: Announcement) -> tuple[str | None, Pose | None]:
+        """What is wrong, and the pose."""
+        told = picture.told
+        if (told.position is None or told.attitude is None) and picture.fault is not None:
+            return picture.fault, None
+        attitude = told.attitude
+        if attitude is None:
+            boot_s = picture.taken_s - (self._view.boot_offset_s or 0.0)
+            body = self._attitudes.at(boot_s)
+            if body is None:
+                return "it tells no attitude, and the vehicle did not tell its own of then", None
+            attitude = self._mount.attitude(body)
+        position, height_m = told.position, told.height_m
+        if position is None:
+            place = self._view.place_at(picture.taken_s)
+            if self._view.position is None or place is None or place.gap_s > SURE_S:
+                return "it tells no position, and the vehicle did not tell its own of then", None
+            position, height_m = place.position, place.height_m
+        whole = ToldPose(position, height_m, attitude)
+        fault = pose_fault(whole, self._view, self._grid, picture.taken_s)
+        return fault, Pose(position, height_m, attitude)
+
+
+def rate_command(view: VehicleView, message_id: int, rate_hz: float) -> Message:
+    """SET_MESSAGE_INTERVAL to the autopilot, for a stream whose coming is its answer."""
+    return mav.MAVLink_command_long_message(
+        view.system_id, view.autopilot_component, mav.MAV_CMD_SET_MESSAGE_INTERVAL, 0,
+        message_id, round(1e6 / rate_hz), *([0.0] * 5),
+    )  # fmt: skip
+
+
+def pose_fault(told: ToldPose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:
+    """What is wrong with a whole pose of a picture taken at a time of the loop; None if nothing is.
+
+    It is held against where the vehicle was when the picture was taken, and not where it is by now.
+    """
+    position, height_m = told.position, told.height_m
+    if position is None or told.attitude is None:
+        return "it is not whole"
+    if abs(position.lat_deg) > 90.0 or abs(position.lon_deg) > 180.0:
+        return "the position is not on Earth"
+    if not _LOWEST_M <= height_m <= _HIGHEST_M:
+        return "the height is out of range"
+    if fault := unit_fault(*told.attitude):
+        return fault
+    place = view.place_at(taken_s)
+    if view.position is None or place is None:
+        return "the vehicle has not said where it is"
+    most_m = APART_M + FASTEST_M_S * max(place.gap_s - SURE_S, 0.0)
+    if distance_m(position, place.position) > most_m:
+        return "the position is not where the vehicle was"
+    if abs(height_m - place.height_m) > most_m:
+        return "the height is not that of the vehicle"
+    return None if grid is None else _off_the_map(position, grid)
+
+
+def _off_the_map(position: LatLon, grid: Grid) -> str | None:
+    try:
+        finite = all(map(math.isfinite, grid.fixed(position)))
+    except GeodesyError:
+        finite = False
+    return None if finite else "the position is outside of the map"

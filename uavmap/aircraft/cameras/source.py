@@ -1,0 +1,116 @@
+"""What a mission needs of a camera, whatever it is: a source of pictures.
+
+A source is started and stopped; each picture that it takes meanwhile is announced, with the time
+of its exposure, and loaded when somebody wants to look at it. What it does about silence, devices
+that vanish and clocks of its own stays inside; a picture that is missing is missed by whoever
+ordered it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from missions.units import LatLon, Quaternion
+from uavmap.base.image_files import read_image
+from uavmap.base.printable import printable
+
+Image = NDArray[np.uint8]
+"""Shape (rows, columns, 3), blue-green-red."""
+Loaded = bytes | Image
+"""A picture as it was loaded: a file (JPEG, PNG), or decoded."""
+
+
+def never() -> bool:
+    """Nothing is known to have come."""
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class ToldPose:
+    """What a camera itself tells of the pose of a picture; None for what it does not tell."""
+
+    position: LatLon | None = None
+    height_m: float = 0.0
+    """Above home; it belongs to `position`."""
+    attitude: Quaternion | None = None
+    """From the camera's axes to NED."""
+
+
+@dataclass(frozen=True, slots=True)
+class Announcement:
+    """A picture that was taken."""
+
+    name: str
+    """What to call it in an error."""
+    taken_s: float
+    """When it was exposed, on the loop's clock."""
+    load: Callable[[], Awaitable[Loaded]]
+    """The picture. Raises `LinkError` where it cannot be had, `ImageError` where it is none."""
+    index: int | None = None
+    """Its number, counted by the camera without a gap; None where none could be asked for again."""
+    told: ToldPose = ToldPose()
+    fault: str | None = None
+    """Why `taken_s` cannot be right, for a pose that depends on it."""
+    kind: str = "picture"
+    """What announced it: the kind of message, for the count of what was refused."""
+
+
+class FrameSource(Protocol):
+    """A camera.
+
+    `start` may be called while pictures are taken: then it begins anew. Between `stop` and the
+    next `start` nothing is announced that was taken in between.
+    """
+
+    def listen(self, heard: Callable[[Announcement], None]) -> None:
+        """Call `heard`, and nobody else, with each picture, from the loop, in their order."""
+        ...
+
+    async def start(
+        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+    ) -> None:
+        """Take pictures, so far apart or somewhat more; a count of 0 goes on until stopped.
+
+        `coming` says that pictures are seen to come, which is as good as an answer. Raises
+        `CommandRefusedError` where the camera refuses, `LinkError` where nothing answers.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Take no more; at once, and without waiting for an answer."""
+        ...
+
+    def ended(self) -> None:
+        """All pictures of a count have come: it has stopped by itself."""
+        ...
+
+    def uncertain(self) -> None:
+        """Nobody knows what it does: another process may have begun it, or it restarted."""
+        ...
+
+    def ask_again(self, index: int) -> None:
+        """Have a lost announcement repeated, if that is possible."""
+        ...
+
+
+def decoded(loaded: Loaded, name: str, size_px: tuple[int, int]) -> Image:
+    """The pixels of a picture that was loaded. Raises `ImageError`.
+
+    >>> decoded(np.zeros((2, 4, 3), np.uint8), "a frame", (4, 2)).shape
+    (2, 4, 3)
+    """
+    if isinstance(loaded, bytes):
+        return read_image(loaded, name, size_px)
+    height, width = loaded.shape[:2]
+    if (width, height) != size_px:
+        raise ImageError(
+            f"{printable(name)}: the picture is {width} x {height} px, the "
+            f"camera {size_px[0]} x {size_px[1]} px"
+        )
+    return loaded

@@ -1,0 +1,261 @@
+"""A device or stream that gives pictures all the time, as a source.
+
+It is read, each frame is dated, and when it ends it is opened again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, Protocol
+
+from missions.errors import ImageError, LinkError
+from uavmap.aircraft.cameras.captures import Capture, Open
+from uavmap.aircraft.cameras.freshness import Freshness
+from uavmap.aircraft.cameras.local import LocalSource
+from uavmap.aircraft.cameras.source import Announcement, Loaded, decoded
+
+REOPEN_S: Final = 1.0
+"""After so long a stream that ended is opened again."""
+SILENT_S: Final = 8.0
+"""A reader that is silent for longer hangs: it is left alone, and another one is begun."""
+FIRST_S: Final = 20.0
+"""So long the first picture may take."""
+JOIN_S: Final = 2.0
+"""So long a thread may take to end."""
+MOST_HELD: Final = 6
+"""Pictures that wait to be judged; of more the oldest are let go."""
+_TELL_EVERY_S: Final = 10.0
+_WAITING: Final = 2
+
+Wants = Callable[[float], bool]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Grabbed:
+    """A frame of a stream, at the time of the loop when it was there."""
+
+    there_s: float
+    loaded: Loaded | ImageError
+
+
+class Reader(Protocol):
+    """Who reads a stream, where that may block."""
+
+    async def open(self, wants: Wants) -> None:
+        """Open it; `wants` says of a time whether a frame is worth decoding. Raises `LinkError`."""
+        ...
+
+    async def next(self) -> Grabbed | None:
+        """The next frame that is wanted; None when the stream has ended."""
+        ...
+
+    async def close(self) -> None:
+        """Let go of it; it may be opened again."""
+        ...
+
+
+class ThreadReader:
+    """Reads a capture in a thread of its own: it grabs every frame and decodes those wanted.
+
+    Of frames that nobody takes in time the newest are kept.
+    """
+
+    def __init__(self, open_capture: Open) -> None:
+        self._open_capture = open_capture
+        self._capture: Capture | None = None
+        self._thread: threading.Thread | None = None
+        self._over = threading.Event()
+        self._frames: deque[Grabbed] = deque(maxlen=_WAITING)
+        self._news = asyncio.Event()
+        self._ended = False
+        self._heard_s = 0.0
+
+    async def open(self, wants: Wants) -> None:
+        """Open it, in its thread."""
+        loop = asyncio.get_running_loop()
+        opened: asyncio.Future[None] = loop.create_future()
+        over = self._over = threading.Event()
+        self._frames.clear()
+        self._ended = False
+
+        def tell(function: Callable[[], None]) -> None:
+            if not over.is_set():
+                loop.call_soon_threadsafe(function)
+
+        def settle(error: LinkError | None) -> None:
+            if opened.done():
+                return
+            if error is None:
+                opened.set_result(None)
+            else:
+                opened.set_exception(error)
+
+        def read() -> None:
+            try:
+                capture = self._open_capture()
+            except LinkError as error:
+                tell(partial(settle, error))
+                return
+            self._capture = capture
+            watch, settled_s = Freshness(), time.monotonic() + capture.settle_s
+            tell(partial(settle, None))
+            try:
+                while not over.is_set() and capture.grab():
+                    there_s = loop.time()
+                    good = watch.fresh(there_s) and time.monotonic() >= settled_s
+                    frame = _retrieved(capture, there_s) if good and wants(there_s) else None
+                    tell(partial(self._put, over, there_s, frame))
+            finally:
+                capture.close()
+                tell(lambda: self._end(over))
+
+        self._thread = threading.Thread(target=read, name="camera", daemon=True)
+        self._thread.start()
+        await opened
+        self._heard_s = loop.time()
+
+    def _put(self, over: threading.Event, there_s: float, frame: Grabbed | None) -> None:
+        if over is self._over:
+            self._heard_s = there_s
+            if frame is not None:
+                self._frames.append(frame)
+            self._news.set()
+
+    def _end(self, over: threading.Event) -> None:
+        if over is self._over:
+            self._ended = True
+            self._news.set()
+
+    async def next(self) -> Grabbed | None:
+        """The next frame that is wanted."""
+        while not self._frames:
+            if self._ended:
+                return None
+            self._news.clear()
+            left_s = self._heard_s + SILENT_S - asyncio.get_running_loop().time()
+            try:
+                async with asyncio.timeout(max(left_s, 0.0)):
+                    await self._news.wait()
+            except TimeoutError:
+                return None
+        return self._frames.popleft()
+
+    async def close(self) -> None:
+        """Let go of it: the thread ends with what it is waiting for."""
+        self._over.set()
+        capture, self._capture = self._capture, None
+        if capture is not None:
+            capture.interrupt()
+        if self._thread is not None:  # one that hangs is left behind
+            await asyncio.to_thread(self._thread.join, JOIN_S)
+
+
+def _retrieved(capture: Capture, there_s: float) -> Grabbed:
+    try:
+        return Grabbed(there_s, capture.retrieve())
+    except ImageError as error:
+        return Grabbed(there_s, error)
+
+
+class StreamSource(LocalSource):
+    """Frames of a stream, dated by when they were there, less `latency_s`."""
+
+    def __init__(
+        self,
+        name: str,
+        reader: Reader,
+        latency_s: float,
+        size_px: tuple[int, int],
+        say: Say,
+    ) -> None:
+        super().__init__(latency_s)
+        self._name = name
+        self._reader = reader
+        self._size_px = size_px
+        self._say = say
+        self._first = False
+        self._number = 0
+        self._held: OrderedDict[int, Loaded | ImageError] = OrderedDict()
+        self._told_s = float("-inf")
+
+    async def begin(self) -> None:
+        """Open it and look at a picture. Raises `LinkError` where that is not what was said."""
+        self._first = True
+        await self._reader.open(self._wants)
+        try:
+            async with asyncio.timeout(FIRST_S):
+                frame = await self._reader.next()
+        except TimeoutError:
+            frame = None
+        finally:
+            self._first = False
+        if frame is None:
+            await self._reader.close()
+            raise LinkError(f"{self._name}: is open, but no picture comes")
+        try:
+            if isinstance(frame.loaded, ImageError):
+                raise frame.loaded
+            decoded(frame.loaded, self._name, self._size_px)
+        except ImageError as error:
+            await self._reader.close()
+            raise LinkError(
+                f"{error}; set camera.width_px and camera.height_px to what it gives"
+            ) from None
+
+    def _wants(self, there_s: float) -> bool:
+        return self._first or self._cadence.wants(there_s - self._latency_s)
+
+    async def run(self) -> None:
+        """Take its frames until cancelled, and open it again at its end. `begin` comes first."""
+        try:
+            while True:
+                while (frame := await self._reader.next()) is not None:
+                    self._take(frame)
+                await self._reader.close()
+                self._tell(f"{self._name}: no more pictures come; it is opened again")
+                await self._reopen()
+        finally:
+            await self._reader.close()
+
+    async def _reopen(self) -> None:
+        while True:
+            await asyncio.sleep(REOPEN_S)
+            try:
+                await self._reader.open(self._wants)
+                return
+            except LinkError as error:
+                self._tell(str(error))
+
+    def _tell(self, text: str) -> None:
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._told_s >= _TELL_EVERY_S:
+            self._told_s = now_s
+            self._say(text)
+
+    def _take(self, frame: Grabbed) -> None:
+        taken_s = frame.there_s - self._latency_s
+        if not self._cadence.take(taken_s):
+            return
+        self._number += 1
+        number, held = self._number, self._held
+        held[number] = frame.loaded
+        if len(held) > MOST_HELD:
+            held.popitem(last=False)
+        self._heard(
+            Announcement(f"{self._name} frame {number}", taken_s, lambda: self._load(number))
+        )
+
+    async def _load(self, number: int) -> Loaded:
+        loaded = self._held.pop(number, None)
+        if loaded is None:
+            raise LinkError(f"{self._name} frame {number}: judged slower than pictures are taken")
+        if isinstance(loaded, ImageError):
+            raise loaded
+        return loaded

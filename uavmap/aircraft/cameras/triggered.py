@@ -1,0 +1,188 @@
+"""A camera that the autopilot triggers, as a source: CAMERA_FEEDBACK tells of each picture, which
+comes into a folder later.
+
+The autopilot knows the pose of each exposure, the folder has the picture; they are brought together
+by time. What has no partner is lost, and that is told: a picture at another's place would be worse.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import LinkError
+from missions.units import LatLon, Quaternion
+from uavmap.aircraft.cameras.folder import Card, CardPicture, Say, Slowly
+from uavmap.aircraft.cameras.mavlink import CaptureCommands
+from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
+from uavmap.mavlink.continuity import RecentLeast
+from uavmap.mavlink.session import Message, Session
+
+PATIENCE_S: Final = 5.0
+"""So long the one waits for the other, a picture for its feedback or a feedback for its picture."""
+MOST_APART: Final = 0.5
+"""Further apart than this share of the interval they are not partners."""
+_SHORTEST_S: Final = 0.4
+_LEAD_WINDOW_S: Final = 30.0
+_CLOCK_SET_S: Final = 60.0
+_LOOK_S: Final = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class _Shot:
+    """An exposure that the autopilot has told of."""
+
+    index: int
+    taken_s: float
+    told: ToldPose
+
+
+class TriggeredSource:
+    """Pictures that the autopilot at the other end of a session has taken."""
+
+    def __init__(
+        self,
+        session: Session,
+        mount: Mount,
+        folder: Path,
+        latency_s: float,
+        say: Say,
+        slowly: Slowly[Any] = asyncio.to_thread,
+    ) -> None:
+        self._session = session
+        self._mount = mount
+        view = session.view
+        self._commands = CaptureCommands(
+            session, lambda: view.autopilot_component or int(mav.MAV_COMP_ID_AUTOPILOT1)
+        )
+        self._card = Card(folder, latency_s, say, slowly)
+        self._heard: Callable[[Announcement], None] = lambda announcement: None
+        self._interval_s = 1.0
+        self._active = False
+        self._stopped_s = -math.inf
+        self._last_index: int | None = None
+        self._lead = RecentLeast(_LEAD_WINDOW_S)
+        self._shots: list[_Shot] = []
+        self._pictures: list[CardPicture] = []
+        session.listen(self._on_message)
+
+    # --- orders ------------------------------------------------------------------------------
+    def listen(self, heard: Callable[[Announcement], None]) -> None:
+        """Call `heard` with each picture."""
+        self._heard = heard
+
+    async def start(
+        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+    ) -> None:
+        """Have the autopilot trigger. Raises `CommandRefusedError`, `LinkError`."""
+        self._interval_s, self._active = interval_s, True
+        self._shots.clear()
+        await self._commands.start(interval_s, count, coming)
+
+    def stop(self) -> None:
+        """Have it stop; what it has triggered until now may still come."""
+        if self._active:
+            self._stopped_s = asyncio.get_running_loop().time()
+        self._active = False
+        self._commands.stop()
+
+    def ended(self) -> None:
+        """It has stopped by itself."""
+        self._commands.ended()
+
+    def uncertain(self) -> None:
+        """Nobody knows what it does."""
+        self._commands.uncertain()
+
+    def ask_again(self, index: int) -> None:
+        """CAMERA_FEEDBACK is not repeated."""
+
+    # --- exposures ---------------------------------------------------------------------------
+    def _on_message(self, message: Message) -> None:
+        if message.get_type() != "CAMERA_FEEDBACK" or message.img_idx == self._last_index:
+            return
+        self._last_index = message.img_idx
+        taken_s = self._taken_s(message.time_usec)
+        if taken_s < self._commands.ordered_s - _SHORTEST_S:
+            return  # before the order
+        if not self._active and taken_s > self._stopped_s:
+            return  # somebody else's
+        position = None
+        if not message.lat == message.lng == 0:
+            position = LatLon(message.lat / 1e7, message.lng / 1e7)
+        angles = (math.radians(a) for a in (message.roll, message.pitch, message.yaw))
+        attitude = self._mount.attitude(Quaternion.from_euler(*angles))
+        told = ToldPose(position, message.alt_rel, attitude)
+        self._shots.append(_Shot(message.img_idx, taken_s, told))
+        self._bring_together()
+
+    def _taken_s(self, time_usec: int) -> float:
+        """When, on the loop's clock: the feedback that came fastest tells the difference best."""
+        now_s = asyncio.get_running_loop().time()
+        if time_usec == 0:  # it does not know the time yet
+            return now_s
+        lead_s, least_s = now_s - time_usec / 1e6, self._lead.value
+        if least_s is not None and abs(lead_s - least_s) > _CLOCK_SET_S:
+            self._lead.clear()
+        self._lead.add(lead_s, now_s)
+        return min(time_usec / 1e6 + (self._lead.value or 0.0), now_s)
+
+    # --- pictures ----------------------------------------------------------------------------
+    async def begin(self) -> None:
+        """Note what lies in the folder already. Raises `LinkError` where there is none."""
+        await self._card.begin()
+
+    async def run(self) -> None:
+        """Look into the folder until cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._card.run(self._found))
+            while True:
+                await asyncio.sleep(_LOOK_S)
+                self._give_up()
+
+    def _found(self, picture: CardPicture) -> None:
+        self._pictures.append(picture)
+        self._bring_together()
+
+    def _bring_together(self) -> None:
+        """Announce each picture with the exposure nearest to its time, if that is near."""
+        most_s = max(MOST_APART * self._interval_s, _SHORTEST_S / 2.0)
+        for picture in list(self._pictures):
+            near = min(
+                self._shots, key=lambda shot: abs(shot.taken_s - picture.taken_s), default=None
+            )
+            if near is None or abs(near.taken_s - picture.taken_s) > most_s:
+                continue
+            self._pictures.remove(picture)
+            self._shots.remove(near)
+            path = picture.path
+            self._announce(near, str(path), partial(self._card.load, path))
+
+    def _announce(self, shot: _Shot, name: str, load: Callable[[], Any]) -> None:
+        self._heard(Announcement(name, shot.taken_s, load, told=shot.told, kind="CAMERA_FEEDBACK"))
+
+    def _give_up(self) -> None:
+        """Let go of what has waited too long for its partner."""
+        now_s = asyncio.get_running_loop().time()
+        refuse = self._session.view.gate.refuse
+        for picture in [p for p in self._pictures if now_s - p.taken_s > PATIENCE_S]:
+            self._pictures.remove(picture)
+            if self._active:
+                refuse("picture", "no CAMERA_FEEDBACK of its time; see camera.latency_s", now_s)
+        for shot in [s for s in self._shots if now_s - s.taken_s > PATIENCE_S]:
+            self._shots.remove(shot)
+            self._announce(shot, f"picture {shot.index}", partial(self._missing, shot))
+
+    async def _missing(self, shot: _Shot) -> bytes:
+        raise LinkError(
+            f"picture {shot.index}: the autopilot triggered it, but none of its time came into "
+            f"{self._card.folder}"
+        )

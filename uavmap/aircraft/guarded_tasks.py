@@ -1,0 +1,111 @@
+"""What an order asks of a vehicle, in the guardian's terms: a path, a height, about how long."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Final
+
+from missions.flight.setting import Setting
+from missions.geo.course import Course
+from missions.guardian import Task
+from missions.mission.energy import CLIMB_SPEED_M_S
+from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
+from missions.units import GridPoint
+from uavmap.aircraft.reporter import Reporter
+from uavmap.mavlink.vehicle_view import VehicleView
+
+SETTLE_S: Final = 5.0
+"""To get going, and to come to rest."""
+
+
+class TasksOf:
+    """The tasks of one vehicle, from where it is now."""
+
+    def __init__(self, reporter: Reporter, view: VehicleView, setting: Setting) -> None:
+        self._reporter = reporter
+        self._view = view
+        self._setting = setting
+        self._course: Course | None = None
+        """What is flown, if it is a path."""
+
+    def task(self, order: Order) -> Task:
+        """What an order asks that is given now."""
+        since_s = self._reporter.now_s()
+        name = type(order).__name__
+        if not isinstance(order, FlyPath):
+            self._course = None
+        match order:
+            case FlyPath():
+                return self._along(order)
+            case TakeOff(height_m):
+                here = self._reporter.position()
+                return Task("climb", since_s, (here,), height_m=height_m, name=name)
+            case Land():
+                return Task("land", since_s, name=name)
+            case FlyTo():
+                return self.leg(order)
+            case Hold():  # it flies on until it has heard of it
+                return Task("hold", since_s, height_m=self._view.height_m, name=name)
+            case Look() | Sweep():  # a sweep begins with its camera
+                height_m = order.height_m
+                here = self._reporter.position()
+                drift_m_s = self._setting.grid.drift_speed_m_s
+                return Task(
+                    "hold", since_s, (here,), height_m=height_m, drift_m_s=drift_m_s, name=name
+                )
+        return Task("ground", since_s, name=name)
+
+    def begun(self, order: Order, target: GridPoint) -> Task:
+        """What an order asks whose first target was acknowledged now."""
+        if isinstance(order, FlyTo | Sweep):
+            return self.leg(order)
+        if isinstance(order, Hold):  # braking takes it beyond, and back it comes
+            path = (self._reporter.position(), target)
+            since_s, height_m = self._reporter.now_s(), self._view.height_m
+            return Task("hold", since_s, path, height_m=height_m, name="Hold")
+        return self.task(order)
+
+    def _along(self, order: FlyPath) -> Task:
+        """A path that is flown from its beginning on, and until then the one before it."""
+        since_s = self._reporter.now_s()
+        plan = order.trajectory
+        before = self._course
+        self._course = Course((plan,)) if before is None else before.then(plan, since_s)
+        return Task(
+            "path",
+            since_s,
+            height_m=order.height_m,
+            drift_m_s=self._setting.grid.drift_speed_m_s,
+            name=type(order).__name__,
+            course=self._course,
+        )
+
+    def leg(self, order: Order) -> Task:
+        """A leg that begins now."""
+        since_s, grid = self._reporter.now_s(), self._setting.grid
+        points: tuple[GridPoint, ...] = ()
+        height_m = self._view.height_m
+        if isinstance(order, Sweep):
+            points, height_m = (order.end,), order.height_m
+        elif isinstance(order, FlyTo):
+            points, height_m = order.route, order.height_m
+            if order.cell is not None:
+                points = (*points, grid.to_fixed(grid.centre_of(order.cell), since_s))
+        path = (self._reporter.position(), *points)
+        climb_s = abs(height_m - self._view.height_m) / CLIMB_SPEED_M_S
+        return Task(
+            "leg",
+            since_s,
+            path,
+            isinstance(order, FlyTo) and order.cell is None and order.stop,
+            height_m,
+            self._flown_in_s(path) + climb_s + SETTLE_S,
+            grid.drift_speed_m_s,
+            type(order).__name__,
+        )
+
+    def _flown_in_s(self, path: tuple[GridPoint, ...]) -> float:
+        """About how long a path takes, from rest to rest at every point."""
+        energy = self._setting.energy
+        level_s = sum(energy.leg_s(a.distance_to(b)) for a, b in itertools.pairwise(path))
+        return level_s + self._setting.ups_and_downs_m(path) / CLIMB_SPEED_M_S

@@ -1,0 +1,1 @@
+"""The guardian of one aircraft, and what it measures."""

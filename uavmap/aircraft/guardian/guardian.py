@@ -1,0 +1,398 @@
+"""The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
+
+It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
+so, has the autopilot return or land by itself until that is seen to happen. It needs a session and
+nothing else: no journal, no explorer, no camera. So it goes on when the service has ended, until
+the aircraft is on the ground or a pilot has it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from missions.events import Crashed, Guarded
+from missions.guardian import (
+    PAD_M,
+    Action,
+    Guard,
+    Limits,
+    Seen,
+    Task,
+    corners_home,
+    watch,
+)
+from missions.guardian.down import low
+from missions.units import GridPoint
+from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, RecoveryFlight
+from uavmap.aircraft.reporter import Reporter
+from uavmap.aircraft.terrain_legs import leg_over_ground_s
+from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.session import Session
+
+HEARTBEAT_S: Final = 1.0
+SLEW_S: Final = 4.0
+"""So long a navigation filter takes to follow a leap."""
+STALE_S: Final = 3.0
+"""Telemetry that is older says nothing of now."""
+PATIENCE_S: Final = 60.0
+"""Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
+CORNER_S: Final = 5.0
+"""To get going towards one, and to come to rest there."""
+LEAVE_S: Final = 15.0
+"""An operator who leaves at once still waits so long to see that the autopilot returns."""
+
+_WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
+
+
+class Guardian:
+    """Keeps one aircraft from being left alone.
+
+    `stand_aside` is called when the guardian takes the vehicle: whatever the mission had it do
+    ends, and nothing more is begun. `tell` takes a line for the operator.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        commands: Commands,
+        reporter: Reporter,
+        monitor: Monitor,
+        limits: Limits,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._session = session
+        self._flight = RecoveryFlight(session, commands, reporter, monitor, limits)
+        self._view = session.view
+        self._reporter = reporter
+        self._monitor = monitor
+        self._limits = limits
+        self._operator = tell
+        self._guard = Guard()
+        self._pursuit: asyncio.Task[None] | None = None
+        self._tasks: asyncio.TaskGroup | None = None
+        self._jumps = session.view.gate.track.jumps
+        self._last_wh = limits.energy.capacity_wh
+        self._reason = ""
+        self._leapt_s = float("-inf")
+        """When its position leapt last, on the loop's clock."""
+        self._flew = False
+        """Whether it was in the air since it was taken over."""
+        self.entrusted = False
+        """Whether it was in the air by our order when an earlier process ended."""
+        self.stand_aside: Callable[[], None] = lambda: None
+        self.order_failed: Callable[[str, bool], None] = lambda reason, behind: None
+
+    def _tell(self, text: str) -> None:
+        """A line for the operator; a terminal that is gone must not keep an aircraft in the air."""
+        with contextlib.suppress(Exception):
+            self._operator(text)
+
+    # --- what the driver tells it -----------------------------------------------------------
+    @property
+    def acting(self) -> bool:
+        """Whether the vehicle is the guardian's now."""
+        return self._guard.action is not None
+
+    def told(self, task: Task) -> None:
+        """The mission gave a new order."""
+        if self.acting and not self._view.armed:
+            self._let_go()
+        self._guard = self._guard.told(task)
+
+    def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
+        """Have the autopilot return or land by itself, and see to it.
+
+        `hurry`: it descends as fast as it flies before it lands.
+        """
+        self._guard = self._guard.acting(action, self._reporter.now_s(), hurry=hurry)
+        self._reason = reason
+        self._flew = self._monitor.was_airborne
+        self.stand_aside()
+        kind = self._view.kind
+        self._monitor.commanded = (kind.rtl, kind.land)
+        number = self._reporter.number
+        by_map = action == "rtl" and self._monitor.by_map
+        way = "fly home by its own map" if by_map else _WORDS[action]
+        self._tell(f"vehicle {number}: {reason}; it is told to {way}")
+        self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
+        if self._pursuit is not None:
+            self._pursuit.cancel()
+        begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
+        self._pursuit = begin(self._pursue(action, hurry=hurry))
+
+    def heard_again(self) -> None:
+        """The link is back: what it had the vehicle do before, it sees to again, and says so."""
+        action = self._guard.action
+        if action is not None and self._view.armed:
+            self.take_over(action, self._reason)
+
+    # --- its own life -----------------------------------------------------------------------
+    async def run(self) -> None:
+        """Send heartbeats, watch and act until cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            self._tasks = tasks
+            try:
+                tasks.create_task(self._beat())
+                tasks.create_task(self._watch())
+                await asyncio.Event().wait()
+            finally:
+                self._tasks = None
+
+    async def _beat(self) -> None:
+        while True:
+            self._session.heartbeat()
+            await asyncio.sleep(HEARTBEAT_S)
+
+    async def _watch(self) -> None:
+        """Look at every new position, but not too often: of an old one it seems to stand still."""
+        looked_s = seen_s = float("-inf")
+        while True:
+            await asyncio.sleep(LOOK_S)
+            now_s, told_s = self._reporter.loop_s(), self._view.position_s
+            if told_s > seen_s or now_s - looked_s >= 2.0 * LOOK_S:
+                looked_s, seen_s = now_s, told_s
+                self._look()
+
+    def _look(self) -> None:
+        """One look at the vehicle."""
+        seen = self._seen()
+        if seen is None:
+            return
+        if seen.remaining_wh is not None:
+            self._last_wh = seen.remaining_wh
+        self._flew = self._flew or self._monitor.was_airborne
+        if self._monitor.overridden and self.acting:
+            self._let_go()
+        self._look_for_leaps(seen)
+        seen = replace(seen, slews=self._reporter.loop_s() - self._leapt_s < SLEW_S)
+        self._guard, verdict = watch(self._limits, self._guard, seen)
+        self._monitor.struck_m_s = 0.0
+        if not seen.armed and not seen.airborne and self.acting:
+            self._let_go()
+            if not self._flew:  # it never left the ground, so no landing was seen
+                self._monitor.landed()
+        if verdict is None:
+            return
+        if verdict.rung == "report":
+            self.order_failed(verdict.reason, verdict.behind)
+        elif verdict.rung == "crashed":
+            self._crashed(seen, verdict.reason)
+        else:
+            action: Action = "land" if verdict.rung == "land" else "rtl"
+            self.take_over(action, verdict.reason, hurry=verdict.hurry)
+
+    def _look_for_leaps(self, seen: Seen) -> None:
+        """A position that leapt ends the mission of this vehicle: its places mean nothing."""
+        track, leaps = self._view.gate.track, self._monitor.leaps
+        leapt, leaps.leapt = leaps.leapt, ""
+        if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
+            self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
+        if leapt:
+            self._leapt_s = self._reporter.loop_s()
+        if low(seen):
+            return  # the ground has stopped it: nothing that lies there is told to fly on
+        if leapt and not self.acting and seen.airborne and seen.mode != "other":
+            finder = self._monitor.navigation
+            if finder is not None and finder.leapt(leapt):
+                return
+            self.order_failed(f"{leapt}: satellite navigation is not to be trusted", False)
+
+    def _seen(self) -> Seen | None:
+        """What telemetry says, None where it says nothing of now."""
+        view, reporter = self._view, self._reporter
+        if not self._monitor.connected or view.position is None or view.home is None:
+            return None
+        if reporter.loop_s() - view.position_s > STALE_S:
+            return None
+        return Seen(
+            t_s=reporter.now_s() - self._age_s(),
+            position=reporter.position(),
+            height_m=view.height_m,
+            ground_speed_m_s=view.ground_speed_m_s,
+            home=reporter.home(),
+            armed=view.armed,
+            airborne=self._monitor.airborne,
+            mode=self._monitor.mode,
+            remaining_wh=reporter.remaining_wh(),
+            wind_m_s=self._monitor.wind.speed_m_s,
+            struck_m_s=self._monitor.struck_m_s,
+            by_map=self._monitor.by_map,
+        )
+
+    def _age_s(self) -> float:
+        """How old the position is by the vehicle's own clock: a link may delay frames unevenly."""
+        view, clock = self._view, self._view.gate.clock
+        if clock.boot_s is None or clock.offset_s is None:
+            return 0.0
+        told_s = min(clock.boot_s + clock.offset_s, view.position_s)
+        return max(self._reporter.loop_s() - told_s, 0.0)
+
+    def _crashed(self, seen: Seen, reason: str) -> None:
+        """It is down: say where, and have a vehicle whose motors still run land and disarm."""
+        reporter = self._reporter
+        place = reporter.grid.position(seen.position)
+        self._tell(
+            f"vehicle {reporter.number} is down near {place.lat_deg:.6f}, {place.lon_deg:.6f}: "
+            f"{reason}"
+        )
+        self.stand_aside()
+        reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
+        if seen.armed and not self._monitor.overridden:
+            self._monitor.commanded = (self._view.kind.rtl, self._view.kind.land)
+            if self._tasks is not None:
+                self._pursuit = self._tasks.create_task(self._pursue("land"))
+
+    def _let_go(self) -> None:
+        """A pilot has it, or it stands on the ground."""
+        self._guard = self._guard.released()
+        if self._pursuit is not None:
+            self._pursuit.cancel()
+            self._pursuit = None
+
+    async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
+        """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
+        kind = self._view.kind
+        if action == "rtl" and await self._flight.fly_home_by_map():
+            self.take_over("land", "it is over its home, as its own map tells")
+            return
+        quickly = hurry and await self._flight.descend()
+        self._monitor.commanded = (kind.rtl, kind.land)  # in the descent targets were ours, too
+        refusal = await self._flight.ask_autopilot(action)
+        if refusal:
+            self.take_over("land", refusal)
+            return
+        # where it has been carried to the ground may be lower than at its home
+        high = lambda: self._flight.descent_aim_m() is not None  # noqa: E731
+        if quickly and await self._session.until(high, PATIENCE_S):
+            await self._pursue(action, hurry=True)
+
+    # --- the end of a flight ----------------------------------------------------------------
+    @property
+    def responsible(self) -> bool:
+        """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
+        if self.entrusted and not self._monitor.met:
+            return self._monitor.in_air_as_before
+        in_air = self._monitor.was_airborne and not self._guard.down
+        return in_air and not self._monitor.overridden
+
+    def return_home(self, reason: str) -> None:
+        """Have its autopilot return, from where home lies straight ahead."""
+        if self._tasks is None or not self._corners():
+            self.take_over("rtl", reason)
+            return
+
+        async def around() -> None:
+            await self._turn_corners(reason)
+            if self.responsible and not self.acting:
+                self.take_over("rtl", reason)
+
+        self._tasks.create_task(around())
+
+    async def bring_home(self, reason: str) -> None:
+        """Return a vehicle that is in the air, and wait until it is down or a pilot has it.
+
+        Gives up on a silent one when its battery cannot have lasted any longer.
+        """
+        await self._turn_corners(reason)
+        while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
+            self._take_up()
+            if not self.acting:
+                self.take_over("rtl", reason)
+            await self._session.until(lambda: not self.responsible, min(left_s, HEARTBEAT_S))
+        self._look()  # how it came down is told by nobody else
+
+    def _take_up(self) -> None:
+        """A vehicle that was silent when the mission ended, and speaks again."""
+        monitor, view = self._monitor, self._view
+        heard = self._reporter.loop_s() - min(view.heard_s, view.position_s) <= STALE_S
+        if monitor.met and not monitor.connected and heard:
+            monitor.report_connected()
+            self.heard_again()
+
+    async def _turn_corners(self, reason: str) -> None:
+        """Fly it around what the fence forbids until home lies straight ahead.
+
+        Watched by the same rules as ever: what goes wrong ends in its autopilot's return.
+        """
+        reporter, height_m, energy = self._reporter, self._view.height_m, self._limits.energy
+        if not self._corners():
+            return
+        self._tell(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
+        self.stand_aside()
+        kind = self._view.kind
+        # on a path it is in the mode of streams, which is ours until it has changed
+        self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
+        here = reporter.position()
+        if self._view.ground_speed_m_s > BRISK_M_S:
+            # who flies fast flies on for a while, perhaps over a corner
+            self.told(self._towards(here, here, height_m, CORNER_S))
+            if not await self._flight.reach(here, height_m, self._over, slow=True):
+                return
+        for corner in self._corners():
+            here = reporter.position()
+            leg_s = leg_over_ground_s(self._view, energy, here, corner) + CORNER_S
+            self.told(self._towards(here, corner, height_m, leg_s))
+            if not await self._flight.reach(corner, height_m, self._over):
+                return
+
+    def _corners(self) -> tuple[GridPoint, ...]:
+        """Where to turn until home lies straight ahead, if it flies to where it is told."""
+        if self.acting or not self._flies_for_us():
+            return ()
+        return corners_home(self._limits.fence, self._reporter.position(), self._reporter.home())
+
+    def _towards(
+        self, here: GridPoint, corner: GridPoint, height_m: float, estimate_s: float
+    ) -> Task:
+        """The task of flying to a corner on the way home."""
+        return Task(
+            "leg", self._reporter.now_s(), (here, corner), homeward=True, height_m=height_m,
+            estimate_s=estimate_s, name="way home",
+        )  # fmt: skip
+
+    def _over(self) -> bool:
+        """Whether a flight to a corner ends: the guardian acts, a pilot has it, or it is empty."""
+        return self.acting or not self._flies_for_us() or self._endurance_left_s() <= 0.0
+
+    def _flies_for_us(self) -> bool:
+        """Whether it is in the air, heard, and in a mode that follows targets."""
+        heard = self._monitor.met and self._reporter.loop_s() - self._view.position_s <= STALE_S
+        return self.responsible and heard and self._monitor.mode == "follow"
+
+    def _endurance_left_s(self) -> float:
+        """How long a vehicle that is silent since then can still be in the air."""
+        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
+        return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
+
+    async def leave(self, reason: str) -> None:
+        """Have a vehicle that is in the air return, and wait only until it is seen to do so."""
+        if not self.responsible:
+            return
+        if not self.acting:
+            self.take_over("rtl", reason)
+        kind = self._view.kind
+        await self._session.until(
+            lambda: self._view.mode in (kind.rtl, kind.land) or not self.responsible, LEAVE_S
+        )
+
+    def fate(self) -> str:
+        """What is known of the vehicle at the very end, in words; empty if it is at home."""
+        view, reporter = self._view, self._reporter
+        if view.position is None or view.home is None:
+            return ""  # it never came so far that it could have been told anything
+        place = reporter.grid.position(reporter.position())
+        where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
+        if self.responsible:
+            silent_s = reporter.loop_s() - view.heard_s
+            if silent_s > STALE_S * 2:
+                return f"in the air when it was last heard, {silent_s:.0f} s ago, at {where}"
+            return f"left to its autopilot in {view.mode_name} at {where}"
+        if self._monitor.was_airborne:
+            return f"left to whoever flies it in {view.mode_name} at {where}"
+        away_m = reporter.position().distance_to(reporter.home())
+        return f"on the ground {away_m:.0f} m from home, at {where}" if away_m > PAD_M else ""

@@ -1,0 +1,174 @@
+"""The orders by which a guardian brings an aircraft home or down: targets and speeds, no rules.
+
+`uavmap.aircraft.guardian.guardian` decides which of them is due.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefusedError, LinkError
+from missions.guardian import HASTE_M_S, Action, Limits, corners_home, quick_aim_m
+from missions.units import GridPoint
+from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.reporter import Reporter
+from uavmap.aircraft.terrain_legs import aim_over_ground
+from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.session import Session
+
+LOOK_S: Final = 0.5
+"""Interval between two targets where the place of home or the ground below changes, s."""
+RETRY_S: Final = 2.0
+"""Interval between two commands for the same thing, s."""
+DESCENT_M_S: Final = 1.0
+"""A multicopter that is told to sink does so at least this fast, in GUIDED or Hold."""
+CORNER_M: Final = 2.0
+"""A corner of the way around a fence is turned so near to it."""
+OVER_HOME_M: Final = 1.0
+"""Who is nearer than this to the place above its home lands there."""
+BRISK_M_S: Final = 1.0
+"""Who is slower than this turns on the spot."""
+PAUSE_S: Final = 0.1
+"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
+
+
+class RecoveryFlight:
+    """Flies one aircraft home, around corners or down, by targets and speeds."""
+
+    def __init__(
+        self,
+        session: Session,
+        commands: Commands,
+        reporter: Reporter,
+        monitor: Monitor,
+        limits: Limits,
+    ) -> None:
+        self._session = session
+        self._commands = commands
+        self._view = session.view
+        self._reporter = reporter
+        self._monitor = monitor
+        self._fence = limits.fence
+        self._speed_m_s = limits.energy.speed_m_s
+
+    def descent_aim_m(self) -> float | None:
+        """How high to aim in a quick descent; None where it should land from, on the ground, and
+        when a pilot has it."""
+        ours = self._monitor.airborne and not self._monitor.overridden
+        return quick_aim_m(self._view.height_m) if ours else None
+
+    async def descend(self) -> bool:
+        """Quickly down to where a landing takes but a few seconds; False if it refuses that."""
+        kind, view, session = self._view.kind, self._view, self._session
+        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+        loop = asyncio.get_running_loop()
+        due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
+        fenced, slow = kind.fence_by_command, True
+        while (aim_m := self.descent_aim_m()) is not None and view.armed and loop.time() < due_s:
+            try:
+                if fenced:  # outside of its own fence it takes no target, and turns round
+                    with contextlib.suppress(CommandRefusedError):
+                        await session.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
+                    fenced = False
+                await self._aim_or_point(self._reporter.position(), aim_m)
+                if slow:  # after the target: an ArduPilot forgets its speeds at the first one
+                    with contextlib.suppress(CommandRefusedError):
+                        await self._commands.descent_speed(HASTE_M_S)
+                    slow = False
+            except CommandRefusedError:
+                return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
+            await session.until(lambda: self.descent_aim_m() is None, RETRY_S)
+        return True
+
+    async def _aim_or_point(self, point: GridPoint, height_m: float) -> None:
+        """A target, if need be by a message where the command for it is refused."""
+        try:
+            await self.aim_at(point, height_m)
+        except CommandRefusedError:
+            kind = self._view.kind
+            if kind.streams_apart or self._view.mode != kind.follows:
+                raise
+            aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
+            self._commands.point_to(self._reporter.grid.position(aim), aim_m)
+
+    async def aim_at(self, point: GridPoint, height_m: float) -> None:
+        """Into the mode that follows targets, and a target. Raises `LinkError`."""
+        view = self._view
+        if view.mode != view.kind.follows:
+            await self._commands.follow()
+        aim, aim_m = aim_over_ground(view, self._reporter.position(), point, height_m)
+        await self._commands.fly_to(self._reporter.grid.position(aim), aim_m)
+
+    async def fly_home_by_map(self) -> bool:
+        """To its home by targets; False where it does not take them, or needs none."""
+        kind, view, fence = self._view.kind, self._view, self._fence
+        height_m = self._view.height_m
+        while self._monitor.by_map and view.armed and not self._monitor.overridden:
+            self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
+            here, home = self._reporter.position(), self._reporter.home()
+            if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
+                return True
+            corners = corners_home(fence, here, home)
+            try:
+                await self.aim_at(corners[0] if corners else home, height_m)
+                await self._commands.speed(self._speed_m_s)
+            except CommandRefusedError:
+                return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
+            # the place that its autopilot takes for home changes with every picture
+            await asyncio.sleep(LOOK_S)
+        return False
+
+    async def ask_autopilot(self, action: Action) -> str:
+        """Ask until the autopilot is seen to return or land by itself.
+
+        Returns why it refuses to return, empty if it does not; a refused landing is asked again.
+        """
+        view, commands = self._view, self._commands
+        wanted = view.kind.rtl if action == "rtl" else view.kind.land
+        ask = commands.return_to_launch if action == "rtl" else commands.land
+        while view.mode != wanted and view.armed and not self._monitor.overridden:
+            try:
+                await ask()
+            except CommandRefusedError as refusal:
+                if action == "rtl":
+                    return str(refusal)
+            except LinkError:
+                pass  # no answer: ask again, for as long as it takes
+            await self._session.until(lambda: view.mode == wanted, RETRY_S)
+        return ""
+
+    async def reach(
+        self, corner: GridPoint, height_m: float, over: Callable[[], bool], *, slow: bool = False
+    ) -> bool:
+        """Fly to a corner, or, `slow`, come to rest; False if that is `over`, or is refused."""
+
+        def there() -> bool:
+            if slow:
+                return self._view.ground_speed_m_s <= BRISK_M_S
+            return self._reporter.position().distance_to(corner) <= CORNER_M
+
+        while not over():
+            try:
+                await self.aim_at(corner, height_m)
+                await self._commands.speed(self._speed_m_s)
+            except CommandRefusedError:
+                return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
+            pause_s = RETRY_S if self._view.ground is None else LOOK_S
+            await self._session.until(lambda: there() or over(), pause_s)
+            if there():
+                return not over()
+        return False

@@ -1,0 +1,1 @@
+"""Frames of one aircraft: requested, received and judged."""

@@ -1,0 +1,129 @@
+"""How a mission looks at pictures: frame -> plausible -> look(frame, grid, detector) -> votes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from missions.events import Vote
+from missions.geo.grid import Grid
+from missions.mission.schema import Mission
+from missions.units import Cell
+from uavmap.load.detector_source import detector_of_section
+from vision.camera import Camera
+from vision.detectors import Detector
+from vision.look import Frame, look
+from vision.plausible import Image, implausible
+
+
+@dataclass(slots=True)
+class Classifier:
+    """How one vehicle's pictures are judged: camera, detector, the share that makes a cell ROI.
+
+    It remembers the vehicle's last picture, to know a stalled camera by; so every vehicle has a
+    classifier of its own.
+    """
+
+    mission: Mission
+    grid: Grid
+    camera: Camera
+    detector: Detector
+    from_above: Detector | None = None
+    """What judges pictures from the height of a search, where that has layers of its own."""
+    _last: Image | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        mission: Mission,
+        grid: Grid,
+        height_m: float | None = None,
+        detector: Detector | None = None,
+    ) -> Classifier:
+        """The classifier that a mission file describes, for a vehicle that flies at a height.
+
+        `detector` takes the place of the mission's. Raises `MissionFileError` for a model that
+        cannot be read, or is another one.
+        """
+        optics = mission.camera.optics
+        camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)
+        lowest_m, search_m = mission.altitude_m(0), mission.search_altitude_m(0)
+        ratio = (height_m or lowest_m) / lowest_m
+        above = None
+        if search_m is not None:
+            higher_m = search_m + (height_m or lowest_m) - lowest_m
+            above = detector or detector_of(mission, higher_m / lowest_m)
+        return cls(mission, grid, camera, detector or detector_of(mission, ratio), above)
+
+    def is_overview(self, frame: Frame) -> bool:
+        """Whether a frame is from the height of a search that has layers of its own."""
+        above_m = self.mission.overview_above_m
+        return above_m is not None and frame.pose.height_m > above_m
+
+    def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
+        """The vantage of a frame, by default the cell below, and what the frame says.
+
+        Raises `ImageError` for a picture that is no evidence (`vision.plausible`), or not of the
+        camera's size.
+        """
+        here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
+        return here, self._judged(frame, self.mission.detector.view, here)
+
+    def votes_anywhere(self, frame: Frame) -> tuple[Vote, ...]:
+        """What a frame says of every cell that it shows whole, wherever it was taken.
+
+        Whatever `detector.view` says; `camera.pose_error_m` from the rim of the picture. Raises
+        `ImageError` as `votes` does.
+        """
+        return self._judged(frame, "all", None)
+
+    def doubt(self, frame: Frame) -> str | None:
+        """Why a frame is no evidence, beside the one that was judged last; None if it may be."""
+        return implausible(frame.image, self._last, noiseless=self.mission.camera.noiseless)
+
+    def _judged(
+        self, frame: Frame, view: Literal["cross", "all"], vantage: Cell | None
+    ) -> tuple[Vote, ...]:
+        reason = self.doubt(frame)
+        self._last = frame.image
+        if reason:
+            raise ImageError(reason)
+        above = self.from_above if self.is_overview(frame) else None
+        verdicts = look(
+            frame,
+            self.grid,
+            above or self.detector,
+            share=self.mission.detector.share,
+            view=view,
+            vantage=vantage,
+            margin_m=self.mission.camera.pose_error_m,
+            terrain=self.mission.ground,
+        )
+        return tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
+
+
+@dataclass(frozen=True, slots=True)
+class Blind:
+    """In the place of a detector that cannot be had, where only the way home is left to fly."""
+
+    name: ClassVar[str] = "none"
+    calibrated: ClassVar[bool] = False
+
+    def probability(self, image: Image) -> NDArray[np.float32]:
+        """Raise `ImageError`."""
+        raise ImageError("there is no detector: the aircraft are only brought home")
+
+    def mask(self, image: Image) -> NDArray[np.uint8]:
+        """Raise `ImageError`."""
+        raise ImageError("there is no detector: the aircraft are only brought home")
+
+
+def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
+    """The detector that a mission file names, with its parameters
+    (`uavmap.load.detector_source`).
+    """
+    return detector_of_section(mission.detector, height_ratio)

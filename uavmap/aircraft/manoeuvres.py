@@ -1,0 +1,375 @@
+"""How a vehicle carries out its orders: what is sent, and when an order is done.
+
+One order at a time; whoever runs a manoeuvre cancels it to replace it. A command that nobody
+acknowledges is asked again for as long as the link is called alive (`uavmap.aircraft.vehicle`):
+only a refusal, or what the vehicle is seen not to do, ends an order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from missions.errors import CommandRefusedError, LinkError
+from missions.events import Arrived, LookEnded
+from missions.mission.schema import Mission
+from missions.orders import (
+    AwaitBattery,
+    FlyPath,
+    FlyTo,
+    Hold,
+    Land,
+    Look,
+    Order,
+    ReturnToLaunch,
+    StandDown,
+    Sweep,
+    TakeOff,
+)
+from missions.units import Cell, GridPoint
+from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.imaging.imaging import CameraDriver, Frames
+from uavmap.aircraft.map_navigation import Navigation
+from uavmap.aircraft.pad import MODE_S, Crew, Pad, insist
+from uavmap.aircraft.path_stream import PathStream
+from uavmap.aircraft.reporter import Reporter
+from uavmap.aircraft.speed_watch import SpeedWatch
+from uavmap.aircraft.stream_timeout import StreamTimeout
+from uavmap.aircraft.terrain_legs import OTHER_LAYER_M, aim_over_ground, at_height
+from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.session import Session
+
+FIND_WAY_S: Final = 0.5
+"""Between two pictures on a leg, where a vehicle may have to find its way by them."""
+LIE_M_S: Final = 1.0
+"""So fast satellites may lie, and be followed by a map."""
+SINK_S: Final = 12.0
+"""To come down to that height takes no longer, or it lands from where it is."""
+LOW_M: Final = 4.0
+"""Pictures from lower down show too little to find the way by."""
+RESEND_S: Final = 3.0
+DRIFT_RESEND_S: Final = 0.5
+STOP_RADIUS_M: Final = 0.7
+PASS_RADIUS_M: Final = 2.0
+GROUND_S: Final = 15.0
+"""A vehicle that is told to land and has not left the ground says so within this time."""
+
+
+async def _nothing_to_wait_for() -> None:
+    """Before a service runs, nobody takes anything in."""
+
+
+class Manoeuvres:
+    """Carries out orders with a session, under the eyes of a monitor."""
+
+    def __init__(
+        self,
+        session: Session,
+        commands: Commands,
+        camera: CameraDriver,
+        reporter: Reporter,
+        monitor: Monitor,
+        mission: Mission,
+        crew: Crew,
+        timeout: StreamTimeout,
+        *,
+        by_places: bool = False,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self._session = session
+        self._commands = commands
+        self._tell = tell
+        self._view = session.view
+        self._camera = camera
+        self._reporter = reporter
+        self._monitor = monitor
+        self._mission = mission
+        self._grid = reporter.grid
+        self._pad = Pad(
+            session, commands, reporter, monitor, mission.battery.capacity_wh, crew, tell
+        )
+        self._stream = PathStream(session, commands, reporter, monitor, by_places=by_places)
+        self._timeout = None if by_places else timeout
+        self._on_path = False
+        """Whether a path is flown that another may replace on the way."""
+        self._paced_in: int | None = None
+        self.under_way: Callable[[Order, GridPoint], None] = lambda order, target: None
+        """Called when a sweep begins to move (its camera comes first, which may take a while), and
+        when the first target of an order was acknowledged: until then an older one is flown to."""
+        self.navigation: Navigation | None = None
+        self._order: Order | None = None
+        self._aimed = False
+        self.taken_in: Callable[[], Awaitable[None]] = _nothing_to_wait_for
+
+    async def carry_out(self, order: Order) -> None:
+        """Carry out an order to its end. Raises `LinkError`, alone or in a group."""
+        self._order, self._aimed = order, False
+        if not isinstance(order, FlyPath | StandDown):
+            await self._leave_path()
+        match order:
+            case FlyPath():
+                await self._fly_path(order)
+            case TakeOff():
+                await self._pad.take_off(order)
+            case FlyTo():
+                await self._fly_to(order)
+            case Sweep():
+                await self._sweep(order)
+            case Look():
+                await self._look(order)
+            case Land():
+                await self._land()
+            case AwaitBattery():
+                await self._pad.swap_battery()
+            case Hold():
+                await self._hold()
+            case StandDown() | ReturnToLaunch():  # returning by itself is the guardian's
+                pass
+
+    # --- along --------------------------------------------------------------------------------
+    async def _fly_to(self, order: FlyTo) -> None:
+        if self.navigation is None or not self.navigation.watches:
+            await self._fly_route(order)
+        else:
+            async with asyncio.TaskGroup() as tasks:
+                looking = tasks.create_task(self._find_way())
+                await self._fly_route(order)
+                looking.cancel()
+        self._arrived()
+
+    async def _find_way(self) -> None:
+        """Take pictures to find the way by, until cancelled; nobody's map depends on them."""
+        with contextlib.suppress(LinkError):
+            async with self._camera.every(FIND_WAY_S, anywhere=True) as frames:
+                async for _ in frames.judged(None):
+                    pass
+
+    async def _fly_route(self, order: FlyTo) -> None:
+        last = len(order.route) - 1 if order.cell is None else len(order.route)
+        for index, point in enumerate(order.route):
+            # a corner of the fence is not cut: the vehicle comes to rest there
+            stop = order.stop or index != last
+            await self._reach(lambda p=point: p, order.height_m, stop=stop)  # type: ignore[misc]
+        if order.cell is not None:
+            await self._reach(self._follow(order.cell), order.height_m, stop=order.stop)
+
+    def _arrived(self) -> None:
+        reporter = self._reporter
+        reporter.report(Arrived(reporter.number, reporter.t_s(), reporter.position()))
+
+    def _follow(self, cell: Cell) -> Callable[[], GridPoint]:
+        """Where a drifting cell is, whenever asked."""
+        centre = self._grid.centre_of(cell)
+        return lambda: self._grid.to_fixed(centre, self._reporter.now_s())
+
+    async def _reach(self, target: Callable[[], GridPoint], height_m: float, *, stop: bool) -> None:
+        """Fly to a point that may move, until there (and slow, if it is to stop)."""
+        drift_m_s = self._grid.drift_speed_m_s
+        radius_m = STOP_RADIUS_M if stop else min(PASS_RADIUS_M, 0.5 * self._grid.cell_m)
+        slow_m_s = self._mission.flight.settle_m_s + drift_m_s
+
+        layer_too = stop and abs(self._view.height_m - height_m) > OTHER_LAYER_M
+
+        def there() -> bool:
+            off_m = self._reporter.position().distance_to(target())
+            # satellites that lie tell of a movement that is none
+            lie_m_s = LIE_M_S if self._goes_by_map else 0.0
+            rests = not stop or (
+                self._view.ground_speed_m_s <= slow_m_s + lie_m_s
+                and at_height(self._view, height_m, always=layer_too)
+            )
+            return off_m <= radius_m and rests
+
+        moves = drift_m_s > 0.0 or self._view.ground is not None
+
+        def pause_s() -> float:
+            return DRIFT_RESEND_S if moves or self._goes_by_map else RESEND_S
+
+        ordered_m_s, begin_s = self._mission.flight.speed_m_s, self._reporter.now_s()
+        watch = SpeedWatch(self._reporter.name, self._view, ordered_m_s, begin_s)
+        while True:
+            await insist(lambda: self._aim(target(), height_m))
+            if await self._session.until(there, pause_s()):
+                return
+            left_m = self._reporter.position().distance_to(target())
+            if reason := watch.wrong(self._reporter.now_s(), left_m):
+                self._tell(reason)
+                self._paced_in = None  # the speed is sent again behind the next target
+
+    @property
+    def _goes_by_map(self) -> bool:
+        """Whether its autopilot's place is wrong by what its pictures tell, ever anew."""
+        return self.navigation is not None and self.navigation.by_map
+
+    async def _aim(self, point: GridPoint, height_m: float) -> None:
+        """A target: acknowledged, and refused unless the vehicle follows us.
+
+        The speed comes after it: the first target after a change of mode puts an ArduCopter's own
+        speed back.
+        """
+        aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
+        await self._commands.fly_to(self._grid.position(aim), aim_m)
+        if not self._aimed and self._order is not None:
+            self._aimed = True
+            self.under_way(self._order, point)
+        changes = self._monitor.mode_changes
+        if self._paced_in != changes:
+            await self._commands.speed(self._mission.flight.speed_m_s)
+            self._paced_in = changes
+
+    async def _hold(self) -> None:
+        """Stay here, until seen to: the acknowledgement may be a late one, of the leg before."""
+        if self._view.armed:
+            here, height_m = self._reporter.position(), self._view.height_m
+            await self._reach(lambda: here, height_m, stop=True)
+            if self.navigation is not None and self.navigation.watches_at_rest:
+                await self._find_way()  # until it is told something else
+
+    # --- along a path -------------------------------------------------------------------------
+    def goes_on(self, order: FlyPath) -> bool:
+        """Fly a path after the present one, without a halt; False if none is flown just now."""
+        if self._on_path:
+            self._stream.go_on(order)
+            self._order = order
+        return self._on_path
+
+    def called_off(self) -> None:
+        """What is carried out ends: a path can only begin anew."""
+        self._on_path = False
+
+    async def _leave_path(self) -> None:
+        """Come to rest after a path: what follows begins there."""
+        if await self._stream.leave():
+            self._paced_in = None  # the next target is of another kind, and puts a speed back
+
+    async def _fly_path(self, order: FlyPath) -> None:
+        """Stream setpoints, and take pictures beside it; the stream does not wait for the camera.
+
+        At the end the pictures are waited for; a path that comes meanwhile is flown, too.
+        """
+        self._stream.begin(order)
+        self._on_path = True
+        end = order.trajectory.at(order.trajectory.end_s).place
+        self.under_way(order, end)
+        async with asyncio.TaskGroup() as tasks:
+            beside = [
+                tasks.create_task(self._stream.run()),
+                *([tasks.create_task(self._timeout.shorten())] if self._timeout else []),
+            ]
+            async with self._camera.every(order.every_s, anywhere=True) as frames:
+                watching = tasks.create_task(self._watch_frames(frames, None))
+                await self._photograph_path(frames)
+                watching.cancel()
+            self._on_path = False
+            for task in beside:
+                task.cancel()
+        for lost in frames.left_over():
+            self._reporter.report(lost)
+        await self._leave_path()
+        self._arrived()
+
+    async def _photograph_path(self, frames: Frames) -> None:
+        """Until at rest at the end of the last path, and all its pictures are judged."""
+        stream, session = self._stream, self._session
+        while True:
+            await session.until(lambda: self._at_end() or stream.order.every_s != frames.interval_s)
+            if self._at_end() and await self._judged_to_the_end(frames):
+                return
+            await frames.go_on(stream.order.every_s)
+
+    async def _judged_to_the_end(self, frames: Frames) -> bool:
+        """Wait for the pictures that are under way; False if another path has come meanwhile."""
+        course = self._stream.course
+        async with asyncio.TaskGroup() as tasks:
+            ending = tasks.create_task(frames.finish())
+            await self._session.until(lambda: ending.done() or self._stream.course is not course)
+            ending.cancel()
+        return self._stream.course is course
+
+    def _at_end(self) -> bool:
+        if not self._stream.there():
+            return False
+        end = self._stream.course.at(self._reporter.now_s()).place
+        slow_m_s = self._mission.flight.settle_m_s + self._grid.drift_speed_m_s
+        off_m = self._reporter.position().distance_to(end)
+        return off_m <= STOP_RADIUS_M and self._view.ground_speed_m_s <= slow_m_s
+
+    # --- looking ------------------------------------------------------------------------------
+    async def _sweep(self, order: Sweep) -> None:
+        speed = self._mission.flight.speed_m_s
+        async with (
+            self._camera.every(order.every_m / speed) as frames,
+            asyncio.TaskGroup() as tasks,
+        ):
+            watching = tasks.create_task(self._watch_frames(frames, None))
+            self.under_way(order, order.end)
+            await self._reach(lambda: order.end, order.height_m, stop=False)
+            await frames.finish()
+            watching.cancel()
+        for lost in frames.left_over():
+            self._reporter.report(lost)
+        self._arrived()
+
+    async def _look(self, order: Look) -> None:
+        follow: asyncio.Task[None] | None = None
+        async with asyncio.TaskGroup() as tasks:
+            if self._grid.drift_speed_m_s > 0.0:
+                follow = tasks.create_task(self._stay_over(order))
+            async with self._camera.burst(order.frames) as frames:
+                await self._watch_frames(frames, order.cell)
+            if follow is not None:
+                follow.cancel()
+        self._reporter.report(LookEnded(self._reporter.number, self._reporter.t_s()))
+
+    async def _stay_over(self, order: Look) -> None:
+        target = self._follow(order.cell)
+        while True:
+            await insist(lambda: self._aim(target(), order.height_m))
+            await asyncio.sleep(DRIFT_RESEND_S)
+
+    async def _watch_frames(self, frames: Frames, vantage: Cell | None) -> None:
+        """Judge each frame as it comes; the mission may call us off after any of them."""
+        async for event in frames.judged(vantage):
+            self._reporter.report(event)
+            await self.taken_in()
+
+    # --- down ---------------------------------------------------------------------------------
+    async def _land(self) -> None:
+        if self._goes_by_map:
+            await self._sink_by_map()
+        kind = self._view.kind
+        self._monitor.commanded = (kind.land,)
+        if not self._monitor.was_airborne:  # a slow link tells of its take-off after it
+            self._monitor.commanded = (kind.land, *kind.ours)
+        landing = lambda: self._view.mode == kind.land  # noqa: E731
+        await insist(lambda: self._commands.land(landing))
+        if len(self._monitor.commanded) > 1:
+            await self._session.until(landing, MODE_S)
+            self._monitor.commanded = (kind.land,)
+        # touch-down and disarming are watched for all the time; but a take-off that was called
+        # off in time never left the ground
+        if not self._monitor.was_airborne:
+            await self._session.until(
+                lambda: self._view.on_ground or self._monitor.was_airborne, GROUND_S
+            )
+            if self._view.on_ground and not self._monitor.was_airborne:
+                self._monitor.landed()
+
+    async def _sink_by_map(self) -> None:
+        """Down to where a landing takes a few seconds: it would follow the satellites' lie."""
+        if self._view.height_m <= LOW_M + OTHER_LAYER_M:
+            return
+        here = self._reporter.position()
+        self._monitor.commanded = (*self._view.kind.ours, self._view.kind.land)
+        with contextlib.suppress(CommandRefusedError):
+            async with asyncio.TaskGroup() as tasks:
+                looking = tasks.create_task(self._find_way())
+                for _ in range(round(SINK_S / DRIFT_RESEND_S)):
+                    await insist(lambda: self._aim(here, LOW_M))
+                    low = self._view.height_m <= LOW_M + OTHER_LAYER_M
+                    if low or not self._goes_by_map:
+                        break
+                    await asyncio.sleep(DRIFT_RESEND_S)
+                looking.cancel()

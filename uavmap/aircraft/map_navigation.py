@@ -1,0 +1,372 @@
+"""Where one vehicle is when satellites do not say so, or do not tell the truth.
+
+    frame -> own map -> by how much the told position is off -> view.off_deg
+
+The map that a vehicle makes tells it where it is (`vision.own_map.map_position`): each picture is
+held against those before it. While satellites are good that only shows whether they are; when they
+are lost, or found to lie, the position that the autopilot goes on to tell is corrected by it, and
+so is every target (`uavmap.mavlink.vehicle_view`). So whatever flies the vehicle needs to know
+nothing of this: fence, energy, separation and votes hold for the place where it is.
+
+What a mission wants to be done is `navigation.gnss_loss`; an autopilot that lands or returns by a
+failsafe of its own has the last word, as ever.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final, Literal, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import ImageError
+from missions.events import Navigated
+from missions.guardian import Action
+from missions.mission.schema import Mission
+from missions.navigation import Estimate
+from missions.planning.sweep.strategies import LEAPFROG
+from missions.units import GridPoint, LatLon
+from uavmap.aircraft.reporter import Reporter
+from uavmap.mavlink.vehicle_view import VehicleView
+from vision.look import Frame
+from vision.own_map.ground_patch import patch, resolution_m
+from vision.own_map.map_position import OwnMap
+
+Gnss = Literal["good", "lost", "wrong"]
+
+SAME_SCALE: Final = 1.5
+"""What is seen from so many times the height of the map, or lower, is held against the map."""
+LOST_S: Final = 1.5
+"""A filter that has told for so long that it has no position on Earth has lost it."""
+LEAP_S: Final = 2.0
+"""A navigation filter takes so long to show a leap of its satellites."""
+BACK_S: Final = 5.0
+"""Satellites that are back for so long are gone by again."""
+COMPARE_S: Final = 0.5
+"""Between two looks at whether satellites and pictures agree."""
+AGREE_S: Final = 30.0
+"""Those that were wrong have to agree with the pictures for so long."""
+AGREE_M: Final = 1.0
+TELL_S: Final = 5.0
+"""Between two events while satellites are not gone by."""
+UNSURE_S: Final = 10.0
+"""So long a vehicle may not know where it is before it is sent home."""
+UNSEEN_S: Final = 1.0
+"""Without a picture for so long, what is known becomes less sure by the way that it tells."""
+AID_EVERY_S: Final = 2.0
+AID_M: Final = 0.3
+"""The autopilot is told where it is if it is off by more."""
+
+
+class Partner(Protocol):
+    """What two vehicles measure of each other, for one of them
+    (`uavmap.aircraft.leapfrog_sight`).
+    """
+
+    @property
+    def off(self) -> GridPoint:
+        """By how much its told place is off."""
+        ...
+
+    @property
+    def sigma_m(self) -> float:
+        """How well that is known, one standard deviation."""
+        ...
+
+    def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
+        """It tells its place; `good`: by satellites."""
+        ...
+
+    def take(self, frame: Frame) -> None:
+        """It took a picture, with the pose as told."""
+        ...
+
+
+class Navigation:
+    """What one vehicle goes by.
+
+    `act` has its guardian return or land; `fail` tells the mission that it cannot go on; `aid`
+    tells the autopilot where it is, with a standard deviation. `watches`: whether pictures are
+    looked at.
+    """
+
+    def __init__(
+        self,
+        reporter: Reporter,
+        view: VehicleView,
+        mission: Mission,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._reporter = reporter
+        self._view = view
+        self._wanted = mission.navigation
+        self._altitude_m = mission.altitude_m(reporter.number - 1)
+        self._metres_per_pixel = resolution_m(mission.camera.optics, self._altitude_m)
+        """Of the ground that is held against other ground: pictures are from all heights."""
+        self._most_m = 0.5 * mission.grid.cell_m
+        """Positions that are less sure decide on no cell."""
+        self._tell = tell
+        self._own = OwnMap() if mission.navigation.watches else None
+        self._pair = mission.strategy == LEAPFROG.name
+        self.partner: Partner | None = None
+        """In a leapfrog: what both see of each other."""
+        self.gnss: Gnss = "good"
+        self.sigma_m = 0.0
+        """How well the corrected position is known, one standard deviation."""
+        self.act: Callable[[Action, str], None] = lambda action, reason: None
+        self.fail: Callable[[str], None] = lambda reason: None
+        self.aid: Callable[[LatLon, float], None] = lambda place, sigma_m: None
+        self._off = GridPoint(0.0, 0.0)
+        self._since_s: float | None = None
+        """Since when the filter says otherwise than `gnss`."""
+        self._agrees_s: float | None = None
+        self._pictured_s = float("-inf")
+        self._flown_m = 0.0
+        self._last: GridPoint | None = None
+        self._unsure_s: float | None = None
+        self._taken_s = self._compared_s = float("-inf")
+        self._told_s = self._aided_s = float("-inf")
+        self._failed = False
+
+    @property
+    def streams(self) -> Mapping[int, float]:
+        """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
+        rates = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0} if self.watches or self._pair else {}
+        return {**rates, mav.MAVLINK_MSG_ID_ATTITUDE: 10.0} if self._pair else rates
+
+    @property
+    def watches(self) -> bool:
+        """Whether pictures are wanted wherever it flies."""
+        return self._own is not None or self.partner is not None
+
+    @property
+    def watches_at_rest(self) -> bool:
+        """Whether they are wanted while it waits, too."""
+        return self.partner is not None
+
+    @property
+    def _by_partner(self) -> bool:
+        """Whether it goes by sightings where satellites are lost."""
+        return self.partner is not None and self._wanted.gnss_loss == "leapfrog"
+
+    @property
+    def by_map(self) -> bool:
+        """Whether positions are corrected by pictures: its own, or its partner's."""
+        return self.gnss != "good" and (self._own is not None or self._by_partner)
+
+    # --- what its filter says ------------------------------------------------------------------
+    def look(self, *, airborne: bool) -> None:
+        """Look at what the vehicle tells; call it with every position."""
+        if self._view.position is None:
+            return
+        now_s = self._reporter.now_s()
+        if not airborne:
+            self._grounded(now_s)
+            return
+        self._flown()
+        lost = self._view.by_dead_reckoning or self._goes_on_without_fix
+        if lost == (self.gnss == "lost") or self.gnss == "wrong":
+            self._since_s = None
+        else:
+            self._since_s = now_s if self._since_s is None else self._since_s
+            if now_s - self._since_s >= (LOST_S if lost else BACK_S):
+                self._changed("lost" if lost else "good", now_s)
+        self._hear_partner(now_s)
+        if self.gnss != "good":
+            self._look_how_sure(now_s)
+
+    def _hear_partner(self, now_s: float) -> None:
+        """Tell the partner of this position, and go by what both have measured."""
+        if self.partner is None or self._view.told is None:
+            return
+        told = self._reporter.grid.fixed(self._view.told)
+        good = self._view.by_satellites and not self._view.has_no_fix
+        self.partner.moved(told, now_s, good=good)
+        if self.gnss == "lost" and self._by_partner:
+            self._correct(self.partner.off)
+            self.sigma_m = self.partner.sigma_m
+
+    @property
+    def _goes_on_without_fix(self) -> bool:
+        """Whether the receiver has no fix, and that is reason enough to go by pictures.
+
+        It is none to return or to land: the filter may have another receiver.
+        """
+        return self._view.has_no_fix and self._wanted.gnss_loss in ("map", "leapfrog")
+
+    def leapt(self, how: str) -> bool:
+        """The told position has leapt; False where no pictures tell where the vehicle is now."""
+        if self._own is None:
+            return False
+        if self.gnss == "good":
+            now_s = self._reporter.now_s()
+            self._own.track.distrust(now_s - LEAP_S)
+            self._tell(f"vehicle {self._reporter.number}: {how}")
+            self._changed("wrong", now_s)
+        return True
+
+    def _grounded(self, now_s: float) -> None:
+        """Where it stands its home is; satellites that have lied are not flown with again."""
+        self._last, self._since_s, self._unsure_s = None, None, None
+        if self.gnss == "lost" and not self._view.by_dead_reckoning:
+            self._changed("good", now_s)
+        if self.gnss == "wrong" and not self._failed:
+            self._failed = True
+            self.fail("its satellite navigation has told a wrong place")
+
+    def _flown(self) -> None:
+        here = self._reporter.position()
+        if self._last is not None:
+            self._flown_m += here.distance_to(self._last)
+        self._last = here
+
+    def _changed(self, gnss: Gnss, now_s: float) -> None:
+        before, self.gnss = self.gnss, gnss
+        self._since_s = self._unsure_s = self._agrees_s = None
+        number = self._reporter.number
+        if gnss == "good":
+            if before == "wrong" and self._own is not None:
+                self._own.track.trust_again()
+            self._correct(GridPoint(0.0, 0.0))
+            self._tell(f"vehicle {number}: satellite navigation is back")
+        else:
+            what = "is lost" if gnss == "lost" else "tells a wrong place"
+            self._tell(f"vehicle {number}: satellite navigation {what}{self._how_on(before)}")
+        self._say(now_s)
+        if gnss == "lost" and before == "good" and self._wanted.gnss_loss in ("rtl", "land"):
+            self.act(self._wanted.gnss_loss, "satellite navigation is lost")
+        elif gnss == "wrong" and self._wanted.gnss_loss == "land":
+            self.act("land", "satellite navigation tells a wrong place")
+        elif gnss == "wrong" and self._wanted.gnss_loss == "rtl":
+            # its autopilot would return to the wrong place
+            self.fail("satellite navigation tells a wrong place")
+
+    def _how_on(self, before: Gnss) -> str:
+        if self._wanted.gnss_loss == "map" and before == "good":
+            return f"; it goes on by its own map, to ±{self.sigma_m:.1f} m"
+        if self._by_partner and before == "good":
+            return "; it goes on by what both see of each other"
+        return ""
+
+    def _say(self, now_s: float) -> None:
+        self._told_s = now_s
+        known = self.by_map
+        self._reporter.report(
+            Navigated(
+                self._reporter.number,
+                self._reporter.t_s(),
+                self.gnss,
+                sigma_m=round(self.sigma_m, 2) if known else None,
+                off_m=GridPoint(round(self._off.east_m, 2), round(self._off.north_m, 2))
+                if known
+                else None,
+            )
+        )
+
+    # --- what its pictures say -----------------------------------------------------------------
+    def placed(self, frame: Frame) -> Frame:
+        """A frame whose pose is as told, with the pose as the vehicle's pictures tell it.
+
+        Raises `ImageError` where nobody knows it well enough to decide on a cell.
+        """
+        if self.partner is not None:
+            self.partner.take(frame)
+        if self._own is None and not self._by_partner:
+            return frame
+        now_s = self._reporter.now_s()
+        told = self._reporter.grid.fixed(frame.pose.position)
+        # one that comes late says nothing of now
+        if self._own is not None and frame.t_s > self._taken_s:
+            self._taken_s = frame.t_s
+            up_rad = self._reporter.grid.convergence_rad
+            low = frame.pose.height_m <= SAME_SCALE * self._altitude_m
+            metres = self._metres_per_pixel if low else None
+            ground = patch(frame, metres_per_pixel=metres, up_rad=up_rad)
+            trusted = self.gnss == "good" and self._view.by_satellites
+            trusted = trusted and not self._view.has_no_fix
+            known = self._own.take(frame.t_s, ground, (told.east_m, told.north_m), trusted)
+            self._pictured_s, self._flown_m = now_s, 0.0
+            self._learn(known, now_s)
+        if self.gnss == "good":
+            return frame
+        if self.sigma_m > self._most_m:
+            raise ImageError(f"where it was taken is known to ±{self.sigma_m:.1f} m only")
+        place = GridPoint(told.east_m - self._off.east_m, told.north_m - self._off.north_m)
+        position = self._reporter.grid.position(place)
+        return replace(frame, pose=replace(frame.pose, position=position))
+
+    def _learn(self, known: Estimate, now_s: float) -> None:
+        """What a picture says of the told position."""
+        if self.gnss != "good":
+            self._take(known)
+            self._look_whether_right(now_s)
+            return
+        self.sigma_m = known.sigma_m
+        if self._own is None or now_s - self._compared_s < COMPARE_S:
+            return
+        self._compared_s = now_s
+        found = self._own.disagreement()
+        if found.wrong(self._wanted.tolerated_m):
+            self._own.track.distrust(found.since_s)
+            self._take(self._own.track.estimate())
+            self._changed("wrong", now_s)
+
+    def _take(self, known: Estimate) -> None:
+        self._correct(GridPoint(*known.error_m))
+        self.sigma_m = known.sigma_m
+        if self.gnss == "lost":
+            self._aid()
+
+    def _correct(self, off: GridPoint) -> None:
+        """From now on the told place is off by so much, along the grid's axes."""
+        self._off = off
+        grid, told = self._reporter.grid, self._view.told
+        if told is None:
+            return
+        there = grid.fixed(told)
+        true = grid.position(GridPoint(there.east_m - off.east_m, there.north_m - off.north_m))
+        self._view.off_deg = (told.lat_deg - true.lat_deg, told.lon_deg - true.lon_deg)
+        self._view.position = true
+        self._last = None
+
+    def _look_whether_right(self, now_s: float) -> None:
+        """Satellites that were wrong are gone by again once they have long agreed."""
+        if self.gnss != "wrong":
+            return
+        agrees = math.hypot(*self._off) + self.sigma_m < AGREE_M
+        if not agrees:
+            self._agrees_s = None
+            return
+        self._agrees_s = now_s if self._agrees_s is None else self._agrees_s
+        if now_s - self._agrees_s >= AGREE_S:
+            self._changed("good", now_s)
+
+    def _look_how_sure(self, now_s: float) -> None:
+        """Without pictures a vehicle knows less and less; who knows too little comes home."""
+        if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
+            known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
+            self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
+        if now_s - self._told_s >= TELL_S:
+            self._say(now_s)
+        if self._wanted.gnss_loss not in ("map", "leapfrog") or self._failed:
+            return
+        if self.sigma_m <= self._most_m:
+            self._unsure_s = None
+            return
+        self._unsure_s = now_s if self._unsure_s is None else self._unsure_s
+        if now_s - self._unsure_s >= UNSURE_S:
+            self._failed = True
+            what = "what both see of each other" if self._by_partner else "its own map"
+            self.fail(f"{what} tells where it is to ±{self.sigma_m:.0f} m only")
+
+    def _aid(self) -> None:
+        """Tell the autopilot where it is, where it has lost its satellites and knows less."""
+        now_s = self._reporter.now_s()
+        off_m = math.hypot(*self._off)
+        if now_s - self._aided_s < AID_EVERY_S or off_m < max(AID_M, self.sigma_m):
+            return
+        self._aided_s = now_s
+        if self._view.position is not None:
+            self.aid(self._view.position, self.sigma_m)

@@ -1,0 +1,143 @@
+"""A vehicle on its pad: armed, lifted off, given a fresh battery."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from missions.errors import CommandRefusedError, LinkError
+from missions.events import Airborne, BatterySwapped
+from missions.orders import TakeOff
+from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.reporter import Reporter
+from uavmap.aircraft.waiting import Waiting
+from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.session import Session
+
+Crew = Callable[[int], Awaitable[None]]
+"""Returns once the people on the ground have swapped a vehicle's battery and stand clear."""
+
+READY_S: Final = 120.0
+ARM_TRIES: Final = 10
+ARM_PAUSE_S: Final = 3.0
+CLIMB_TOLERANCE_M: Final = 0.4
+PAUSE_S: Final = 0.1
+"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
+MODE_S: Final = 2.5
+"""A new mode is told within this time."""
+HOME_S: Final = 5.0
+"""A position above the home that arming has set comes within this time."""
+LIFT_S: Final = 12.0
+"""A take-off that was accepted leaves the ground within this time."""
+FULL: Final = 0.9
+"""From this part of its capacity on a battery counts as fresh."""
+
+
+async def insist(ask: Callable[[], Awaitable[None]]) -> None:
+    """Ask until acknowledged: the watch on the link ends this when there is no link."""
+    while True:
+        try:
+            await ask()
+            return
+        except CommandRefusedError:
+            raise
+        except LinkError:
+            await asyncio.sleep(PAUSE_S)
+
+
+class Pad:
+    """Readies one vehicle on its pad and has it take off."""
+
+    def __init__(
+        self,
+        session: Session,
+        commands: Commands,
+        reporter: Reporter,
+        monitor: Monitor,
+        capacity_wh: float,
+        crew: Crew,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._session = session
+        self._commands = commands
+        self._view = session.view
+        self._reporter = reporter
+        self._monitor = monitor
+        self._capacity_wh = capacity_wh
+        self._crew = crew
+        self._tell = tell
+
+    async def take_off(self, order: TakeOff) -> None:
+        """Arm and climb; report that it is airborne. Raises `LinkError`."""
+        session, view, kind = self._session, self._view, self._view.kind
+        waiting = Waiting(self._reporter.name, session, self._tell)
+        if not await waiting.until(
+            lambda: view.ready_to_arm, READY_S, lambda: "the checks before arming"
+        ):
+            raise LinkError(f"not ready to arm within {READY_S:g} s{view.recent_texts()}")
+        await self._arm(waiting)
+        if kind.amsl:  # arming has moved home, and the height is to be above the new one
+            armed_s = asyncio.get_running_loop().time()
+            await session.until(lambda: view.position_s > armed_s, HOME_S)
+        lifted = lambda: self._monitor.was_airborne  # noqa: E731 - a name for three places
+        try:
+            await insist(lambda: self._commands.take_off(order.height_m, lifted))
+        except CommandRefusedError:
+            # its first copy may have been carried out, and only the answer was lost
+            if not await session.until(lifted, LIFT_S):
+                raise
+        reached = order.height_m - CLIMB_TOLERANCE_M
+        if not await session.until(
+            lambda: view.height_m >= reached and view.mode == kind.follows,
+            60.0 + 3.0 * order.height_m,
+        ):
+            raise LinkError(f"did not climb to {order.height_m:g} m{view.recent_texts()}")
+        reporter = self._reporter
+        reporter.report(
+            Airborne(
+                reporter.number,
+                reporter.t_s(),
+                home=reporter.home(),
+                home_amsl_m=reporter.home_amsl_m(),
+            )
+        )
+
+    async def _arm(self, waiting: Waiting) -> None:
+        """Into the mode that follows us, and motors on."""
+        kind = self._view.kind
+        for attempt in range(ARM_TRIES):
+            try:
+                self._monitor.commanded = (*self._monitor.commanded, *kind.ours)
+                await self._commands.follow()
+                # a PX4 acknowledges it unseen: only a heartbeat tells
+                await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
+                await self._commands.arm()
+                break
+            except LinkError:
+                if attempt == ARM_TRIES - 1:
+                    raise
+                await asyncio.sleep(ARM_PAUSE_S)
+        self._monitor.commanded = kind.ours
+
+    async def swap_battery(self) -> None:
+        """Wait for a fresh battery, and report it."""
+        reporter = self._reporter
+        capacity_wh = self._capacity_wh
+
+        def fresh() -> bool:
+            return (reporter.remaining_wh() or 0.0) >= FULL * capacity_wh
+
+        def what() -> str:
+            left_wh = reporter.remaining_wh()
+            told = "no charge told" if left_wh is None else f"{left_wh / capacity_wh:.0%} told"
+            return f"a fresh battery ({told}, {FULL:.0%} wanted)"
+
+        if self._view.is_simulator:
+            await self._session.until(fresh)
+        else:
+            await self._crew(reporter.number)
+            # a word without a battery is heard, and nothing would tell why nobody takes off
+            await Waiting(reporter.name, self._session, self._tell).until(fresh, math.inf, what)
+        reporter.report(BatterySwapped(reporter.number, reporter.t_s(), reporter.remaining()))

@@ -1,0 +1,85 @@
+"""What a vehicle tells the mission: telemetry in the mission's units, rounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from missions.errors import LinkError
+from missions.events import Event
+from missions.geo.grid import Grid
+from missions.units import GridPoint, LatLon
+from uavmap.mavlink.vehicle_view import VehicleView
+
+Report = Callable[[Event], None]
+
+BATTERY_STALE_S: Final = 10.0
+"""A charge that is older counts as none: the vehicle comes home while it can."""
+
+
+class Reporter:
+    """Events of one vehicle: its number, mission time, places in the fixed frame, its charge.
+
+    `report` takes an event to the mission; until a service runs, nobody listens. `battery_stale_s`
+    is in seconds of the loop's clock.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        name: str,
+        view: VehicleView,
+        capacity_wh: float,
+        grid: Grid,
+        now_s: Callable[[], float],
+        loop_s: Callable[[], float],
+        battery_stale_s: float = BATTERY_STALE_S,
+    ) -> None:
+        self.number = number
+        self.name = name
+        self.now_s = now_s
+        self.loop_s = loop_s
+        self.grid = grid
+        self.report: Report = lambda event: None
+        self._view = view
+        self._capacity_wh = capacity_wh
+        self._battery_stale_s = battery_stale_s
+
+    def t_s(self) -> float:
+        """Mission time, to a millisecond."""
+        return round(self.now_s(), 3)
+
+    def position(self) -> GridPoint:
+        """Where the vehicle is, in the fixed frame. Raises `LinkError` if it has not said."""
+        if self._view.position is None:
+            raise LinkError(f"{self.name}: the vehicle has not said where it is")
+        return self.place(self._view.position)
+
+    def home(self) -> GridPoint:
+        """Where its home is, in the fixed frame. Raises `LinkError` if it has not said."""
+        if self._view.home is None:
+            raise LinkError(f"{self.name}: the vehicle has not said where its home is")
+        return self.place(self._view.home)
+
+    def place(self, position: LatLon) -> GridPoint:
+        """A position in the fixed frame, to a centimetre."""
+        point = self.grid.fixed(position)
+        return GridPoint(round(point.east_m, 2), round(point.north_m, 2))
+
+    def height_m(self) -> float:
+        """Height above home, to a centimetre."""
+        return round(self._view.height_m, 2)
+
+    def home_amsl_m(self) -> float:
+        """Height of home above the sea, to a decimetre."""
+        return round(self._view.home_amsl_m, 1)
+
+    def remaining_wh(self) -> float | None:
+        """The charge, None when it is not known or not known any more."""
+        if self.loop_s() - self._view.battery_s > self._battery_stale_s:
+            return None
+        return self._view.remaining_wh(self._capacity_wh)
+
+    def remaining(self) -> float:
+        """The charge for an event; unknown counts as empty, so that the vehicle comes home."""
+        return round(self.remaining_wh() or 0.0, 3)

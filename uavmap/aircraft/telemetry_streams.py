@@ -1,0 +1,110 @@
+"""The streams of telemetry that a mission needs: asked for, and seen to come."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import operator
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefusedError, LinkError
+from uavmap.mavlink.session import Session
+
+SILENT_S: Final = 5.0
+"""A stream that is silent for longer, while the vehicle speaks, is asked for again so often."""
+TRIES: Final = 10
+"""... and so many times: an autopilot may not have it."""
+ASK_S: Final = 120.0
+"""So long all streams may take to be acknowledged."""
+
+
+class Streams:
+    """The streams of one vehicle: those of a mission, and those that others need (`also`)."""
+
+    def __init__(self, name: str, session: Session, *also: Mapping[int, float]) -> None:
+        self._name = name
+        self._also = also
+        self._session = session
+        self._view = session.view
+        self._reboots = 0
+        """How often the vehicle had restarted when they were asked for."""
+        self._asked_s = 0.0
+        self._tried: dict[int, int] = {}
+
+    async def ask(self, hears: Callable[[], bool]) -> None:
+        """Ask for every stream until it is acknowledged, for as long as the vehicle is heard.
+
+        A stream that is refused may come all the same; what is missing is said in the end. Raises
+        `LinkError`.
+        """
+        begin_s = asyncio.get_running_loop().time()
+        self._reboots = self._view.gate.clock.reboots
+        for message_id, rate_hz in self._rates.items():
+            while True:
+                try:
+                    await self._session.message_interval(message_id, rate_hz)
+                    break
+                except CommandRefusedError:
+                    break
+                except LinkError as error:
+                    waited_s = asyncio.get_running_loop().time() - begin_s
+                    if not hears() or waited_s > ASK_S:
+                        raise LinkError(
+                            f"{self._name}: {error} in {waited_s:.0f} s: the link loses too much, "
+                            "or it carries nothing towards the vehicle"
+                        ) from None
+
+    @property
+    def _rates(self) -> Mapping[int, float]:
+        """Hz, by message id."""
+        return functools.reduce(operator.or_, map(dict, self._also), dict(self._view.kind.streams))
+
+    @property
+    def go_on(self) -> bool:
+        """Whether a vehicle that speaks again sends all that it was asked for before.
+
+        Over a link that loses much, asking for everything anew would take a minute.
+        """
+        return self._view.gate.clock.reboots == self._reboots and all(
+            self._silent_s(message_id) < SILENT_S for message_id in self._rates
+        )
+
+    def keep(self) -> None:
+        """Ask again for what does not come, without waiting; call it about once a second.
+
+        An acknowledgement does not say which stream it is for: on a link that delays or doubles
+        frames one may have been taken for another's.
+        """
+        loop_s = asyncio.get_running_loop().time()
+        if loop_s - self._asked_s < SILENT_S:
+            return
+        self._asked_s = loop_s
+        for message_id, rate_hz in self._rates.items():
+            if self._silent_s(message_id) < SILENT_S:
+                self._tried[message_id] = 0
+            elif (tried := self._tried.get(message_id, 0)) < TRIES:
+                self._tried[message_id] = tried + 1
+                self._ask_once(message_id, rate_hz)
+
+    def _ask_once(self, message_id: int, rate_hz: float) -> None:
+        """Ask without waiting for an answer: that the stream comes is the answer."""
+        view = self._view
+        self._session.send(
+            mav.MAVLink_command_long_message(
+                view.system_id,
+                view.autopilot_component,
+                mav.MAV_CMD_SET_MESSAGE_INTERVAL,
+                0,
+                message_id,
+                round(1e6 / rate_hz),
+                *([0.0] * 5),
+            )
+        )
+
+    def _silent_s(self, message_id: int) -> float:
+        """How long a kind of message has not been heard."""
+        heard_s = self._session.heard_s.get(message_id, float("-inf"))
+        return asyncio.get_running_loop().time() - heard_s

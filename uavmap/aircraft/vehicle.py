@@ -1,0 +1,355 @@
+"""A vehicle of the mission: its link, its heartbeat, and the order that it carries out.
+
+    orders -> vehicle.give(order) -> MAVLink -> events
+
+`give` replaces whatever is being carried out (`uavmap.aircraft.manoeuvres`). What the vehicle does
+by itself, a pilot's mode change, a landing, is watched all the time
+(`uavmap.aircraft.guardian.monitor`), and so is the link. Its guardian
+(`uavmap.aircraft.guardian.guardian`) hears of every order, and may take the vehicle away.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefusedError, LinkError, leaves
+from missions.events import GivenUp, LinkLost, OrderFailed
+from missions.flight.setting import Setting
+from missions.guardian import Limits
+from missions.orders import FlyPath, Order, ReturnToLaunch
+from missions.planning.leapfrog_geometry import Role
+from missions.units import LatLon
+from uavmap.aircraft.autopilot_texts import Spoken
+from uavmap.aircraft.guarded_tasks import TasksOf
+from uavmap.aircraft.guardian.guardian import Guardian
+from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.leapfrog_sight import Leapfrog
+from uavmap.aircraft.manoeuvres import Manoeuvres
+from uavmap.aircraft.map_navigation import Navigation
+from uavmap.aircraft.pad import READY_S, Crew
+from uavmap.aircraft.reporter import BATTERY_STALE_S, Report, Reporter
+from uavmap.aircraft.stream_timeout import StreamTimeout
+from uavmap.aircraft.telemetry_streams import Streams
+from uavmap.aircraft.waiting import Waiting
+from uavmap.base.clock import ClockRate
+from uavmap.mavlink.answer import answered
+from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.landed_state import GroundBelow
+from uavmap.mavlink.session import Message, Session
+from uavmap.mavlink.vehicle_view import VehicleView
+
+LINK_LOST_S: Final = 5.0
+AFTER_ENDURANCE_S: Final = 60.0
+"""A silent vehicle that flew is given up so long after its battery must be empty."""
+ON_GROUND_S: Final = 120.0
+"""A silent vehicle on the ground is waited for so long, where nobody stands beside it."""
+
+
+class MavlinkVehicle:
+    """One vehicle of the mission, at the other end of a session.
+
+    `link_lost_s` is how long it may be silent, in seconds of the loop's clock. `ground_patience_s`
+    is how long a silent one on the ground is waited for; None: for as long as it takes a crew.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        name: str,
+        session: Session,
+        commands: Commands,
+        camera: CameraDriver,
+        setting: Setting,
+        mission_time_s: Callable[[], float],
+        crew: Crew,
+        link_lost_s: float = LINK_LOST_S,
+        *,
+        battery_stale_s: float = BATTERY_STALE_S,
+        ground_patience_s: float | None = ON_GROUND_S,
+        slack_s: float = 0.0,
+        by_places: bool = False,
+        tell: Callable[[str], None] = lambda text: None,
+        clock_rate: ClockRate | None = None,
+    ) -> None:
+        self.number = number
+        self.name = name
+        self._session = session
+        self._commands = commands
+        self._view = session.view
+        if setting.ground is not None:
+            session.view.ground = GroundBelow(setting.ground, setting.grid)
+        self._camera = camera
+        self._setting = setting
+        self._link_lost_s = link_lost_s
+        self._ground_patience_s = ground_patience_s
+        self._clock_rate = clock_rate
+        self._tell = tell
+        self._reporter = Reporter(
+            number,
+            name,
+            session.view,
+            setting.mission.battery.capacity_wh,
+            setting.grid,
+            mission_time_s,
+            lambda: asyncio.get_running_loop().time(),
+            battery_stale_s,
+        )
+        self._monitor = Monitor(self._reporter, session.view)
+        self._monitor.why = Spoken(self._reporter, session.view, tell).why
+        limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
+        self.guardian = Guardian(session, commands, self._reporter, self._monitor, limits, tell)
+        self.guardian.stand_aside = self._stand_aside
+        self.guardian.order_failed = self._order_failed
+        self._tell = tell
+        self._timeout = StreamTimeout(name, session, tell)
+        self._manoeuvres = Manoeuvres(
+            session, commands, camera, self._reporter, self._monitor, setting.mission, crew,
+            self._timeout, by_places=by_places, tell=tell,
+        )  # fmt: skip
+        self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)
+        self._navigation.act = self.guardian.take_over
+        self._navigation.fail = self._order_failed
+        self._navigation.aid = self._aid
+        self._monitor.navigation = self._manoeuvres.navigation = self._navigation
+        camera.navigation = self._navigation
+        self._aiding: asyncio.Task[None] | None = None
+        self._aids = True
+        """Whether its autopilot takes a position from elsewhere, as far as is known."""
+        self._manoeuvres.under_way = lambda order, target: self.guardian.told(
+            self._tasks_of.begun(order, target)
+        )
+        self._tasks: asyncio.TaskGroup | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._order: Order | None = None
+        self._tasks_of = TasksOf(self._reporter, session.view, setting)
+        self._streams = Streams(name, session, camera.streams, self._navigation.streams)
+        session.listen(self._on_message)
+
+    @property
+    def view(self) -> VehicleView:
+        """The latest of what the vehicle has said."""
+        return self._view
+
+    def leapfrog(self, both: Leapfrog, role: Role) -> None:
+        """Have it and another one look after each other."""
+        self._navigation.partner = both.join(role, self._reporter, self._view, self._session.listen)
+
+    def was_flying(self) -> None:
+        """It was in the air by our order when an earlier process ended: it is ours.
+
+        To be told before `connect`: should that fail, its guardian brings it home all the same.
+        """
+        self.guardian.entrusted = True
+
+    def was_returning(self) -> None:
+        """It was landing or returning by our order when an earlier process ended: it is ours."""
+        kind = self._view.kind
+        self._monitor.commanded = (kind.land, kind.rtl)
+
+    async def connect(self) -> None:
+        """Wait for the vehicle and ask for what the mission needs. Raises `LinkError`."""
+        session = self._session
+        await answered(session, self.name)
+        begin_s = asyncio.get_running_loop().time()
+        await self._streams.ask(self._hears)
+        session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        waiting = Waiting(self.name, session, self._tell)
+        while missing := self._missing(begin_s):
+            session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
+            if await waiting.until(
+                lambda: not self._missing(begin_s), 5.0, lambda: self._missing(begin_s)
+            ):
+                return
+            if not self._hears():
+                raise LinkError(f"{self.name}: the link was lost while waiting for {missing}")
+            if asyncio.get_running_loop().time() - begin_s > READY_S:
+                raise LinkError(f"{self.name}: the vehicle did not report {missing}")
+
+    async def run(self, report: Report, taken_in: Callable[[], Awaitable[None]]) -> None:
+        """Report and carry out orders until cancelled. `connect` comes first.
+
+        `taken_in` returns once the mission has taken in what was reported so far.
+        """
+        self._reporter.report = report
+        self._manoeuvres.taken_in = taken_in
+        async with asyncio.TaskGroup() as tasks:
+            self._tasks = tasks
+            try:
+                tasks.create_task(self._watch_link())
+                self._monitor.report_connected()
+                await asyncio.Event().wait()
+            finally:
+                self._tasks = None
+
+    def give(self, order: Order) -> None:
+        """Carry out an order instead of the present one.
+
+        While its guardian has the vehicle nothing is begun. A path after a path is flown without a
+        halt: nothing is called off.
+        """
+        if self._tasks is None:
+            raise RuntimeError("a vehicle takes orders only while it runs")
+        self._monitor.on_path = isinstance(order, FlyPath)
+        goes_on = isinstance(order, FlyPath) and self._flies_path(order)
+        if not goes_on:
+            self._stand_aside()
+        self.guardian.told(self._tasks_of.task(order))
+        if self.guardian.acting:
+            return
+        if goes_on:
+            self._order = order
+            return
+        self._order = order
+        if isinstance(order, ReturnToLaunch):
+            self.guardian.return_home("its way home cannot be flown as planned")
+            return
+        self._task = self._tasks.create_task(self._carry_out(order))
+
+    def land_here(self, reason: str) -> bool:
+        """Have its guardian land it where it is; False where it is not in the air and ours."""
+        if not self.guardian.responsible:
+            return False
+        self.guardian.take_over("land", reason)
+        return True
+
+    async def leave_as_found(self) -> None:
+        """Set back what was changed in the vehicle for the flight."""
+        if self._hears():
+            await self._timeout.restore()
+
+    def _flies_path(self, order: FlyPath) -> bool:
+        """Whether it flies a path, and goes on with this one."""
+        busy = self._task is not None and not self._task.done()
+        return busy and not self.guardian.acting and self._manoeuvres.goes_on(order)
+
+    def _stand_aside(self) -> None:
+        """End what is being carried out."""
+        self._manoeuvres.called_off()
+        if self._task is not None:
+            self._task.cancel()
+            self._task = None
+
+    async def _carry_out(self, order: Order) -> None:
+        try:
+            await self._manoeuvres.carry_out(order)
+        except* LinkError as group:
+            self._order_failed("; ".join(str(error) for error in leaves(group)))
+
+    def _aid(self, place: LatLon, sigma_m: float) -> None:
+        """Tell its autopilot where it is; one that does not take that is not asked again."""
+        busy = self._aiding is not None and not self._aiding.done()
+        if self._tasks is not None and self._aids and not busy:
+            self._aiding = self._tasks.create_task(self._tell_place(place, sigma_m))
+
+    async def _tell_place(self, place: LatLon, sigma_m: float) -> None:
+        try:
+            await self._commands.you_are_at(place, sigma_m)
+        except CommandRefusedError:
+            self._aids = False
+        except LinkError:
+            pass  # the next one comes soon
+
+    def _order_failed(self, reason: str, behind: bool = False) -> None:
+        name = type(self._order).__name__
+        self._reporter.report(
+            OrderFailed(self.number, self._reporter.t_s(), name, reason, behind=behind)
+        )
+
+    def _on_message(self, message: Message) -> None:
+        self._monitor.on_message(message)
+
+    # --- the link ----------------------------------------------------------------------------
+    async def _watch_link(self) -> None:
+        """Say when the vehicle falls silent, and take it up again whenever it speaks."""
+        monitor, reporter = self._monitor, self._reporter
+        given_up = False
+        give_up_after_s: float | None = None
+        while True:
+            await asyncio.sleep(1.0)
+            self._watch_clock()
+            if monitor.connected and not monitor.overridden and self._hears():
+                self._streams.keep()
+            if monitor.connected and self._silent_s() >= self._link_lost_s:
+                monitor.connected = given_up = False
+                give_up_after_s = self._waited_for_s()
+                reporter.report(LinkLost(self.number, reporter.t_s()))
+            elif not monitor.connected and self._hears():
+                with contextlib.suppress(LinkError):
+                    if not self._streams.go_on:
+                        await self.connect()
+                    await self._fresh_position()
+                    self._camera.uncertain()
+                    monitor.report_connected()
+                    self.guardian.heard_again()
+            elif (
+                not monitor.connected
+                and not given_up
+                and give_up_after_s is not None
+                and self._silent_s() > give_up_after_s
+            ):
+                given_up = True
+                reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+
+    def _watch_clock(self) -> None:
+        """Say it when the vehicle's time passes faster or slower than ours."""
+        boot_s = self._view.gate.clock.boot_s
+        if self._clock_rate is None or boot_s is None:
+            return
+        if wrong := self._clock_rate.take(self._view.position_s, boot_s):
+            self._tell(f"vehicle {self.number}: {wrong}")
+
+    async def _fresh_position(self) -> None:
+        """Wait for the next position: what is ordered now begins where it is, not where it was."""
+        begin_s = asyncio.get_running_loop().time()
+        await self._session.until(lambda: self._view.position_s >= begin_s, 1.0)
+
+    def _waited_for_s(self) -> float | None:
+        """How long a vehicle is waited for that has fallen silent."""
+        if not self._monitor.was_airborne:
+            return self._ground_patience_s
+        charge_wh = self._view.remaining_wh(self._setting.mission.battery.capacity_wh)
+        full_wh = self._setting.mission.battery.capacity_wh
+        left_wh = full_wh if charge_wh is None else charge_wh
+        endurance_s = left_wh * 3600.0 / self._setting.mission.battery.hover_power_w
+        return endurance_s + AFTER_ENDURANCE_S
+
+    def _silence(self) -> str:
+        """What is known of a vehicle that is given up."""
+        place = self._setting.grid.position(self._reporter.position())
+        where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
+        if not self._monitor.was_airborne:
+            return f"silent for {self._silent_s():.0f} s, on the ground at {where}"
+        return (
+            f"silent for {self._silent_s():.0f} s, longer than its battery can have lasted; last "
+            f"heard in the air at {where}, {self._view.height_m:.0f} m up"
+        )
+
+    def _silent_s(self) -> float:
+        """Since when a heartbeat or the position is missing.
+
+        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
+        """
+        last_s = min(self._view.heard_s, self._view.position_s)
+        return asyncio.get_running_loop().time() - last_s
+
+    def _hears(self) -> bool:
+        return asyncio.get_running_loop().time() - self._view.heard_s < self._link_lost_s
+
+    def _missing(self, since_s: float) -> str:
+        """What the vehicle has yet to tell; a position from before does not count."""
+        view = self._view
+        return " and ".join(
+            what
+            for what, known in (
+                ("its position", view.position_s >= since_s),
+                ("its home", view.home is not None),
+                ("its battery's charge", self._reporter.remaining_wh() is not None),
+            )
+            if not known
+        )

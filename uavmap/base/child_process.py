@@ -1,0 +1,71 @@
+"""A process of this program beside a flight: what it is started with, and what it complains of."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Collection
+from pathlib import Path
+from typing import Final
+
+_REMEMBERED: Final = 4096
+"""So many bytes of what it complains of are kept."""
+
+
+def environment() -> dict[str, str]:
+    """The environment in which such a process finds this very program."""
+    here = str(Path(__file__).parents[2])
+    paths = [here, *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+class Child:
+    """A module of this program, run as a process of its own, and told by `stdin`.
+
+    What it writes to its standard error is taken by a thread, so that it never waits for a reader.
+    `pass_fds`: open files that it inherits.
+    """
+
+    def __init__(self, module: str, name: str, pass_fds: Collection[int] = ()) -> None:
+        self.process = subprocess.Popen(
+            # -P: a folder `missions` where somebody works must not be taken for ours
+            [sys.executable, "-P", "-m", module],
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            pass_fds=pass_fds,
+            start_new_session=True,  # Ctrl-C is for the flight
+        )
+        process = self.process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        self.stdin, self.stdout, self._stderr = process.stdin, process.stdout, process.stderr
+        self._complaint = b""
+        self._listener = threading.Thread(target=self._listen, name=f"{name}-errors", daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            while piece := os.read(self._stderr.fileno(), _REMEMBERED):
+                self._complaint = (self._complaint + piece)[-_REMEMBERED:]
+
+    def last_words(self, wait_s: float = 0.0) -> str:
+        """The last line that it has complained of, empty for none.
+
+        `wait_s`: for who knows that it has ended, how long to wait for all of it, real seconds.
+        """
+        self._listener.join(wait_s)
+        lines = self._complaint.decode(errors="replace").strip().splitlines()
+        return lines[-1].strip() if lines else ""
+
+    def close(self, wait_s: float) -> None:
+        """It has ended: close what came from it, once that is read, or after so long."""
+        self._listener.join(wait_s)
+        for pipe in (self.stdout, self._stderr):
+            with contextlib.suppress(OSError):
+                pipe.close()

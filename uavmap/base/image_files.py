@@ -1,0 +1,89 @@
+"""Pictures from outside, decoded with care: JPEG or PNG, whole, of a size that was looked at
+first."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from missions.errors import ImageError, UavmapError
+from uavmap.base.printable import printable
+
+MAX_PICTURE_BYTES: Final = 64 * 2**20
+MAX_PIXELS: Final = 100_000_000
+"""Decoded, a picture of so many takes some 600 MB for a moment."""
+
+_FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as cameras write
+
+
+def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+    """Decode a picture, all of it.
+
+    Pillow decodes, not OpenCV: that fills what is missing of a truncated JPEG with gray and says
+    nothing. EXIF orientation is not applied.
+
+    Args:
+        data: A JPEG or PNG file.
+        name: What to call it in an error.
+        size_px: The columns and rows that it has to have; another size is not decoded.
+
+    Returns:
+        Shape (rows, columns, 3), uint8, blue-green-red.
+
+    Raises:
+        ImageError: not a picture, or corrupt, or cut short, or too large, or of another size.
+    """
+    if len(data) > MAX_PICTURE_BYTES:
+        raise ImageError(
+            f"{printable(name)}: {len(data)} bytes; a picture has at most {MAX_PICTURE_BYTES}"
+        )
+    with opened(io.BytesIO(data), name) as picture:
+        if size_px is not None and picture.size != size_px:
+            raise ImageError(
+                f"{printable(name)}: the picture is {picture.width} x {picture.height} px, the "
+                f"camera {size_px[0]} x {size_px[1]} px"
+            )
+        rgb = np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
+    return cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+
+
+@contextmanager
+def opened(source: Path | BinaryIO, name: str) -> Iterator[Image.Image]:
+    """Open a picture; what goes wrong with it, here or in the block, is an `ImageError`.
+
+    Its size is looked at before the block may decode it.
+    """
+    try:
+        with warnings.catch_warnings():
+            # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
+            warnings.simplefilter("ignore")
+            with Image.open(source, formats=_FORMATS) as picture:
+                _check_size(picture, name)
+                yield picture
+    except UavmapError:
+        raise
+    except UnidentifiedImageError as error:  # its own words tell where it lies in memory
+        kinds = ", ".join(_FORMATS)
+        raise ImageError(f"{printable(name)}: not a readable picture (no {kinds})") from error
+    except Exception as error:  # decoders raise whatever a damaged file leads them to
+        raise ImageError(
+            f"{printable(name)}: not a readable picture ({printable(str(error)) or type(error)})"
+        ) from error
+
+
+def _check_size(picture: Image.Image, name: str) -> None:
+    pixels = picture.width * picture.height
+    if pixels > MAX_PIXELS:
+        raise ImageError(
+            f"{printable(name)}: {picture.width} x {picture.height} px are too many; at most "
+            f"{MAX_PIXELS // 1_000_000} million are decoded"
+        )

@@ -1,0 +1,5 @@
+"""The version of the program. It imports nothing, so every room may import it."""
+
+from __future__ import annotations
+
+__version__ = "0.1.0"

@@ -1,1 +1,0 @@
-"""Where pictures come from: cameras, streams, folders, each behind `uavmap.cameras.source`."""

@@ -1,0 +1,127 @@
+"""Air that members ask each other for: questions, promises, and when it is ours.
+
+A vehicle that changes its height where others fly asks for the column in which it does. The others
+close it to themselves, leave it, and promise; once all have that are not done, it goes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from missions.events import Event
+from missions.fleet_events import Asked, Leased
+from missions.flight.airspace.deconfliction import meets
+from missions.flight.setting import Setting
+from missions.flight.state import Column, State
+from missions.flight.team.codec import Ask
+from missions.flight.team.members import may_close
+from missions.units import GridPoint
+from uavmap.fleet.peer import Peer
+
+MOST_ASK_S: Final = 600.0
+"""Nobody needs air for longer, and nobody keeps out of it for longer."""
+
+
+class Airspace:
+    """What one member asks for, and what it has promised the others, which are in `peers`.
+
+    Services act on what is posted. `hurry` has the next message said soon: somebody waits for it.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        number: int,
+        peers: Mapping[int, Peer],
+        now_s: Callable[[], float],
+        post: Callable[[Event], None],
+        hurry: Callable[[], None],
+    ) -> None:
+        self._setting = setting
+        self._number = number
+        self._peers = peers
+        self._now_s = now_s
+        self._post = post
+        self._hurry = hurry
+        self._column: Column | None = None
+        """The air that ours asks for..."""
+        self._question = 0
+        """... with the question of this number."""
+        self._leased = -1
+        """The question that all have promised."""
+
+    def ask_for(self, column: Column | None) -> None:
+        """Ask for the air that our vehicle wants, or no longer."""
+        if column == self._column:
+            return
+        self._column = column
+        # by the time, so that what was promised to an earlier start is no answer to this one
+        self._question = max(self._question + 1, round(1_000 * self._now_s()))
+        self._hurry()
+
+    @property
+    def question(self) -> Ask | None:
+        """What is asked now."""
+        column = self._column
+        if column is None:
+            return None
+        return Ask(
+            self._question, column.place, column.low_m, column.high_m, math.floor(column.until_s)
+        )
+
+    def hear(self, sender: int, ask: Ask | None, its_s: float, now_s: float) -> None:
+        """Close the air to ours that another asks for, for as long as it does by its own clock."""
+        peer = self._peers[sender]
+        if ask == peer.ask:
+            return
+        peer.ask = ask
+        t_s = round(now_s, 3)
+        # (what the message took is added to that: the air is closed longer here, never shorter)
+        for_s = 0.0 if ask is None else ask.until_s - its_s
+        if ask is None or not 0.0 < for_s <= MOST_ASK_S:
+            self._post(Asked(sender, t_s, GridPoint(0.0, 0.0), 0.0, 0.0, t_s))
+            return
+        until_s = round(now_s + for_s, 3)
+        self._post(Asked(sender, t_s, ask.place, ask.low_m, ask.high_m, until_s))
+        self._hurry()
+
+    def promises(self, state: State | None) -> dict[int, int]:
+        """Whose air we keep out of: of those who have asked, and whom our own wish does not meet.
+
+        The reducer has closed it to us when the question came; the promise is given once we are
+        out of it. Of two who want the same air the lower number has it first, unless the other has
+        it already.
+        """
+        found: dict[int, int] = {}
+        if state is None:
+            return found
+        for number, peer in self._peers.items():
+            column = state.closed.get(number)
+            if peer.ask is None or column is None or peer.ask.place != column.place:
+                continue
+            ours = self._column
+            first = self._leased == self._question or self._number < number
+            wanted = ours is not None and meets(self._setting, ours, column) and first
+            if not wanted and may_close(self._setting, state, column):
+                found[number] = peer.ask.number
+        return found
+
+    def hear_promise(self, sender: int, question: int) -> None:
+        """Another has promised this question of ours, -1 for none.
+
+        Our service is told once everybody who could be in that air has promised.
+        """
+        self._peers[sender].promised = question
+        column = self._column
+        if column is None or self._leased == self._question:
+            return
+        others = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
+        if all(self._keeps_out(self._peers.get(number)) for number in others):
+            self._leased = self._question
+            t_s = round(self._now_s(), 3)
+            self._post(Leased(self._number, t_s, column.place, column.until_s))
+
+    def _keeps_out(self, peer: Peer | None) -> bool:
+        return peer is not None and (peer.done or peer.promised == self._question)

@@ -1,0 +1,152 @@
+"""The radio and the seal of a member that flies a real vehicle."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+import time
+from collections.abc import AsyncIterator, Callable, Mapping
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from missions.errors import LinkError
+from missions.mission.schema import Mission
+from uavmap.fleet.endpoints import FleetEndpoint, parse_endpoint
+from uavmap.fleet.fleet_key import fleet_key
+from uavmap.fleet.multicast_radio import MulticastRadio
+from uavmap.fleet.radio import Radio, Radios, SealedRadio
+from uavmap.fleet.sealing import Seal
+from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
+from uavmap.journal.flight_options import FleetNetwork
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.mavlink.links.key_file import read_key
+
+TOLD_AT_END: Final = {
+    "not sealed with our key": " (another --fleet-key, or another mission file, or a stranger)",
+    "from another with our number": " (give every vehicle a number of its own with --vehicle)",
+    "damaged": "",
+}
+_LOG: Final = logging.getLogger("uavmap.fleet")
+START: Final = "fleet_start"
+"""In the journal's meta: the number of the member's latest start."""
+
+
+class HoldsMeta(Protocol):
+    """What is needed of a journal."""
+
+    @property
+    def meta(self) -> Mapping[str, Any]:
+        """What is said of the mission as a whole."""
+        ...
+
+    def put_meta(self, key: str, value: Any) -> None:
+        """Change it."""
+        ...
+
+
+@contextlib.asynccontextmanager
+async def joined_fleet(
+    plan: FlightPlan, mission: Mission, journal: HoldsMeta
+) -> AsyncIterator[SealedRadio | None]:
+    """The radio of a member and its seal, until the end of the context.
+
+    None for a flight that is of no fleet, or whose member reaches nobody. Raises `LinkError`,
+    `JournalError`.
+    """
+    network = plan.network
+    if plan.member is None or network is None or network.alone:
+        if plan.member is not None:
+            _LOG.info("neither --listen nor --peer nor --router: it flies alone, and hears nobody")
+        yield None
+        return
+    seal = member_seal(network, mission, plan.member, journal)
+    async with opened_radio(network, mission) as radio:
+        yield SealedRadio(radio, seal)
+    _log_refused(seal)
+
+
+def _log_refused(seal: Seal) -> None:
+    """Log how many datagrams were refused, by reason."""
+    for reason, count in sorted(seal.refused.items()):
+        if reason in TOLD_AT_END:
+            _LOG.info(f"{count} datagrams were refused: {reason}{TOLD_AT_END[reason]}")
+
+
+def check_network(network: FleetNetwork | None) -> None:
+    """Raise `LinkError` for what cannot be opened, before anything is: endpoints, key, Zenoh."""
+    if network is None:
+        return
+    groups, links = _endpoints(network)
+    if network.key_file is None and not network.alone:
+        raise LinkError(
+            "--fleet-key FILE is missing: only who has the key of the fleet is believed; "
+            "`uavmap keys new FILE` makes one, every vehicle gets a copy"
+        )
+    if groups or links.all:
+        read_key(Path(network.key_file or ""))
+    if links.all:
+        imported_zenoh()
+
+
+def member_seal(
+    network: FleetNetwork,
+    mission: Mission,
+    number: int,
+    journal: HoldsMeta,
+    now_utc_s: Callable[[], float] = time.time,
+) -> Seal:
+    """The seal of a member at a new start, which is higher than any before.
+
+    It is in the journal before anything is sealed with it; a computer whose clock was set back
+    counts on from there. Raises `LinkError` for the key, `JournalError`.
+    """
+    start = max(int(journal.meta.get(START, 0)) + 1, int(now_utc_s()))
+    journal.put_meta(START, start)
+    key = fleet_key(read_key(Path(network.key_file or "")), mission)
+    return Seal(key, number, start)
+
+
+@contextlib.asynccontextmanager
+async def opened_radio(network: FleetNetwork, mission: Mission) -> AsyncIterator[Radio]:
+    """The radio of a network, open until the end of the context. Raises `LinkError`."""
+    groups, links = _endpoints(network)
+    parts: list[Radio] = []
+    async with contextlib.AsyncExitStack() as stack:
+        for group in groups:
+            by_group = MulticastRadio(group)
+            by_group.open()
+            stack.callback(by_group.close)
+            parts.append(by_group)
+        if links.all:
+            by_zenoh = ZenohRadio(links, key_expression(mission.name))
+            by_zenoh.open()
+            stack.push_async_callback(by_zenoh.close)
+            parts.append(by_zenoh)
+        yield parts[0] if len(parts) == 1 else Radios(parts)
+
+
+def key_expression(name: str) -> str:
+    """Under which key the members of a mission publish, and subscribe.
+
+    >>> key_expression("north field #2")
+    'uavmap/north-field--2'
+    """
+    return "uavmap/" + (re.sub(r"[^A-Za-z0-9_-]", "-", name)[:40] or "mission")
+
+
+def _endpoints(network: FleetNetwork) -> tuple[list[FleetEndpoint], ZenohLinks]:
+    """The multicast groups, and what Zenoh is for. Raises `LinkError`."""
+    listen = [parse_endpoint("--listen", text) for text in network.listen]
+    groups = [endpoint for endpoint in listen if endpoint.multicast]
+    links = ZenohLinks(
+        tuple(endpoint for endpoint in listen if not endpoint.multicast),
+        tuple(parse_endpoint("--peer", text) for text in network.peers),
+        tuple(parse_endpoint("--router", text) for text in network.routers),
+    )
+    if links.routers and (links.listen or links.peers):
+        raise LinkError(
+            "--router carries all there is: leave out --peer and --listen (a multicast group may "
+            "stand beside it)"
+        )
+    return groups, links

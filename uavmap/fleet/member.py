@@ -1,0 +1,332 @@
+"""A member of a fleet: tells the others what it knows and does, and takes in what they tell.
+
+Every `BEAT_S` or so it says who it is and where, what it holds, and how many facts of each member
+it knows; then facts that were not told yet, then those that somebody lacks, as many as the budget
+of bytes allows. What it hears becomes events for its service: `Shared`, `Heard`, `Apart`. So a
+member is as a vehicle to the service, and the journal holds what others have seen, with its origin.
+What it knows of others is in `peers`, which all parts of it share.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Final
+
+from missions.events import (
+    Continued,
+    Event,
+    FrameSeen,
+    LiftedOff,
+    Paused,
+    Recalled,
+    Tracked,
+    VehicleRecalled,
+)
+from missions.fleet_events import Allotted, Apart, Part, Shared
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.team.bits import BytesError
+from missions.flight.team.codec import Message, Presence, Word, decode, encode
+from missions.flight.team.knowledge import NOTHING, Knowledge
+from missions.flight.team.own_cells import OwnCells
+from missions.mapping.belief import Belief
+from uavmap.base import messages
+from uavmap.fleet.airspace_leases import Airspace
+from uavmap.fleet.fleet_clock import FleetClock
+from uavmap.fleet.peer import Peer
+from uavmap.fleet.presence import heard_of, presence_of
+from uavmap.fleet.radio import Radio
+from uavmap.fleet.reports import Telling
+from uavmap.fleet.sealing import CODE_BYTES, Seal
+
+BEAT_S: Final = 2.0
+QUIET_S: Final = 6.0
+"""So long a member is silent at most while it saves bytes for what it has to tell."""
+HAVE_EVERY: Final = 2
+"""Every so many messages tell what the sender knows."""
+APART_S: Final = 12.0
+"""Who was not heard for so long is out of contact."""
+BYTES_A_MINUTE: Final = 4_500
+"""What a member may send, headers included: 5 kB is what a narrow radio has for each."""
+BURST_BYTES: Final = 2_000
+"""So much may be saved up: who comes back into contact has much to tell."""
+MOST_BYTES: Final = 900
+"""Of facts in a datagram, which stays below what any network carries whole."""
+HEADER_BYTES: Final = CODE_BYTES + 12
+"""Of a seal."""
+PARTS_EVERY_S: Final = 6.0
+"""Who maps what is told at most so often."""
+SOON_S: Final = 0.5
+"""What somebody waits for is said at most so often."""
+
+
+class Member:
+    """One member's part in the talk of its fleet."""
+
+    def __init__(
+        self,
+        setting: Setting,
+        seal: Seal,
+        radio: Radio,
+        now_s: Callable[[], float],
+        post: Callable[[Event], None],
+    ) -> None:
+        self._setting = setting
+        self._seal = seal
+        self._radio = radio
+        self._now_s = now_s
+        self._post = post
+        self._log = messages.bound("uavmap.fleet")
+        self._number = seal.member
+        none = Belief(setting.mission.votes.frames, setting.mission.votes.positive)
+        self._own = OwnCells(none, none)
+        """Not of the state, whose map counts what others have decided as votes, too."""
+        self.knowledge = Knowledge()
+        self.peers: dict[int, Peer] = {}
+        self._clock = FleetClock(setting, self._number, self.peers)
+        self._airspace = Airspace(
+            setting, self._number, self.peers, now_s, post, hurry=self.beat_soon
+        )
+        self._telling = Telling(self._number, self.peers)
+        self._budget = float(BURST_BYTES)
+        self._budget_s = now_s()
+        self._state: State | None = None
+        self._words: dict[int, Word] = {}
+        self._beaten_s = -math.inf
+        self._messages = 0
+        self._urgent = False
+        self._soon: asyncio.TimerHandle | None = None
+        self._failed = False
+        self._parts_s = (-math.inf, -math.inf)
+        """Of when what was told last of who maps what is, and when it was told."""
+        self.damaged = 0
+
+    def remember(self, events: Iterable[Event]) -> None:
+        """Take in what the journal of an earlier start holds."""
+        for event in events:
+            self._note(event)
+            if isinstance(event, Shared):
+                self.knowledge.take(event.vehicle, event.first, event.frames)
+
+    def observe(self, event: Event, state: State) -> None:
+        """Our service has acted on an event."""
+        self._state = state
+        self._note(event)
+        self._airspace.ask_for(state.vehicles[self._number].asks if state.ours else None)
+
+    def _note(self, event: Event) -> None:
+        if isinstance(event, LiftedOff):
+            self._clock.begun = True
+        if isinstance(event, FrameSeen | Tracked) and event.vehicle == self._number:
+            known, own = self.knowledge.upto(self._number), self._own
+            new = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+            self.knowledge.take(self._number, known, new)
+
+    # --- the clock -----------------------------------------------------------------------------
+    async def agree(self, wait_s: float) -> float:
+        """Listen until all are heard, or for so long; returns by how much our clock has to go on.
+
+        What others tell of cells is taken once `clock_moved` was called.
+        """
+        return await self._clock.agree(wait_s)
+
+    def clock_moved(self, by_s: float) -> None:
+        """Our clock was put forward, or back, by so much: as `agree` said."""
+        self._clock.moved(by_s)
+        self._budget_s += by_s
+        self._telling.clock_moved(by_s)
+
+    # --- an operator's word --------------------------------------------------------------------
+    def order(self, word: Word) -> None:
+        """Tell all what an operator has ordered, and do it."""
+        known = self._words.get(word.vehicle)
+        if known is not None and known.stamp >= word.stamp:
+            return
+        self._words[word.vehicle] = word
+        t_s = round(self._now_s(), 3)
+        if word.vehicle == 0:
+            said = {"recall": Recalled, "pause": Paused, "continue": Continued}
+            self._post(said[word.order](t_s))
+        elif word.vehicle == self._number and word.order == "recall":
+            self._post(VehicleRecalled(self._number, t_s))
+
+    # --- speaking ------------------------------------------------------------------------------
+    async def run(self) -> None:
+        """Talk until cancelled."""
+        self._radio.listen(self.heard)
+        while True:
+            self._beat_safely()
+            await asyncio.sleep(BEAT_S)
+
+    def beat_soon(self) -> None:
+        """Speak before the next beat: somebody waits for it."""
+        if self._soon is not None:
+            return
+        loop = asyncio.get_running_loop()
+        wait_s = max(self._beaten_s + SOON_S - self._now_s(), 0.05)
+        self._soon = loop.call_later(wait_s, self._beat_now)
+
+    def _beat_now(self) -> None:
+        self._soon = None
+        self._urgent = True
+        self._beat_safely()
+
+    def _beat_safely(self) -> None:
+        """Aircraft are flown whether the talk fails or not; that it fails is told once."""
+        try:
+            self.beat()
+        except Exception as failure:
+            if self._failed:
+                return
+            self._failed = True
+            self._log.info(
+                f"the talk with the fleet fails ({type(failure).__name__}: {failure}), which is a "
+                "defect of the program; each aircraft goes on by itself"
+            )
+
+    def beat(self) -> None:
+        """Say what there is to say, and note who is out of contact."""
+        now_s = self._now_s()
+        for number, peer in sorted(self.peers.items()):
+            if not peer.apart and now_s - peer.heard_s > APART_S:
+                peer.apart = True
+                self._post(Apart(number, round(now_s, 3)))
+        self._budget += (now_s - self._budget_s) * BYTES_A_MINUTE / 60.0
+        self._budget = min(self._budget, BURST_BYTES)
+        self._budget_s = now_s
+        for errand in self._seal.errands():
+            self._send(errand)
+        message = self._message(now_s)
+        sealed_bytes = HEADER_BYTES + len(encode(message))
+        spare = int(self._budget) - self._radio.overhead_bytes - sealed_bytes
+        if spare < 0 and not self._urgent and now_s - self._beaten_s < QUIET_S - 1e-6:
+            return
+        self._beaten_s, self._urgent = now_s, False
+        if message.parts and self._state is not None and self._state.allotment is not None:
+            self._parts_s = (self._state.allotment.made_s, now_s)
+        self._messages += 1
+        room = min(spare, MOST_BYTES)
+        message = replace(message, batches=self._telling.batches(self.knowledge, now_s, room))
+        datagram = self._seal.sealed(encode(message))
+        self._send(datagram)
+        if len(datagram) > MOST_BYTES / 2 and self._budget > MOST_BYTES / 2:
+            self.beat_soon()  # there is more to tell, and enough was saved
+
+    def _message(self, now_s: float) -> Message:
+        """What is said besides facts."""
+        return Message(
+            now_s,
+            self._presence(),
+            self.knowledge.have if self._messages % HAVE_EVERY == 0 else {},
+            words=tuple(self._words[vehicle] for vehicle in sorted(self._words)),
+            begun=self._clock.begun or self._clock.agreed,
+            ask=self._airspace.question,
+            promised=self._airspace.promises(self._state),
+            parts=self._parts(now_s),
+        )
+
+    def _parts(self, now_s: float) -> tuple[Part, ...]:
+        """Who is to map what, if our service has laid that out anew."""
+        found = None if self._state is None else self._state.allotment
+        if found is None or found.by != self._number or found.made_s == self._parts_s[0]:
+            return ()
+        if now_s < self._parts_s[1] + PARTS_EVERY_S:
+            return ()
+        return tuple(Part(number, places) for number, places in sorted(found.parts.items()))
+
+    def _send(self, datagram: bytes) -> None:
+        self._budget -= len(datagram) + self._radio.overhead_bytes
+        self._radio.send(datagram)
+
+    def _presence(self) -> Presence | None:
+        state = self._state
+        if state is None or self._number not in state.vehicles:
+            return None
+        return presence_of(self._setting, state, state.vehicles[self._number])
+
+    # --- hearing -------------------------------------------------------------------------------
+    def heard(self, datagram: bytes) -> None:
+        """A datagram has come in."""
+        opened = self._seal.opened(datagram)
+        if opened is None:
+            return
+        sender, body = opened
+        try:
+            message = decode(body)
+        except BytesError:
+            self.damaged += 1
+            return
+        now_s = self._now_s()
+        peer = self.peers.setdefault(sender, Peer(now_s))
+        peer.heard_s, peer.apart = now_s, False
+        self._clock.heard(peer, message.t_s, now_s, begun=message.begun)
+        for word in message.words:
+            self.order(word)
+        # what one does or asks for now is told by its last message: facts alone may come late
+        latest = not self._seal.overtaken
+        if latest:
+            self._hear_state(sender, peer, message, now_s)
+        if not self._clock.agreed or self._clock.is_elsewhere(sender):
+            return  # what is not taken is told again
+        for batch in message.batches:
+            if batch.origin == self._number:
+                continue
+            for run in self.knowledge.take(batch.origin, batch.first, batch.facts):
+                self._post(Shared(batch.origin, round(now_s, 3), run.first, run.facts))
+        if latest and message.presence is not None and self._is_vehicle(sender):
+            self._post(heard_of(self._setting, sender, now_s, message.presence))
+            if message.parts:
+                self._post(Allotted(sender, round(now_s, 3), message.parts))
+
+    def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
+        """What another is, knows, asks for and has promised now."""
+        before = peer.have
+        if message.have:
+            peer.have, peer.have_s = message.have, now_s
+        if message.presence is not None:
+            peer.done = message.presence.does in ("ended", "down")
+        else:  # one that flies a vehicle, and has just started, does not know yet what it does
+            peer.done = not self._is_vehicle(sender)
+        peer.told_all = peer.done and (peer.told_all or bool(message.have))
+        peer.begun = message.begun
+        missing = self.knowledge.missing(peer.have)
+        got = {
+            origin
+            for origin in missing
+            if peer.have.get(origin, NOTHING).top > before.get(origin, NOTHING).top
+        }
+        peer.lacks_since_s = {
+            origin: now_s if origin in got else peer.lacks_since_s.get(origin, now_s)
+            for origin in missing
+        }
+        if self._clock.agreed:
+            self._airspace.hear(sender, message.ask, message.t_s, now_s)
+            self._airspace.hear_promise(sender, message.promised.get(self._number, -1))
+
+    def _is_vehicle(self, number: int) -> bool:
+        return 0 < number <= len(self._setting.mission.vehicles)
+
+    def end(self) -> None:
+        """Say nothing more."""
+        if self._soon is not None:
+            self._soon.cancel()
+
+    @property
+    def all_done(self) -> bool:
+        """Whether everybody that was ever heard is done."""
+        return all(peer.done for peer in self.peers.values())
+
+    @property
+    def level(self) -> bool:
+        """Whether everybody in contact knows what is known here, and nobody knows more."""
+        return all(
+            peer.done
+            and (peer.told_all or not self.knowledge.have)
+            and not self.knowledge.missing(peer.have)
+            and not self.knowledge.lacking(peer.have)
+            for peer in self.peers.values()
+            if not peer.apart
+        )

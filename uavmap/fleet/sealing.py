@@ -1,0 +1,161 @@
+"""Datagrams that only holders of the mission's key can have made, and each is taken once.
+
+A datagram carries its sender's number, the number of its start, a counter, and a code of all of
+that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one; of one start
+each counter is taken once, in a window for datagrams that overtake each other. Clocks have no part
+in this: one that is off by an hour changes nothing.
+
+Somebody who recorded an earlier flight with the same key could play it to a member that has heard
+nobody yet. So a start is believed only when it was proven to be alive: whoever hears an unknown one
+asks with a number of its own, never used before, and the answer holds that number.
+"""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from hashlib import blake2s
+from typing import Final
+
+from missions.flight.team.bits import BytesError, Reader, Writer
+
+CODE_BYTES: Final = 8
+NONCE_BYTES: Final = 8
+WINDOW: Final = 64
+"""So many counters back a datagram may come late."""
+MOST_SENDERS: Final = 1_000
+DATA: Final = 0
+ASKS: Final = 1
+"""The body holds a number that nobody can know beforehand..."""
+ANSWERS: Final = 2
+"""... and this one holds numbers that were asked with."""
+
+
+class _RefusedError(Exception):
+    """Why a datagram is not believed."""
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What was taken of one start of one sender."""
+
+    start: int
+    last: int = -1
+    window: int = 0
+    """A bit for each of the counters before `last`, the nearest one lowest."""
+
+
+@dataclass(slots=True)
+class Seal:
+    """Seals what a member says and opens what it hears."""
+
+    key: bytes
+    member: int
+    start: int
+    """Higher at each start of this member's program."""
+    refused: Counter[str] = field(default_factory=Counter)
+    """How many datagrams were not believed, by reason."""
+    overtaken: bool = False
+    """Whether a later one of the same sender was opened before the one that was opened last."""
+    _counter: int = 0
+    _nonce: bytes = field(default_factory=lambda: secrets.token_bytes(NONCE_BYTES))
+    _heard: dict[int, _Heard] = field(default_factory=dict)
+    _asked: deque[bytes] = field(default_factory=lambda: deque(maxlen=16))
+    """What others have asked with, and was not answered yet."""
+    _ask: bool = False
+
+    def sealed(self, body: bytes, kind: int = DATA) -> bytes:
+        """A datagram."""
+        out = Writer()
+        out.count(kind)
+        out.count(self.member)
+        out.count(self.start)
+        out.count(self._counter)
+        out.raw(body)
+        self._counter += 1
+        return out.data + self._code(out.data)
+
+    def opened(self, datagram: bytes) -> tuple[int, bytes] | None:
+        """Who says what; None for what is not to be believed, is not new, or asks or answers."""
+        try:
+            return self._opened(datagram)
+        except _RefusedError as refused:
+            self.refused[str(refused)] += 1
+            return None
+
+    def _opened(self, datagram: bytes) -> tuple[int, bytes] | None:
+        head, code = datagram[:-CODE_BYTES], datagram[-CODE_BYTES:]
+        if not hmac.compare_digest(self._code(head), code):
+            raise _RefusedError("not sealed with our key")
+        try:
+            inp = Reader(head)
+            kind, sender, start, counter = (inp.count() for _ in range(4))
+            body = inp.raw()
+            whole = inp.at_end
+        except BytesError:
+            raise _RefusedError("damaged") from None
+        if not whole or kind not in (DATA, ASKS, ANSWERS):
+            raise _RefusedError("damaged")
+        if sender == self.member:
+            if start == self.start and counter < self._counter:  # our own, come back
+                return None
+            raise _RefusedError("from another with our number")
+        if kind == ASKS:
+            self._asked.append(body)
+            return None
+        if kind == ANSWERS and self._nonce in _parts(body):
+            self._believe(sender, start)
+        heard = self._heard.get(sender)
+        if heard is None or start > heard.start:
+            self._ask = True
+            raise _RefusedError("not known to be alive yet")
+        if start < heard.start:
+            raise _RefusedError("from an earlier start")
+        if not _is_new(heard, counter):
+            raise _RefusedError("heard before")
+        self.overtaken = counter < heard.last
+        return (sender, body) if kind == DATA else None
+
+    def errands(self) -> list[bytes]:
+        """Datagrams that have to be sent so that we are believed, and others are by us."""
+        out = []
+        if self._asked:
+            out.append(self.sealed(b"".join(dict.fromkeys(self._asked)), ANSWERS))
+            self._asked.clear()
+        if self._ask:
+            out.append(self.sealed(self._nonce, ASKS))
+            self._ask = False
+        return out
+
+    def _believe(self, sender: int, start: int) -> None:
+        heard = self._heard.get(sender)
+        if heard is None or start > heard.start:
+            if heard is None and len(self._heard) >= MOST_SENDERS:
+                return
+            self._heard[sender] = _Heard(start)
+
+    def _code(self, head: bytes) -> bytes:
+        return blake2s(head, key=self.key, digest_size=CODE_BYTES, person=b"uavmap 1").digest()
+
+
+def _parts(body: bytes) -> list[bytes]:
+    return [body[k : k + NONCE_BYTES] for k in range(0, len(body), NONCE_BYTES)]
+
+
+def _is_new(heard: _Heard, counter: int) -> bool:
+    """Whether a counter was not taken before; takes it."""
+    ahead = counter - heard.last
+    if ahead > 0:
+        heard.window = (
+            ((heard.window << 1 | (heard.last >= 0)) << (ahead - 1)) if ahead <= WINDOW else 0
+        )
+        heard.window &= (1 << WINDOW) - 1
+        heard.last = counter
+        return True
+    back = -ahead - 1
+    if ahead == 0 or back >= WINDOW or heard.window >> back & 1:
+        return False
+    heard.window |= 1 << back
+    return True

@@ -1,0 +1,144 @@
+"""A simulated air between members in one process: range, loss, delay, partitions, bandwidth."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import random
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from missions.partition import Partition
+from missions.units import GridPoint
+from uavmap.fleet.link_models import RANGE, link_words
+
+OVERHEAD_BYTES: Final = 28
+"""Of IPv4 and UDP: what a datagram takes on the air besides itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkModel:
+    """What becomes of a datagram between two members."""
+
+    range_m: float = math.inf
+    loss: float = 0.0
+    delay_s: float = 0.02
+    jitter_s: float = 0.0
+    doubled: float = 0.0
+    bytes_per_s: float = math.inf
+    """How much one sender gets through; what is more waits, and is lost beyond a second of it."""
+    partitions: Sequence[Partition] = ()
+
+
+MEETING_M: Final = 20.0
+"""Who is nearer to another than this meets it."""
+
+
+def link_model(text: str) -> LinkModel:
+    """A model by its name and values, as on the command line.
+
+    Raises ValueError for anything else, with what to write.
+
+    >>> link_model("range:200,loss:0.1").range_m
+    200.0
+    >>> link_model("meeting").range_m
+    20.0
+    """
+    words = link_words(text, ("free", "meeting"), "METRES", ("loss", "delay", "jitter", "rate"))
+    values = words.numbers
+    far_m = MEETING_M if words.kind == "meeting" else values.get(RANGE, math.inf)
+    none = LinkModel()
+    return LinkModel(
+        range_m=far_m,
+        loss=values.get("loss", none.loss),
+        delay_s=values.get("delay", none.delay_s),
+        jitter_s=values.get("jitter", none.jitter_s),
+        bytes_per_s=values.get("rate", none.bytes_per_s),
+    )
+
+
+@dataclass(slots=True)
+class Air:
+    """The air that members share, on the event loop's time, the same for the same seed."""
+
+    model: LinkModel
+    seed: int = 0
+    sent_bytes: dict[int, int] = field(default_factory=dict)
+    """On the air, by sender, with `OVERHEAD_BYTES` a datagram."""
+    _places: dict[int, Callable[[], tuple[GridPoint, float]]] = field(default_factory=dict)
+    _heard: dict[int, Callable[[bytes], None]] = field(default_factory=dict)
+    _free_s: dict[int, float] = field(default_factory=dict)
+    _random: random.Random = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._random = random.Random(self.seed)
+
+    def radio(self, member: int, place: Callable[[], tuple[GridPoint, float]]) -> AirRadio:
+        """The radio of a member, which is where `place` says: over ground, and how high."""
+        self._places[member] = place
+        return AirRadio(self, member)
+
+    def silence(self, member: int) -> None:
+        """A member's program has ended: it neither hears nor is heard."""
+        self._heard.pop(member, None)
+
+    def can_hear(self, one: int, other: int, t_s: float) -> bool:
+        """Whether two are in range of each other, and nothing parts them."""
+        if any(partition.parts(one, other, t_s) for partition in self.model.partitions):
+            return False
+        if math.isinf(self.model.range_m):
+            return True
+        (here, low_m), (there, high_m) = self._places[one](), self._places[other]()
+        return math.hypot(here.distance_to(there), high_m - low_m) <= self.model.range_m
+
+    def carry(self, sender: int, datagram: bytes, to: Collection[int] | None = None) -> None:
+        """Let whoever is in range hear a datagram, or not."""
+        loop = asyncio.get_running_loop()
+        now_s, model = loop.time(), self.model
+        size = len(datagram) + OVERHEAD_BYTES
+        begin_s = max(self._free_s.get(sender, 0.0), now_s)
+        if begin_s - now_s > 1.0:
+            return
+        end_s = begin_s + size / model.bytes_per_s
+        self._free_s[sender] = end_s
+        self.sent_bytes[sender] = self.sent_bytes.get(sender, 0) + size
+        for other in sorted(self._heard):
+            if other == sender or (to is not None and other not in to):
+                continue
+            lost, twice = self._random.random() < model.loss, self._random.random() < model.doubled
+            late_s = [self._random.random() * model.jitter_s for _ in range(2)]
+            if lost or not self.can_hear(sender, other, now_s):
+                continue
+            for copy in range(2 if twice else 1):
+                loop.call_at(end_s + model.delay_s + late_s[copy], self._deliver, other, datagram)
+
+    def _deliver(self, member: int, datagram: bytes) -> None:
+        heard = self._heard.get(member)
+        if heard is not None:
+            heard(datagram)
+
+    def joined(self, member: int, heard: Callable[[bytes], None]) -> None:
+        """A member listens from now on."""
+        self._heard[member] = heard
+
+
+@dataclass(frozen=True, slots=True)
+class AirRadio:
+    """One member's radio in a simulated air."""
+
+    air: Air
+    member: int
+
+    @property
+    def overhead_bytes(self) -> int:
+        """What a datagram takes on the air besides itself."""
+        return OVERHEAD_BYTES
+
+    def send(self, datagram: bytes) -> None:
+        """Send to all in range."""
+        self.air.carry(self.member, datagram)
+
+    def listen(self, heard: Callable[[bytes], None]) -> None:
+        """Have what comes in passed on."""
+        self.air.joined(self.member, heard)

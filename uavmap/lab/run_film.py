@@ -1,0 +1,88 @@
+"""The film of a simulated run, from its moves and the tree that came out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Final
+
+from missions.lab.arena.arena_run import Run
+from missions.mapping.tree import Tree
+from missions.units import Cell
+from uavmap.output.film.film import Change, Film, Fix, Place, Unit
+
+_GOLDEN_RAD: Final = math.pi * (3.0 - math.sqrt(5.0))
+_SPREAD: Final = 0.36
+"""Robots at one vertex are shown beside each other, within so much of a cell."""
+
+
+def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
+    """The film of a run on a ROI.
+
+    The states are those that all robots know together. A vertex that was looked from although no
+    move leads to it was known beforehand.
+
+    >>> from missions.lab.arena.arena_run import run
+    >>> from missions.planning.stepwise import EXPLORERS
+    >>> line = {Cell(0, 0), Cell(1, 0)}
+    >>> film = film_of_run(run(EXPLORERS["rdfs"], line, Cell(0, 0), 1), line, "a line")
+    >>> [(change.t, change.state) for change in film.changes if change.cell == Cell(0, 0)]
+    [(0.0, 'under exploration'), (1.0, 'explored')]
+    """
+    tracks = {robot: [Fix(0.0, _beside(run.tree.root, robot, len(run.at)))] for robot in run.at}
+    for leg in run.legs:
+        track = tracks[leg.robot]
+        track.append(Fix(leg.start_t, track[-1].place))
+        track.append(Fix(leg.end_t, _beside(leg.end, leg.robot, len(run.at))))
+    return Film(
+        title=title,
+        unit=Unit.STEPS,
+        end_t=run.makespan,
+        roi=frozenset(roi),
+        changes=tuple(_changes(run)),
+        tracks={robot: tuple(track) for robot, track in tracks.items()},
+        start=Place(*run.tree.root),
+        radius=0.3 if len(run.at) == 1 else max(0.3 / math.sqrt(len(run.at)), 0.1),
+    )
+
+
+def _beside(cell: Cell, robot: int, robots: int) -> Place:
+    """Where a robot is drawn that is at a vertex: every robot has its own spot, as the seeds of
+    a sunflower, so that nobody hides another."""
+    if robots == 1:
+        return Place(*cell)
+    away = _SPREAD * math.sqrt((robot + 0.5) / robots)
+    angle_rad = robot * _GOLDEN_RAD
+    return Place(cell.east + away * math.cos(angle_rad), cell.north + away * math.sin(angle_rad))
+
+
+def _changes(run: Run) -> list[Change]:
+    """What becomes of each vertex, from the times at which somebody first looked from it."""
+    tree = run.tree
+    looked_t = {tree.root: 0.0}
+    for leg in sorted(run.legs, key=lambda leg: leg.end_t):
+        looked_t.setdefault(leg.end, leg.end_t)
+    for cell, vertex in tree.vertices.items():
+        if vertex.looked:
+            looked_t.setdefault(cell, 0.0)
+    explored_t = _explored_t(tree, looked_t)
+    changes = []
+    for cell, vertex in tree.vertices.items():
+        seen_t = [looked_t[n] for n in cell.neighbours() if n in looked_t]
+        known_t = 0.0 if vertex.parent is None else min(seen_t)
+        if known_t < looked_t.get(cell, math.inf):
+            changes.append(Change(known_t, cell, "unexplored", vertex.parent))
+        if cell in looked_t and looked_t[cell] < explored_t[cell]:
+            changes.append(Change(looked_t[cell], cell, "under exploration", vertex.parent))
+        if explored_t[cell] < math.inf:
+            changes.append(Change(explored_t[cell], cell, "explored", vertex.parent))
+    return sorted(changes, key=lambda change: change.t)
+
+
+def _explored_t(tree: Tree, looked_t: dict[Cell, float]) -> dict[Cell, float]:
+    """When everything below each vertex was looked from; infinity if that never came."""
+    explored_t: dict[Cell, float] = {}
+    for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
+        below = [explored_t[child] for child in tree.children(cell)]
+        explored_t[cell] = max([looked_t.get(cell, math.inf), *below])
+    return explored_t

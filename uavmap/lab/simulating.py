@@ -1,0 +1,215 @@
+"""Strategies on regions without flight, from Python."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from missions.errors import LinkError, RoiError, StrategyError, UavmapError
+from missions.lab.arena.roi import Roi
+from missions.lab.strategies import EXPLORERS
+from missions.planning.stepwise.metric import Metric
+from missions.planning.sweep.strategies import NONSTOP
+from missions.units import LatLon
+from uavmap.base.arguments import Paths, number, path_text, whole
+from uavmap.base.extras import install_command
+from uavmap.lab.roi_files import load_rois
+from uavmap.lab.simulated_links import simulated_links
+from uavmap.lab.trials import Terms, means, trials
+
+if TYPE_CHECKING:
+    import pandas
+
+    from uavmap.lab.nonstop_trials import FlightTerms
+
+MOST_ROBOTS = 1000
+_SPEED_M_S, _CELL_M = 6.0, 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """Runs of strategies on regions, each with its certificate.
+
+    Attributes:
+        runs: A mapping a run: `roi` and `strategy`, and the figures of `uavmap simulate --json`.
+        means: The means of the figures over all regions, by strategy.
+    """
+
+    runs: tuple[Mapping[str, Any], ...]
+    means: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def table(self) -> pandas.DataFrame:
+        """The runs as a DataFrame, a row a run (needs the extra `frames`).
+
+        Raises `UavmapError` where pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: PLC0415 - an extra, and heavy
+        except ImportError:
+            raise UavmapError(f"runs as a table need pandas: {install_command('frames')}") from None
+        return pandas.DataFrame([dict(run) for run in self.runs])
+
+
+def simulate(
+    roi: Paths | Roi | Iterable[Paths | Roi],
+    *,
+    strategy: str | Sequence[str] = "rdfs",
+    robots: int = 1,
+    speed: float | None = None,
+    drift: tuple[float, float] = (0.0, 0.0),
+    comms: str = "shared",
+    cell_m: float = 4.0,
+    start: tuple[float, float] | None = None,
+    footprint_m: tuple[float, float] = (15.0, 15.0),
+    accel_m_s2: float = 2.5,
+    frame_s: float = 0.2,
+    error_rate: float = 0.0,
+    loss_rate: float = 0.0,
+    seed: int = 1,
+) -> Simulated:
+    """Let perfect robots explore regions without flying, and hold the time against its bounds.
+
+    It is what the command `uavmap simulate` does.
+
+    Args:
+        roi: The region, or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
+            cells (JSON) or of polygons (GeoJSON), or a `missions.lab.arena.roi.Roi`.
+        strategy: One strategy, or several to compare; `uavmap strategies` lists them. `swath` and
+            `survey`, which do not stop over cells, count in seconds, the others in steps from cell
+            to cell, so they cannot be mixed.
+        robots: How many, 1 to 1000.
+        speed: Of strategies that stop, in cells a unit of time (default 1); of `swath` and `survey`
+            in m/s (default 6).
+        drift: Of the region, for strategies that stop: its speed, as `speed` is, and the bearing
+            in degrees that it moves towards.
+        comms: `"shared"`; `"meeting"`: robots share what they know only where they meet; or a
+            radio, in cells and in the unit of time: `"range:8,loss:0.2,delay:1,rate:5"`.
+        cell_m: Edge of a cell in metres, for GeoJSON, `swath` and `survey`.
+        start: Latitude and longitude where everybody starts, for GeoJSON.
+        footprint_m: What a frame shows, east and north, in metres (`swath`, `survey`).
+        accel_m_s2: Acceleration (`swath`, `survey`).
+        frame_s: Seconds from frame to frame (`swath`, `survey`).
+        error_rate: The share of votes that are wrong, 0 to 0.4 (`swath`, `survey`).
+        loss_rate: The share of frames that are lost, 0 to 0.4 (`swath`, `survey`).
+        seed: Of these errors, and of what a radio loses.
+
+    Raises:
+        LinkError: A radio that is none.
+        RoiError: A file or a growth that is no region.
+        StrategyError: A strategy that is not known, or that cannot do what is asked.
+
+    Examples:
+        >>> done = simulate("eden:40:7", strategy=["rdfs", "greedy"], robots=3)
+        >>> [run["strategy"] for run in done.runs]
+        ['rdfs', 'greedy']
+        >>> done.means["rdfs"]["makespan"] >= done.means["rdfs"]["lower_bound"]
+        True
+    """
+    names = _names(strategy)
+    count = whole("robots", robots, 1, MOST_ROBOTS)
+    rois = _rois(roi, number("cell_m", cell_m, 0.01, 10_000.0), start)
+    fast = [name for name in names if name in NONSTOP]
+    if fast and len(fast) < len(names):
+        raise StrategyError(
+            f"strategy = {strategy!r}: {', '.join(NONSTOP)} count in seconds, the others in steps; "
+            "they cannot be compared in one table"
+        )
+    if not fast:
+        metric = _metric(1.0 if speed is None else speed, drift)
+        try:
+            links = simulated_links(str(comms), count, whole("seed", seed, 0, 2**63 - 1))
+        except ValueError as error:
+            raise LinkError(f"comms = {comms!r}: {error}") from None
+        terms = Terms(count, metric, links)
+        done = list(trials(rois, [EXPLORERS[name] for name in names], terms))
+        by_name = {name: means([t for t in done if t.strategy == name]) for name in names}
+        rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)
+        return Simulated(tuple(rows), by_name)
+    if tuple(drift) != (0.0, 0.0) or comms != "shared":
+        raise StrategyError(
+            f"{', '.join(fast)}: simulated on resting regions only, and these vehicles always "
+            "share what they know; leave out drift and comms"
+        )
+    speed_m_s = _SPEED_M_S if speed is None else number("speed", speed, 1e-3, 1e3)
+    flight = _flight_terms(
+        count, cell_m, speed_m_s, footprint_m, accel_m_s2, frame_s, error_rate, loss_rate, seed
+    )
+    return _nonstop(rois, fast, flight)
+
+
+def _nonstop(rois: Sequence[Roi], names: Sequence[str], terms: FlightTerms) -> Simulated:
+    from uavmap.lab import nonstop_trials  # noqa: PLC0415 - numba takes a second
+
+    done = list(nonstop_trials.nonstop_trials(rois, [NONSTOP[name] for name in names], terms))
+    by_name = {
+        name: nonstop_trials.nonstop_means([t for t in done if t.strategy == name])
+        for name in names
+    }
+    rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)
+    return Simulated(tuple(rows), by_name)
+
+
+def _flight_terms(
+    robots: int,
+    cell_m: float,
+    speed_m_s: float,
+    footprint_m: tuple[float, float],
+    accel_m_s2: float,
+    frame_s: float,
+    error_rate: float,
+    loss_rate: float,
+    seed: int,
+) -> FlightTerms:
+    from missions.lab.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
+    from uavmap.lab.nonstop_trials import FlightTerms  # noqa: PLC0415, as above
+
+    east_m, north_m = (number("footprint_m", side, 0.01, 1000.0) for side in footprint_m)
+    camera = Camera(
+        east_m,
+        north_m,
+        number("frame_s", frame_s, 0.02, 10.0),
+        error_rate=number("error_rate", error_rate, 0.0, 0.4),
+        loss_rate=number("loss_rate", loss_rate, 0.0, 0.4),
+    )
+    accel = number("accel_m_s2", accel_m_s2, 0.1, 20.0)
+    team = Team(robots, camera, cell_m, speed_m_s, accel)
+    return FlightTerms(team, seed=whole("seed", seed, 0, 2**63 - 1))
+
+
+def _names(strategy: str | Sequence[str]) -> list[str]:
+    names = [strategy] if isinstance(strategy, str) else list(dict.fromkeys(strategy))
+    for name in names:
+        if name not in EXPLORERS and name not in NONSTOP:
+            known = ", ".join([*EXPLORERS, *NONSTOP])
+            raise StrategyError(f"strategy = {name!r} is not known; choose one of {known}")
+    if not names:
+        raise StrategyError("strategy is empty; name one")
+    return names
+
+
+def _rois(
+    given: Paths | Roi | Iterable[Paths | Roi], cell_m: float, start: tuple[float, float] | None
+) -> list[Roi]:
+    several = [given] if isinstance(given, str | os.PathLike | Roi) else given
+    place = None if start is None else LatLon(*start)
+    found: list[Roi] = []
+    for entry in several:
+        if isinstance(entry, Roi):
+            found.append(entry)
+        else:
+            found += load_rois(path_text("roi", entry), cell_m=cell_m, start=place)
+    if not found:
+        raise RoiError("roi is empty; name a region")
+    return found
+
+
+def _metric(speed: float, drift: tuple[float, float]) -> Metric:
+    drift_speed, toward_deg = drift
+    if not 0.0 <= drift_speed < number("speed", speed, 1e-3, 1e3):
+        raise UavmapError(f"drift = {drift}: robots of speed {speed:g} do not keep up with it")
+    bearing = math.radians(toward_deg)
+    return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))

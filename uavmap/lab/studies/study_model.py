@@ -1,0 +1,134 @@
+"""What a study is: independent trials, and a page that draws the conclusions.
+
+The trials are pure functions of their job, which holds the parameters and the seed. So they may be
+run anywhere and in any order, and the same seed gives the same files, byte for byte.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from PIL import Image
+
+from uavmap.base.atomic_write import write_bytes, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Value = str | int | float | bool | None
+
+COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+"""Okabe and Ito's, which stay apart for colour-blind eyes."""
+PNG_COLOURS: Final = 64
+MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns with a name, and rows."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Value, ...], ...]
+
+    def csv(self) -> str:
+        """The table as CSV, with a line of column names.
+
+        >>> Table(("n", "ratio"), ((3, 2.5875),)).csv()
+        'n,ratio\\n3,2.5875\\n'
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows([_plain(value) for value in row] for row in self.rows)
+        return text.getvalue()
+
+    def markdown(self) -> str:
+        """The table as Markdown, of numbers five digits.
+
+        >>> print(Table(("n", "ratio"), ((3, 2.587537),)).markdown())
+        | n | ratio |
+        |---|---|
+        | 3 | 2.5875 |
+        """
+        lines = ["| " + " | ".join(self.columns) + " |", "|" + "---|" * len(self.columns)]
+        lines += ["| " + " | ".join(_short(value) for value in row) + " |" for row in self.rows]
+        return "\n".join(lines)
+
+
+def _plain(value: Value) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: ""}[value]
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
+def _short(value: Value) -> str:
+    return f"{value:.5g}" if isinstance(value, float) and abs(value) < 1e5 else _plain(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """What a study found."""
+
+    title: str
+    text: str
+    """Markdown; the table follows it."""
+    table: Table
+    draw: Callable[[Figure], None]
+    size_in: tuple[float, float] = (9.0, 4.5)
+
+    @staticmethod
+    def files(name: str) -> list[str]:
+        """What `write` calls its files."""
+        return [f"{name}.{kind}" for kind in ("csv", "png", "md")]
+
+    def write(self, name: str, folder: Path) -> list[Path]:
+        """Write NAME.csv, NAME.png and NAME.md into a folder."""
+        from matplotlib.figure import Figure  # noqa: PLC0415, an extra
+
+        files = [folder / file for file in self.files(name)]
+        write_text(files[0], self.table.csv())
+        figure = Figure(figsize=self.size_in, layout="constrained")
+        self.draw(figure)
+        drawn, small = io.BytesIO(), io.BytesIO()
+        figure.savefig(drawn, dpi=110)
+        Image.open(drawn).convert("RGB").quantize(PNG_COLOURS).save(small, "png", optimize=True)
+        write_bytes(files[1], small.getvalue())
+        parts = (
+            f"# {self.title}",
+            f"![{self.title}]({name}.png)",
+            self.text.strip(),
+            f"The table, also as [{name}.csv]({name}.csv):",
+            self.table.markdown(),
+        )
+        write_text(files[2], "\n\n".join(parts) + "\n")
+        return files
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A study: its jobs, what one trial does, and what follows from all of them."""
+
+    name: str
+    about: str
+    """For the help, in a line."""
+    jobs: Callable[[bool, int], Sequence[Any]]
+    """The jobs, from whether it should be quick and the seed."""
+    trial: Callable[[Any], Any]
+    """What comes out of a job; a function of a module, so that it may travel."""
+    conclude: Callable[[Sequence[Any]], Page]
+    """The page, from the results in the order of the jobs."""
+
+
+def trial_seed(seed: int, *numbers: int) -> int:
+    """A seed of its own for every trial.
+
+    >>> trial_seed(1, 2) != trial_seed(2, 1)
+    True
+    """
+    return int(np.random.SeedSequence((seed, *numbers)).generate_state(1, np.uint32)[0])

@@ -1,0 +1,1 @@
+"""A mission file with its references becomes a Mission."""

@@ -1,0 +1,49 @@
+"""Zip archives of which only so much is unpacked as an area can take."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from typing import Final
+
+from missions.errors import AreaError
+from uavmap.load.areas.drawing import MOST_BYTES
+
+_END: Final = b"PK\x05\x06"
+_END_SIZE: Final = 22
+_LONGEST_COMMENT: Final = 65_535
+_LARGEST_DIRECTORY: Final = 1_000_000
+
+
+def check_archive(data: bytes, source: str) -> None:
+    """Raise `AreaError` for what is no zip archive, or has a directory of an absurd size."""
+    at = data.rfind(_END, max(0, len(data) - _LONGEST_COMMENT - _END_SIZE))
+    if at < 0 or len(data) - at < _END_SIZE:
+        raise AreaError(f"{source}: a damaged zip archive; pack it anew")
+    (directory_bytes,) = struct.unpack_from("<I", data, at + 12)
+    if directory_bytes > _LARGEST_DIRECTORY:
+        raise AreaError(f"{source}: an archive of too many files; pack the area alone")
+    try:
+        zipfile.ZipFile(io.BytesIO(data)).close()
+    except (zipfile.BadZipFile, NotImplementedError, OSError, ValueError, struct.error):
+        raise AreaError(f"{source}: a damaged zip archive; pack it anew") from None
+
+
+def read_member(archive: zipfile.ZipFile, name: str, source: str) -> bytes:
+    """What is in one file of an archive. Raises `AreaError`, before more than that is unpacked."""
+    try:
+        with archive.open(name) as file:
+            data = file.read(MOST_BYTES + 1)
+    except RuntimeError:
+        raise AreaError(
+            f"{source}: {name[:40]!r} in it needs a password; pack it without"
+        ) from None
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, ValueError):
+        raise AreaError(f"{source}: {name[:40]!r} in it cannot be unpacked; pack it anew") from None
+    if len(data) > MOST_BYTES:
+        raise AreaError(
+            f"{source}: {name[:40]!r} in it unpacks to more than {MOST_BYTES // 1_000_000} MB"
+        )
+    return data

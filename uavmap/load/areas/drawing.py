@@ -1,0 +1,261 @@
+"""What readers of areas hand on: shapes as the file has them, and a whole drawing in WGS84."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import pyproj
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from missions.errors import AreaError
+from missions.units import LatLon
+from uavmap.base.printable import printable
+
+MOST_BYTES: Final = 20_000_000
+"""Of a file, and of what is unpacked from one."""
+MOST_LAYERS: Final = 100
+MOST_SHAPES: Final = 1000
+MOST_VERTICES: Final = 100_000
+LONGEST_NAME: Final = 60
+
+Point = tuple[float, float]
+"""x and y in the file's own coordinates: longitude and latitude where these are degrees."""
+Points = tuple[Point, ...]
+Rings = Sequence[Sequence[Point]]
+"""The outer ring of a polygon and its holes."""
+
+
+class Role(Enum):
+    """What a shape is for."""
+
+    AREA = "area"
+    FENCE = "fence"
+    KEEP_OUT = "keep out"
+    HOME = "home"
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A polygon with its holes, or a home, as it stands in the file."""
+
+    name: str
+    role: Role
+    ring: Points
+    """Open: the first corner is not repeated. A home has one point."""
+    holes: tuple[Points, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Shapes that share coordinates."""
+
+    shapes: tuple[Shape, ...]
+    crs: pyproj.CRS | None
+    """None where the file does not say."""
+    notices: tuple[str, ...] = ()
+    """What was left out, or taken for something: a line each."""
+
+
+Positions = tuple[LatLon, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A polygon in WGS84: its ring and the rings of its holes, open."""
+
+    name: str
+    ring: Positions
+    holes: tuple[Positions, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """All of a file that a mission can be made of."""
+
+    source: str
+    areas: tuple[Area, ...]
+    fences: tuple[Area, ...] = ()
+    keep_out: tuple[Area, ...] = ()
+    home: LatLon | None = None
+    notices: tuple[str, ...] = ()
+
+
+_FENCE = re.compile(r"\b(geo[ _-]?)?fence\b|\bgeozaun\b|\bzaun\b", re.IGNORECASE)
+_KEEP_OUT = re.compile(r"\b(keep[ _-]?out|no[ _-]?fly|exclusion|obstacle)", re.IGNORECASE)
+_HOME = re.compile(r"\b(home|start|take[ _-]?off|launch|pad)\b", re.IGNORECASE)
+
+
+def role_of(name: str) -> Role:
+    """What a polygon is for, by its name; one without such a name is an area.
+
+    >>> role_of("Geofence"), role_of("no-fly zone"), role_of("defence")
+    (<Role.FENCE: 'fence'>, <Role.KEEP_OUT: 'keep out'>, <Role.AREA: 'area'>)
+    """
+    if _KEEP_OUT.search(name):
+        return Role.KEEP_OUT
+    return Role.FENCE if _FENCE.search(name) else Role.AREA
+
+
+def names_home(name: str) -> bool:
+    """Whether a point of this name is the home.
+
+    >>> names_home("Take-off"), names_home("parking")
+    (True, False)
+    """
+    return bool(_HOME.search(name))
+
+
+NAME_COLUMNS: Final = ("name", "title", "label", "id", "fid", "objectid")
+"""What a table calls the column that names its shapes, in small letters; the first one counts."""
+
+
+def shown_name(value: object, otherwise: str) -> str:
+    """A name from a file, made harmless and short.
+
+    >>> shown_name("  North field ", "polygon 1"), shown_name(None, "polygon 1")
+    ('North field', 'polygon 1')
+    """
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        return otherwise
+    return printable(str(value).strip(), LONGEST_NAME) or otherwise
+
+
+def number(value: object, where: str) -> float:
+    """A finite number. Raises `AreaError` for anything else, also for text and true."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            found = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            found = math.inf
+        if math.isfinite(found):
+            return found
+    raise AreaError(f"{where}: {printable(repr(value), 40)} is no coordinate; give numbers")
+
+
+def opened(points: Iterable[Point], where: str) -> Points:
+    """A ring without its last point where that repeats the first, and without repetitions.
+
+    Raises `AreaError` for fewer than three corners.
+
+    >>> opened([(0, 0), (1, 0), (1, 0), (0, 1), (0, 0)], "x")
+    ((0, 0), (1, 0), (0, 1))
+    """
+    kept: list[Point] = []
+    for point in points:
+        if not kept or point != kept[-1]:
+            kept.append(point)
+    if len(kept) > 1 and kept[0] == kept[-1]:
+        kept.pop()
+    if len(kept) < 3:
+        raise AreaError(f"{where}: {len(kept)} corners; a polygon needs three")
+    return tuple(kept)
+
+
+def polygon(
+    name: str, rings: Sequence[Iterable[Point]], where: str, role: Role | None = None
+) -> Shape:
+    """A polygon from its outer ring and its holes. Raises `AreaError`."""
+    if not rings:
+        raise AreaError(f"{where}: a polygon without a ring; draw it anew")
+    ring, *holes = (opened(points, where) for points in rings)
+    return Shape(name, role or role_of(name), ring, tuple(holes))
+
+
+def row_name(title: object, stem: str, number: int, rows: int) -> str:
+    """The name of a row of a table: its title, or the table's name and, of several, a number.
+
+    >>> row_name("North", "field", 2, 3), row_name(None, "field", 2, 3), row_name("", "field", 1, 1)
+    ('North', 'field 2', 'field')
+    """
+    return shown_name(title, stem if rows == 1 else f"{stem} {number}")
+
+
+def shapes_of(
+    name: str,
+    where: str,
+    notices: list[str],
+    polygons: Sequence[Rings],
+    lines: Sequence[Sequence[Point]] = (),
+    points: Iterable[Point] = (),
+) -> Iterator[Shape]:
+    """Make shapes of what a file draws under one name.
+
+    A line that ends where it begins is a polygon; a point is a home if its name says so.
+
+    Args:
+        name: Of the shapes; several polygons are numbered.
+        where: For errors: the file and the feature.
+        notices: Takes a line if open lines are left out.
+        polygons: The outer ring of each and its holes.
+        lines: Paths.
+        points: Places.
+
+    Raises:
+        AreaError: A polygon is none.
+    """
+    closed = [[line] for line in lines if len(line) > 3 and line[0] == line[-1]]
+    if len(closed) < len(lines):
+        notices.append("open paths are left out; an area is a polygon")
+    found = [*polygons, *closed]
+    for number, rings in enumerate(found, start=1):
+        yield polygon(f"{name} ({number})" if len(found) > 1 else name, rings, where)
+    if names_home(name):
+        yield from (Shape(name, Role.HOME, (point,)) for point in points)
+
+
+def drawn(geometry: BaseGeometry) -> tuple[list[Rings], list[Point]]:
+    """The polygons and the points of a geometry, those of its parts among them."""
+    if (inner := getattr(geometry, "geoms", None)) is not None:
+        found = [drawn(part) for part in inner]
+        return [p for part, _ in found for p in part], [p for _, part in found for p in part]
+    if geometry.is_empty:
+        return [], []
+    if isinstance(geometry, Polygon):
+        return [[_points(ring) for ring in (geometry.exterior, *geometry.interiors)]], []
+    return [], _points(geometry) if geometry.geom_type == "Point" else []
+
+
+def _points(geometry: BaseGeometry) -> list[Point]:
+    return [(float(x), float(y)) for x, y, *_ in geometry.coords]
+
+
+def layer_of(
+    shapes: Iterable[Shape], crs: pyproj.CRS | None, source: str, notices: Sequence[str] = ()
+) -> Layer:
+    """A layer of shapes that are made one after the other, each notice once.
+
+    Raises:
+        AreaError: There are more shapes, or corners, than anybody draws.
+    """
+    return Layer(bounded(shapes, source), crs, tuple(dict.fromkeys(notices)))
+
+
+def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:
+    """All shapes, unless they are more than anybody draws. Raises `AreaError`."""
+    found: list[Shape] = []
+    vertices = 0
+    for shape in shapes:
+        found.append(shape)
+        vertices += len(shape.ring) + sum(map(len, shape.holes))
+        if len(found) > MOST_SHAPES:
+            raise AreaError(
+                f"{source}: more than {MOST_SHAPES} shapes; save the area alone in a file"
+            )
+        if vertices > MOST_VERTICES:
+            raise AreaError(
+                f"{source}: more than {MOST_VERTICES} corners; simplify the area, or save it alone"
+            )
+    return tuple(found)
+
+
+def bounded_together(layers: Sequence[Layer], source: str) -> None:
+    """Raise `AreaError` where all layers together hold more than anybody draws."""
+    if len(layers) > MOST_LAYERS:
+        raise AreaError(f"{source}: more than {MOST_LAYERS} layers; save the area alone in a file")
+    bounded((shape for layer in layers for shape in layer.shapes), source)

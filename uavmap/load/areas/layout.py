@@ -1,0 +1,301 @@
+"""A mission's places over an area: box, fence, what to keep out of, home, in ground metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import nearest_points, unary_union
+from shapely.validation import explain_validity
+
+from missions.errors import AreaError, GeodesyError
+from missions.geo.grid import Grid
+from missions.mission.launch_pads import SMALLEST_GAP_M
+from missions.units import GridPoint, LatLon
+from uavmap.load.areas.drawing import Area, Drawing
+from uavmap.load.areas.home import MARGIN_M, home_of
+
+WIDEST_M: Final = 10_000.0
+"""No side of an area is longer: nothing here flies that far from its crew."""
+MOST_CORNERS: Final = 300
+"""Of the box; a coast line that was traced in detail is simplified."""
+WAY_ROOM_M: Final = 10.0
+"""From the pads, and the way from them to the area, to a fence that was not drawn."""
+_NICE_M: Final = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
+_MOST_CELLS: Final = 10_000
+_SHARE_OF_ROI: Final = 0.12
+_OFF_THE_EDGE_M: Final = 0.5
+"""Less than the margin, so nobody flies between a hole and the fence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The places of a mission: rings in WGS84, open."""
+
+    name: str
+    box: tuple[LatLon, ...]
+    fence: tuple[LatLon, ...]
+    holes: tuple[tuple[LatLon, ...], ...]
+    home: LatLon
+    roi: tuple[LatLon, ...]
+    """An invented region for the simulator."""
+    cell_m: float
+    notices: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the user says besides the drawing; None: as it comes."""
+
+    home: LatLon | None = None
+    area: str | None = None
+    together: bool = False
+    room_m: float = 20.0
+    """From the box to the fence."""
+    cell_m: float | None = None
+    largest_cell_m: float = math.inf
+    """Of a cell that nobody asked for: of larger ones a picture would not show enough."""
+    vehicles: int = 1
+
+
+def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
+    """The places of a mission over a drawing. Raises `AreaError`, in a line with the remedy."""
+    chosen = _chosen(drawing, wishes)
+    grid = _grid(drawing, chosen)
+    notices = list(drawing.notices)
+    areas = [_on_ground(area, grid, drawing.source) for area in chosen]
+    whole = areas[0] if len(areas) == 1 else _hull(areas)
+    _check_size(whole, drawing.source)
+    cell_m = wishes.cell_m or cell_for(whole.area, wishes.largest_cell_m)
+    box = _simplified(Polygon(whole.exterior), cell_m, notices)
+    fence = _drawn_fence(drawing, box, grid)
+    keep_out = _keep_out(drawing, areas, grid, notices)
+    if fence is not None:
+        box = _inside(box, fence, drawing.source, notices)
+    home = home_of(drawing, wishes.home, wishes.vehicles, box, fence, keep_out, grid, notices)
+    pads = [GridPoint(home[0] + k * SMALLEST_GAP_M, home[1]) for k in range(wishes.vehicles)]
+    if fence is None:
+        fence = _fence_around(box, pads, wishes.room_m)
+    holes = _cut_to(keep_out, fence)
+    free = box.difference(unary_union(holes)) if holes else box
+    if free.is_empty:
+        raise AreaError(
+            f"{drawing.source}: what is to be kept out of covers all of the area; draw it smaller"
+        )
+    title = chosen[0].name if len(chosen) == 1 else f"{len(chosen)} areas"
+    return Layout(
+        title,
+        _ring(box, grid),
+        _ring(fence, grid),
+        tuple(_ring(hole, grid) for hole in holes),
+        grid.position(home),
+        _ring(invented_region(free, cell_m), grid),
+        cell_m,
+        tuple(notices),
+    )
+
+
+def cell_for(area_m2: float, largest_m: float = math.inf) -> float:
+    """The size of a cell with which an area has at most some 10,000 cells, metres.
+
+    Never more than `largest_m`, but at least the 4 m that every mission has by default.
+
+    >>> cell_for(20_000.0), cell_for(1_000_000.0), cell_for(1_000_000.0, largest_m=9.0)
+    (4.0, 10.0, 8.0)
+    """
+    least_m = math.sqrt(area_m2 / _MOST_CELLS)
+    possible = [size for size in _NICE_M if size <= largest_m] or [_NICE_M[0]]
+    return next((size for size in possible if size >= least_m), possible[-1])
+
+
+# --- the area ---------------------------------------------------------------------------------
+def _chosen(drawing: Drawing, wishes: Wishes) -> tuple[Area, ...]:
+    areas = drawing.areas
+    names = ", ".join(dict.fromkeys(repr(area.name) for area in areas[:10]))
+    names += ", ..." if len(areas) > 10 else ""
+    if wishes.area is not None:
+        found = [area for area in areas if area.name.casefold() == wishes.area.casefold()]
+        if len(found) == 1:
+            return tuple(found)
+        what = "several areas of this name; rename one" if found else f"there are {names}"
+        raise AreaError(f"{drawing.source}: --area {wishes.area!r}: {what}")
+    if len(areas) > 1 and not wishes.together:
+        raise AreaError(
+            f"{drawing.source}: {len(areas)} areas: {names}; choose one with --area NAME, or give "
+            "--together for what encloses them all"
+        )
+    return areas
+
+
+def _grid(drawing: Drawing, areas: Iterable[Area]) -> Grid:
+    """Ground metres around the middle of the areas."""
+    places = [place for area in areas for place in area.ring]
+    first = places[0].lon_deg
+    # near the first one: an area over the antimeridian would seem to go around the globe
+    east = [math.remainder(place.lon_deg - first, 360.0) for place in places]
+    lats = [place.lat_deg for place in places]
+    middle = math.remainder(first + (min(east) + max(east)) / 2.0, 360.0)
+    wide_deg = max(max(east) - min(east), max(lats) - min(lats))
+    if wide_deg > 2.0:
+        raise AreaError(
+            f"{drawing.source}: {wide_deg:.0f} degrees wide: that is no area for multicopters; "
+            "draw a smaller one, or choose one with --area"
+        )
+    try:
+        return Grid.at(LatLon((min(lats) + max(lats)) / 2.0, middle), 1.0)
+    except GeodesyError as error:
+        raise AreaError(f"{drawing.source}: {error}; are latitude and longitude swapped?") from None
+
+
+def _on_ground(area: Area, grid: Grid, source: str) -> Polygon:
+    polygon = Polygon(
+        [grid.fixed(place) for place in area.ring],
+        [[grid.fixed(place) for place in hole] for hole in area.holes],
+    )
+    if not polygon.is_valid:
+        reason, _, at = explain_validity(polygon).partition("[")
+        where = ""
+        if at:
+            east, north = (float(part) for part in at.rstrip("]").split()[:2])
+            place = grid.position(GridPoint(east, north))
+            where = f" near {place.lat_deg:.6f}, {place.lon_deg:.6f}"
+        raise AreaError(
+            f"{source}: {area.name}: crosses or touches itself{where} ({reason.lower()}); draw its "
+            "corners in order, once around"
+        )
+    return polygon
+
+
+def _hull(areas: Iterable[Polygon]) -> Polygon:
+    """The convex hull: areas with an inside have one with an inside."""
+    hull = shapely.convex_hull(unary_union(list(areas)))
+    return hull if isinstance(hull, Polygon) else Polygon()
+
+
+def _check_size(area: BaseGeometry, source: str) -> None:
+    west, south, east, north = area.bounds
+    wide_m, high_m = east - west, north - south
+    if max(wide_m, high_m) > WIDEST_M:
+        raise AreaError(
+            f"{source}: {wide_m / 1000:.1f} km x {high_m / 1000:.1f} km; a mission has at most "
+            f"{WIDEST_M / 1000:g} km; draw a smaller area"
+        )
+    if area.area < 16.0:
+        raise AreaError(
+            f"{source}: {wide_m:.1f} m x {high_m:.1f} m, {area.area:.1f} m2: smaller than a cell; "
+            "draw a larger area"
+        )
+
+
+def _simplified(box: Polygon, cell_m: float, notices: list[str]) -> Polygon:
+    """The box with no more corners than a mission needs; it never loses half a cell."""
+    found, tolerance_m = box, cell_m / 16.0
+    while len(found.exterior.coords) - 1 > MOST_CORNERS and tolerance_m <= cell_m / 2.0:
+        found = _polygon_of(box.simplify(tolerance_m), box)
+        tolerance_m *= 2.0
+    if len(found.exterior.coords) - 1 > MOST_CORNERS:
+        found = _hull([box])
+    corners, kept = len(box.exterior.coords) - 1, len(found.exterior.coords) - 1
+    if kept < corners:
+        notices.append(f"of the {corners} corners of the area {kept} are kept")
+    return found
+
+
+def _polygon_of(shape: BaseGeometry, otherwise: Polygon) -> Polygon:
+    return shape if isinstance(shape, Polygon) else otherwise
+
+
+# --- fence and what to keep out of ------------------------------------------------------------
+def _drawn_fence(drawing: Drawing, box: Polygon, grid: Grid) -> Polygon | None:
+    """The fence of the drawing in which the box lies, or most of it."""
+    if not drawing.fences:
+        return None
+    fences = [_on_ground(fence, grid, drawing.source) for fence in drawing.fences]
+    best = max(fences, key=lambda fence: float(fence.intersection(box).area))
+    if best.intersection(box).area < 0.5 * box.area:
+        away_m = best.distance(box)
+        raise AreaError(
+            f"{drawing.source}: the fence lies {away_m / 1000:.1f} km from the area, or holds less "
+            "than half of it; draw it around the area, or leave it out"
+        )
+    return Polygon(best.exterior)
+
+
+def _inside(box: Polygon, fence: Polygon, source: str, notices: list[str]) -> Polygon:
+    """The box as far as it lies in the fence's margin."""
+    inner = fence.buffer(-MARGIN_M - 0.1, join_style="mitre")
+    if inner.contains(box):
+        return box
+    parts = [p for p in shapely.get_parts(box.intersection(inner)) if isinstance(p, Polygon)]
+    if not parts:
+        raise AreaError(f"{source}: the fence leaves nothing of the area; draw it wider")
+    largest = Polygon(max(parts, key=lambda part: float(part.area)).exterior)
+    lost_m2 = box.area - largest.area
+    notices.append(f"the fence cuts {lost_m2:.0f} m2 off the area")
+    return largest
+
+
+def _keep_out(
+    drawing: Drawing, areas: Iterable[Polygon], grid: Grid, notices: list[str]
+) -> list[Polygon]:
+    """Holes of areas and of fences, and what was drawn to be kept out of: none of it flown over."""
+    drawn = [_on_ground(area, grid, drawing.source) for area in drawing.keep_out]
+    inner = [Polygon(ring) for area in areas for ring in area.interiors]
+    for fence in drawing.fences:
+        inner += [Polygon(r) for r in _on_ground(fence, grid, drawing.source).interiors]
+    if inner:
+        notices.append(f"{len(inner)} holes of polygons are kept out of (fence.holes)")
+    parts = shapely.get_parts(unary_union([*drawn, *inner]))
+    return [Polygon(part.exterior) for part in parts if isinstance(part, Polygon)]
+
+
+def _cut_to(keep_out: Iterable[Polygon], fence: Polygon) -> list[Polygon]:
+    """The parts in the fence, a little off its edge: a hole lies inside of its polygon."""
+    inside = fence.buffer(-_OFF_THE_EDGE_M, join_style="mitre")
+    parts = [shapely.get_parts(hole.intersection(inside)) for hole in keep_out]
+    return [
+        Polygon(part.exterior)
+        for several in parts
+        for part in several
+        if isinstance(part, Polygon) and part.area > _OFF_THE_EDGE_M
+    ]
+
+
+def _fence_around(box: Polygon, pads: Sequence[GridPoint], room_m: float) -> Polygon:
+    """Some metres around the box, the pads, and the ways from them to the box."""
+    parts: list[BaseGeometry] = [box.buffer(room_m, join_style="mitre", mitre_limit=2.0)]
+    for pad in pads:
+        near, _ = nearest_points(box, Point(pad))
+        way = LineString([(pad.east_m, pad.north_m), (near.x, near.y)])
+        parts.append(way.buffer(WAY_ROOM_M, quad_segs=2))
+    around = _polygon_of(unary_union(parts), box)
+    return _polygon_of(Polygon(around.exterior).simplify(0.5), around)
+
+
+# --- the simulator ----------------------------------------------------------------------------
+def invented_region(free: BaseGeometry, cell_m: float) -> Polygon:
+    """A compact region for the simulator to paint, in the middle of what can be searched."""
+    part = max(shapely.get_parts(free), key=lambda one: float(one.area))
+    middle = part.representative_point()
+    radius_m = max(math.sqrt(_SHARE_OF_ROI * part.area / math.pi), 1.5 * cell_m)
+    # no circle: a region has an outline that nobody knows
+    corners = [
+        (
+            middle.x + radius_m * (1.0 + 0.2 * math.cos(3.0 * a)) * math.cos(a),
+            middle.y + radius_m * (1.0 + 0.2 * math.cos(3.0 * a)) * math.sin(a),
+        )
+        for a in (2.0 * math.pi * k / 18 for k in range(18))
+    ]
+    cut = [p for p in shapely.get_parts(Polygon(corners).intersection(part)) if p.area > 0.0]
+    largest = max(cut, key=lambda one: float(one.area), default=part)
+    return Polygon(largest.exterior)
+
+
+def _ring(polygon: Polygon, grid: Grid) -> tuple[LatLon, ...]:
+    points = list(polygon.exterior.coords)[:-1]
+    return tuple(grid.position(GridPoint(x, y)) for x, y, *_ in points)

@@ -1,0 +1,268 @@
+"""Every key of a mission file as a page: key, type, unit, limits, default, what it is.
+
+Made from the schema, so that no key can be missing: `python -m uavmap.load.areas.mission_reference`
+prints the page that lies in the documentation.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+from missions.mission.schema import Mission
+from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, UNITS
+
+Schema = Mapping[str, Any]
+
+_HEAD: Final = """\
+# Mission files
+
+<!-- made by: python -m uavmap.load.areas.mission_reference > docs/missions.md -->
+
+A mission file says where a region may be, who flies, and how. It is a text in TOML: lines `key =
+value`, in tables `[name]`. [`uavmap new`](new.md) writes one from a drawing, with a comment on
+every key; `uavmap check FILE` reports what is wrong with one, by line, key, value and remedy. The
+missions that are shipped (`missions/shipped`) are examples.
+
+A key that is left out takes its default; a key that is not known is an error. Positions are
+`[latitude, longitude]` in degrees (WGS84), angles are degrees clockwise from true north. The
+words are in the [glossary](glossary.md).
+
+A *position* is `[latitude, longitude]`, a *ring* a list of at least three positions, once around
+an area.
+"""
+
+_NESTED: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "search.prior": "A place where the region may be: a point, or a polygon.",
+        "search.prior.position": "the middle of the place",
+        "search.prior.spread_m": "standard deviation around it; by default half of the box's "
+        "shorter side",
+        "search.prior.polygon": "the region is somewhere in here",
+        "search.prior.holes": "of the polygon",
+        "search.prior.weight": "how probable it is, beside the other places",
+        "terrain.dem": "What is kept of a GeoTIFF: uavmap writes it, no person does.",
+        "terrain.dem.west_m": "of the first height, from the start",
+        "terrain.dem.south_m": "of the first height, from the start (negative: south of it)",
+        "terrain.dem.step_m": "from height to height",
+        "terrain.dem.columns": "towards east",
+        "terrain.dem.rows": "towards north",
+        "terrain.dem.heights": "above the start, packed",
+        "sim.roi": "A piece of the true region.",
+        "sim.roi.polygon": "around it",
+        "sim.roi.holes": "in it",
+        "sim.terrain": "Ground that is not level: a slope with hills on it.",
+        "sim.terrain.slope_percent": "how steep",
+        "sim.terrain.rises_toward_deg": "where it rises to, true bearing",
+        "sim.terrain.hills_m": "from the deepest valley to the highest top, at most",
+        "sim.terrain.hills_length_m": "from one hill to the next, at least",
+        "sim.terrain.seed": "which hills",
+        "sim.quirks": "What real aircraft do that one would not expect.",
+        "sim.quirks.camera": "who answers for the camera: a component of its own, the autopilot, "
+        "or nobody",
+        "sim.quirks.camera_clock_s": "how far the camera's clock is off",
+        "sim.quirks.camera_tells_pose": "whether it says where each picture was taken",
+        "sim.quirks.clock_ppm": "how fast the autopilot's clock runs wrong, in millionths",
+        "sim.quirks.home_moves_m": "how far home moves when motors are armed",
+        "sim.faults": "Something that goes wrong.",
+        "sim.faults.vehicle": "which vehicle, from 1",
+        "sim.faults.at_s": "when, on the mission's time",
+        "sim.faults.for_s": "how long; without it to the end",
+        "sim.faults.kind": "what goes wrong",
+        "sim.faults.metres": "of `gps_glitch`: how far the position jumps",
+        "sim.faults.m_s": "of `gps_drift` and `wind_gust`: how fast",
+        "sim.faults.volts": "of `battery_sag`: by how much the voltage falls",
+        "sim.faults.deg": "of `compass`: how far it is off",
+        "sim.faults.toward_deg": "of `gps_glitch` and `gps_drift`: the true bearing",
+        "sim.faults.from_deg": "of `wind_gust`: where it blows from, true bearing",
+        "sim.faults.share": "of `motor`: what it still gives",
+        "sim.faults.command": "of `reject`: the number of the MAVLink command",
+        "sim.faults.result": "of `reject`: the MAV_RESULT that is answered",
+        "sim.faults.loss": "of `link`: the share of frames that are lost",
+        "sim.faults.duplicate": "of `link`: the share that comes twice",
+        "sim.faults.reorder": "of `link`: the share that comes too late",
+        "sim.faults.corrupt": "of `link`: the share in which a byte is wrong",
+        "sim.faults.delay_s": "of `link`: how late everything comes",
+        "sim.faults.jitter_s": "of `link`: how much that varies",
+        "sim.faults.silent": "of `link`: nothing comes at all",
+        "vehicles": "One table for each vehicle: `[[vehicles]]`.",
+    }
+)
+"""What the comments of a mission file do not tell: tables in tables."""
+_HIDDEN: Final = frozenset({"detector.tables"})
+"""Written as tables of their own, one a detector."""
+_TYPES: Final = {
+    "flight.altitude_m": 'number or `"auto"`',
+    "search.altitude_m": 'number or `"auto"`',
+    "search.prior": "position, list, or path of a GeoJSON file",
+    "terrain.dem": "path of a GeoTIFF",
+}
+"""Where a person writes something else than is kept of it."""
+_WORDS: Final = {"metres": "m", "volts": "V", "clock_ppm": "ppm", "slope_percent": "%"}
+_KINDS: Final = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "yes/no",
+}
+
+
+def reference() -> str:
+    """The page, in Markdown."""
+    root = Mission.model_json_schema()
+    tables = list(_tables("", root, root))
+    lines = [_HEAD]
+    for name, schema in tables:
+        title = f"[{name}]" if name else "The mission"
+        if name in _LISTED:
+            title = f"[[{name}]]"
+        lines += [f"## `{title}`" if name else f"## {title}", ""]
+        if name:
+            said = SECTIONS.get(name) or _NESTED[name]
+            lines += [_linked(said.replace("\n# ", " ")), ""]
+        if name == "detector":
+            lines += ["A detector may have a table of its own: [detectors](detectors.md).", ""]
+        lines += ["| key | type | unit | limits | default | what |", "|---|---|---|---|---|---|"]
+        lines += [_row(name, key, value, schema, root) for key, value in _keys(name, schema, root)]
+        lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+_LISTED: Final = frozenset({"vehicles", "search.prior", "sim.roi", "sim.faults"})
+"""Tables of which there may be several."""
+
+
+def described() -> Iterator[tuple[str, str]]:
+    """Every key with its dots, and what is said of it."""
+    root = Mission.model_json_schema()
+    for name, schema in _tables("", root, root):
+        for key, _ in _keys(name, schema, root):
+            full = _full(name, key)
+            yield full, _said(full)
+
+
+def _tables(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
+    """A table, and those in it."""
+    yield name, schema
+    for key, value in schema["properties"].items():
+        full = _full(name, key)
+        inner = _table_of(value, root)
+        if inner is not None and full not in _HIDDEN:
+            yield from _tables(full, inner, root)
+
+
+def _keys(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
+    """The keys of a table that are no tables of their own, but for those that may also be short."""
+    for key, value in schema["properties"].items():
+        full = _full(name, key)
+        if full in _HIDDEN or (_table_of(value, root) is not None and full not in COMMENTS):
+            continue
+        yield key, value
+
+
+def _row(name: str, key: str, value: Schema, schema: Schema, root: Schema) -> str:
+    full = _full(name, key)
+    default = "" if key in schema.get("required", ()) else _default(value)
+    if key in schema.get("required", ()):
+        default = "*needed*"
+    kind = _TYPES.get(full) or _type(value, root)
+    cells = (f"`{key}`", kind, _unit(key), _limits(value), default, _linked(_said(full)))
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _said(full: str) -> str:
+    return COMMENTS.get(full) or _NESTED.get(full, "")
+
+
+def _unit(key: str) -> str:
+    """The unit by the name of the key.
+
+    >>> _unit("cell_m"), _unit("m_s"), _unit("from_deg"), _unit("name")
+    ('m', 'm/s', 'degrees', '')
+    """
+    if key in _WORDS:
+        return _WORDS[key]
+    return next((unit for suffix, unit in UNITS if f"_{key}".endswith(suffix)), "")
+
+
+def _linked(text: str) -> str:
+    """A page of the documentation that is named is linked to.
+
+    >>> _linked("ground that is not level (docs/terrain.md)")
+    'ground that is not level ([more](terrain.md))'
+    """
+    return re.sub(r"\(docs/([\w-]+\.md)\)", r"([more](\1))", text)
+
+
+def _full(name: str, key: str) -> str:
+    return f"{name}.{key}" if name else key
+
+
+# --- the schema in words -------------------------------------------------------------------------
+def _options(value: Schema) -> list[Schema]:
+    """What a key may be, without the null of one that may be left out."""
+    return [one for one in value.get("anyOf", [value]) if one.get("type") != "null"]
+
+
+def _resolved(value: Schema, root: Schema) -> Schema:
+    reference = value.get("$ref")
+    found: Schema = root["$defs"][reference.rpartition("/")[2]] if reference else value
+    return found
+
+
+def _table_of(value: Schema, root: Schema) -> Schema | None:
+    """The schema of the table that a key holds, one or several; None for other values."""
+    for option in _options(value):
+        entry = option.get("items", option) if option.get("type") == "array" else option
+        found = _resolved(entry, root)
+        if "properties" in found:
+            return found
+    return None
+
+
+def _type(value: Schema, root: Schema) -> str:
+    return " or ".join(dict.fromkeys(_one_type(option, root) for option in _options(value)))
+
+
+def _one_type(value: Schema, root: Schema) -> str:
+    value = _resolved(value, root)
+    if "enum" in value:
+        return " or ".join(f"`{json.dumps(one)}`" for one in value["enum"])
+    if "const" in value:
+        return f"`{json.dumps(value['const'])}`"
+    if "prefixItems" in value:
+        return "position"
+    if value.get("type") == "array":
+        inner = _one_type(value["items"], root)
+        several = {"position": "ring", "ring": "list of rings", "table": "list of tables"}
+        return several.get(inner, f"list of {inner}s")
+    if value.get("type") == "object":
+        return "table"
+    return _KINDS[value["type"]]
+
+
+def _limits(value: Schema) -> str:
+    """Of numbers: from, above, up to, below."""
+    words = (
+        ("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "up to"),
+        ("exclusiveMaximum", "below"),
+    )  # fmt: skip
+    options = _options(value)
+    return ", ".join(f"{word} {o[key]:g}" for o in options for key, word in words if key in o)
+
+
+def _default(value: Schema) -> str:
+    default = value.get("default")
+    if default is None or default == [] or isinstance(default, dict):
+        return ""
+    if isinstance(default, list):
+        return "one"
+    return f"`{json.dumps(default)}`"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(reference())

@@ -1,0 +1,254 @@
+"""A mission file with all its keys and a comment on each, made from the schema.
+
+A test holds the comments against the schema, that no key goes without one; a key that does is
+written all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final
+
+import annotated_types
+import tomlkit
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from missions.mission.schema import Mission, VehicleSection
+
+Values = Mapping[str, Any]
+"""What a mission says besides the defaults, by dotted key."""
+
+_COLUMN: Final = 40
+UNITS: Final = (
+    ("_m_s", "m/s"), ("_wh", "Wh"), ("_w", "W"), ("_deg", "degrees"), ("_px", "pixels"),
+    ("_m", "m"), ("_s", "s"),
+)  # fmt: skip
+
+SECTIONS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "start": "Home of the first vehicle, and the middle of the grid's first cell.",
+        "search": "The area that is searched lane by lane until the region is seen; from then on "
+        "the\n# vehicles follow the region, also out of this area.",
+        "fence": "No vehicle leaves this polygon, or enters a hole of it.",
+        "grid": "The map.",
+        "flight": "How the vehicles fly.",
+        "camera": "The camera looks straight down.",
+        "detector": "What tells the region in a picture (docs/detectors.md).",
+        "votes": "How sure the map is.",
+        "battery": "Measure hover_power_w: hover a battery down, divide its energy by the hours.",
+        "wind": "The worst wind of the day: the way home is planned against it.",
+        "drift": "A region that moves as a whole, such as an oil film.",
+        "team": "How several vehicles keep apart.",
+        "navigation": "When satellites are lost, or lie (docs/navigation.md).",
+        "terrain": "Where the ground is not flat (docs/terrain.md).",
+        "sim": "For `--sim` alone; a real flight never reads it.",
+    }
+)
+
+COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "name": "results go into results/NAME-1, and so on",
+        "strategy": "how vehicles find their way: `uavmap strategies`",
+        "start.position": "[latitude, longitude]",
+        "start.amsl_m": "the ground's height above the sea, for `uavmap export`",
+        "search.box": "[latitude, longitude] of each corner, once around",
+        "search.prior": "where in it the region probably is (docs/prior.md)",
+        "search.find": '"first": the piece seen first; "all": all in the box (docs/strategies.md)',
+        "search.altitude_m": 'of the lowest vehicle that searches higher up; for find = "all"',
+        "search.pixels_per_cell": "of the edge of a cell, for a suspicion from up there",
+        "search.layer_m": "height between two who search; 0: all in one layer",
+        "fence.polygon": "with room for a region that reaches out of the area",
+        "fence.holes": "polygons that nobody flies over",
+        "fence.margin_m": "plan legs this far inside",
+        "fence.ceiling_m": "no vehicle is sent higher above the start",
+        "grid.cell_m": "edge of a cell on the ground",
+        "flight.altitude_m": 'of the lowest vehicle; "auto": as high as pixels and ceiling allow',
+        "flight.height_above": 'what heights are above: "home", or "ground" with [terrain]',
+        "flight.speed_m_s": "over ground",
+        "flight.settle_m_s": "who stops takes pictures once slower than this",
+        "flight.max_airspeed_m_s": "what the airframe holds against the wind",
+        "flight.accel_m_s2": "along and across paths that are flown without stopping",
+        "flight.climb_m_s": "that the autopilot is set to; then climbed on the way, too",
+        "flight.descent_m_s": "that the autopilot is set to, down to 10 m",
+        "camera.hfov_deg": "field of view across the width of a picture",
+        "camera.width_px": "of a picture",
+        "camera.height_px": "of a picture",
+        "camera.mounting": '"fixed" tilts with the airframe, "gimbal" looks straight down',
+        "camera.yaw_deg": "bearing of the picture's upper edge from the nose",
+        "camera.pitch_deg": "so far it looks forward of straight down",
+        "camera.roll_deg": "so far it looks to the left of straight down",
+        "camera.latency_s": "from the exposure until a picture is there",
+        "camera.interval_s": "between two pictures",
+        "camera.pixels_per_cell": "that the edge of a cell must have for the detector",
+        "camera.pose_error_m": "how far off the rim of a picture may lie on the ground",
+        "camera.exposure_s": "how long the shutter is open",
+        "camera.max_blur_px": "what the flight may blur a picture by",
+        "camera.hosts": "pictures may be fetched from these, too",
+        "camera.calibration": "of recorded pictures: a file of OpenCV",
+        "camera.noiseless": "only for a simulated camera without noise",
+        "detector.name": "`threshold`, `paved`, `learned`, ...",
+        "detector.model": "the file of a model, of a detector that has one",
+        "detector.model_sha256": "of that file",
+        "detector.intensity": "of threshold: darker than this is dark",
+        "detector.dilations": "times that the bright part grows by a pixel",
+        "detector.polarity": '"dark" or "bright": the region, beside the ground',
+        "detector.greenness": "of paved: what is greener grows",
+        "detector.share": "of a cell's pixels, to see the cell as region",
+        "detector.view": '"cross", or "all": what a picture taken at rest judges',
+        "votes.frames": "pictures of every cell",
+        "votes.positive": "that must say yes",
+        "votes.recorded": '"evidence" or "count", of recorded pictures (docs/replay.md)',
+        "battery.capacity_wh": "of a full battery",
+        "battery.hover_power_w": "while it hovers, with its camera",
+        "battery.reserve": "share that is left at touch-down",
+        "wind.speed_m_s": "the worst of the day",
+        "wind.from_deg": "where it blows from, true bearing",
+        "drift.speed_m_s": "of the region",
+        "drift.toward_deg": "where it moves to, true bearing",
+        "team.separation_m": "two airborne vehicles never come nearer",
+        "team.layer_m": "height between two vehicles; more than the separation",
+        "navigation.gnss_loss": '"rtl", "land"; on by "map" (own pictures) or "leapfrog"',
+        "navigation.watch": 'hold positions against pictures; by default with "map"',
+        "navigation.tolerated_m": "that satellites and pictures may disagree",
+        "navigation.tag_m": "side of the marker on the mapper, for a leapfrog",
+        "navigation.tag_dictionary": "of OpenCV; the mapper's number is 1",
+        "vehicles.url": "where it is reached; or `uavmap fly --connect`",
+        "vehicles.camera": "as `uavmap fly --camera` (docs/cameras.md)",
+        "vehicles.home": "where it stands; without it in a row east of the start",
+        "vehicles.layer": "from 0, the lowest; shared by vehicles that work far apart",
+        "terrain.dem": 'a GeoTIFF of heights beside this file, such as "dem.tif"',
+        "terrain.source": '"autopilot": its own terrain database',
+        "sim.autopilot": '"ardupilot" or "px4"',
+        "sim.roi": "the true region; the one below is invented",
+        "sim.roi_intensity": "how bright the region is painted",
+        "sim.ground_intensity": "how bright the ground is painted",
+        "sim.texture": "how uneven the ground is",
+        "sim.sensor_noise": "of a pixel",
+        "sim.illumination": "how much the light changes over the ground",
+        "sim.gust_m_s": "of the wind",
+        "sim.gps_sigma_m": "error of positions, standard deviation",
+        "sim.gps_tau_s": "how long such an error lasts",
+        "sim.optical_flow": "whether it flies on without satellites",
+        "sim.odometry_drift": "share of the distance that flying on without satellites errs by",
+        "sim.swap_s": "what the crew needs for a battery",
+        "sim.tag_m": "marker on top of each vehicle; 0: none; by default in a leapfrog only",
+        "sim.tag_dictionary": "of OpenCV; the number is the vehicle's; by default navigation's",
+        "sim.terrain": "ground that is not level (docs/simulator.md)",
+        "sim.quirks": "what real aircraft do (docs/simulator.md)",
+        "sim.parameters": "of the simulated autopilot",
+        "sim.faults": "what goes wrong, and when (docs/simulator.md)",
+    }
+)
+_LISTED_LAST: Final = frozenset({"sim.roi"})
+_HIDDEN: Final = frozenset({"detector.tables"})
+_UNSAID: Final = frozenset({"start.amsl_m"})
+"""Whoever needs it asks for it where it is not said: its default is no height of any place."""
+
+
+def mission_text(values: Values, header: Sequence[str], vehicles: int = 1) -> str:
+    """The text of a mission file: a header, and every key with its value and a comment.
+
+    Keys that are not in `values` have their defaults; keys without one stand there as comments.
+    """
+    lines = [f"# {line}".rstrip() for line in header]
+    lines += [
+        "#",
+        "# Positions are [latitude, longitude] in degrees (WGS84); angles are clockwise from true",
+        "# north. A key that is left out takes its default; a key that is not known is an error.",
+        "",
+    ]
+    for key, field in Mission.model_fields.items():
+        if key == "vehicles":
+            lines += _vehicles(vehicles)
+        elif (section := section_of(field)) is None:
+            lines += _line(key, key, field, values)
+        else:
+            lines += _section(key, section, values, optional=field.default is None)
+    return "\n".join(lines) + "\n"
+
+
+def section_of(field: FieldInfo) -> type[BaseModel] | None:
+    """The table that a key stands for, if it is one."""
+    kinds = (field.annotation, *getattr(field.annotation, "__args__", ()))
+    return next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
+
+
+def _section(
+    name: str, section: type[BaseModel], values: Values, *, optional: bool
+) -> Iterator[str]:
+    yield ""
+    yield f"# {SECTIONS[name]}"
+    given = any(key.startswith(f"{name}.") for key in values)
+    off = "# " if optional and not given else ""
+    yield f"{off}[{name}]"
+    for key, field in section.model_fields.items():
+        full = f"{name}.{key}"
+        if full not in _LISTED_LAST and full not in _HIDDEN:
+            yield from _line(key, full, field, values)
+    for full in sorted(_LISTED_LAST):
+        if full.startswith(f"{name}.") and full in values:
+            yield ""
+            yield f"# {COMMENTS[full]}"
+            yield f"[[{full}]]"
+            yield from _rings("polygon", values[full], "")
+
+
+def _vehicles(count: int) -> Iterator[str]:
+    for number in range(count):
+        yield ""
+        yield "[[vehicles]]"
+        if number == 0:
+            for key, field in VehicleSection.model_fields.items():
+                yield from _line(key, f"vehicles.{key}", field, {})
+
+
+def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str]:
+    comment = "; ".join(filter(None, (COMMENTS.get(full, ""), _limits(key, field))))
+    value = values.get(
+        full, None if field.is_required() else field.get_default(call_default_factory=True)
+    )
+    if isinstance(value, tuple) and full in values:
+        yield f"# {comment}"
+        yield from _rings(key, value, "")
+        return
+    # a table of its own, or no default: shown, but not said
+    missing = value is None or isinstance(value, BaseModel | Mapping) or value == ()
+    missing |= full in _UNSAID and full not in values
+    text = f"# {key} =" if missing else f"{key} = {tomlkit.item(value).as_string()}"
+    yield f"{text:{_COLUMN - 1}} # {comment}".rstrip(" #")
+
+
+def _rings(key: str, value: Any, indent: str) -> Iterator[str]:
+    """A position, a ring or several, a line a corner."""
+    if isinstance(value[0], float):
+        yield f"{indent}{key} = {_place(value)}"
+        return
+    yield f"{indent}{key} = ["
+    for one in value:
+        if isinstance(one[0], float):
+            yield f"{indent}    {_place(one)},"
+        else:
+            yield f"{indent}    [{', '.join(map(_place, one))}],"
+    yield f"{indent}]"
+
+
+def _place(value: Sequence[float]) -> str:
+    return f"[{value[0]:.7f}, {value[1]:.7f}]"
+
+
+def _limits(key: str, field: FieldInfo) -> str:
+    """The unit by the name of the key, and what is allowed by the schema."""
+    unit = next((unit for suffix, unit in UNITS if key.endswith(suffix)), "")
+    low, high = "", ""
+    for limit in field.metadata:
+        if isinstance(limit, annotated_types.Ge):
+            low = f"from {limit.ge:g}"
+        elif isinstance(limit, annotated_types.Gt):
+            low = f"above {limit.gt:g}"
+        elif isinstance(limit, annotated_types.Le):
+            high = f"up to {limit.le:g}"
+        elif isinstance(limit, annotated_types.Lt):
+            high = f"below {limit.lt:g}"
+    return ", ".join(filter(None, (unit, low, high)))

@@ -1,0 +1,129 @@
+"""A mission, loaded once: its file is parsed, what it names is read, and all is checked."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import itertools
+from collections.abc import Callable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final, ParamSpec, TypeVar
+
+from missions.errors import MissionFileError
+from missions.mission.checks import check
+from missions.mission.schema import Mission, mission_of_tables, parse_fields, parse_toml
+from uavmap.base.text_files import read_text
+from uavmap.load.dem import LEVEL, with_ground
+from uavmap.load.detector_source import (
+    check_detector,
+    detector_of_section,
+    known_detectors,
+    resolved_section,
+)
+from uavmap.load.key_lines import with_lines
+from uavmap.load.prior_file import prior_places
+
+P = ParamSpec("P")
+R = TypeVar("R")
+LARGEST_BYTES: Final = 4_000_000
+_MOST_LOOKED_AT: Final = 1000
+
+
+def shipped_missions() -> list[str]:
+    """The names of the missions that are shipped."""
+    folder = resources.files("missions") / "shipped"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir())
+
+
+def load(name: str, detector: str | None = None) -> Mission:
+    """Load a mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
+
+    What the file names is read with it and becomes a part of the mission: the places of the
+    GeoJSON file at `search.prior`, the ground of the GeoTIFF at `terrain.dem`, and the checksum of
+    the model at `detector.model`. A `detector` (a folder of `uavmap tune`) takes the place of the
+    mission's own. A message names the file, the line, the key, the value and the remedy.
+    """
+    text, folder = _read(name)
+    try:
+        mission = _resolved(parse_toml(text, name), name, folder, detector)
+        _check(mission, name)
+        if mission.detector.model is not None:  # a fault of it is reported before anything begins
+            _named(name, detector_of_section, mission.detector)
+    except MissionFileError as error:
+        raise MissionFileError(with_lines(str(error), name, text)) from None
+    return mission
+
+
+def mission_of_text(text: str, source: str) -> Mission:
+    """Check a mission whose text is no file of a user, and names none. Raises as `load`."""
+    mission = parse_fields(text, source)
+    _check(mission, source)
+    return mission
+
+
+def _check(mission: Mission, source: str) -> None:
+    check(mission, source, detectors=known_detectors())
+    _named(source, check_detector, mission.detector)
+
+
+def _named(source: str, work: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
+    """Do what raises messages that do not name the file; they name it then."""
+    try:
+        return work(*arguments, **named)
+    except MissionFileError as error:
+        text = str(error)
+        named_already = text.startswith("--detector ")
+        raise MissionFileError(text if named_already else f"{source}: {text}") from None
+
+
+def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str | None) -> Mission:
+    """The mission of these tables, with what they name by a path in the place of that path."""
+    prior, dem = _path_at(tables, "search", "prior"), _path_at(tables, "terrain", "dem")
+    if prior is not None:
+        where = f"{source}: search.prior = {prior!r}"
+        tables["search"]["prior"] = prior_places(folder / prior, where)
+    if dem is not None:
+        tables["terrain"]["dem"] = LEVEL
+    section = tables.get("detector")
+    if section is None or isinstance(section, dict):
+        other = None if detector is None else Path(detector)
+        found = _named(source, resolved_section, section, folder, other)
+        tables |= {} if found is None else {"detector": found}
+    mission = mission_of_tables(tables, source)
+    if dem is not None:
+        mission = with_ground(mission, folder / dem, f"{source}: terrain.dem = {dem!r}")
+    return mission
+
+
+def _path_at(tables: Mapping[str, Any], section: str, key: str) -> str | None:
+    table = tables.get(section)
+    value = table.get(key) if isinstance(table, Mapping) else None
+    return value if isinstance(value, str) else None
+
+
+def _read(name: str) -> tuple[str, Path]:
+    """The text of a mission, and the folder from which it names files."""
+    path = Path(name)
+    if not path.suffix and name in shipped_missions() and not path.exists():
+        text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
+        return text, Path()
+    try:
+        return read_text(path, LARGEST_BYTES), path.parent
+    except OSError as error:
+        raise MissionFileError(
+            f"{name}: cannot be read ({error.strerror}); {_guess(path)}give the path of a mission "
+            f"file, or one of the shipped missions: {', '.join(shipped_missions())}"
+        ) from None
+    except UnicodeDecodeError:
+        raise MissionFileError(f"{name}: not a text file in UTF-8") from None
+
+
+def _guess(path: Path) -> str:
+    """What was perhaps meant: a mission file of the same folder, or a shipped mission."""
+    known = {} if path.parent != Path() else {name: name for name in shipped_missions()}
+    with contextlib.suppress(OSError):
+        files = itertools.islice(path.parent.glob("*.toml"), _MOST_LOOKED_AT)
+        known |= {file.name: str(file) for file in files}
+    near = difflib.get_close_matches(path.name, known, n=1)
+    return f"did you mean {known[near[0]]!r}? " if near else ""

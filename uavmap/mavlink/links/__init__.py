@@ -1,0 +1,1 @@
+"""URLs, transports, framing and signing: bytes between this program and an autopilot."""

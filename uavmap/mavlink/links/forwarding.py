@@ -1,0 +1,83 @@
+"""Ground stations beside us on the links of the vehicles: frames passed on, not a byte changed.
+
+    a vehicle's frames -> every ground station
+    a ground station's frames -> the vehicle that they are for; all, where they are for nobody
+
+Nothing waits for anybody: a station that does not take what it is sent loses frames, and the
+vehicles are heard all the same. What we send to the vehicles ourselves is not passed on: to a
+station that would be a second ground station's traffic.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Protocol
+
+from uavmap.mavlink.links.framing import Splitter, target_of
+from uavmap.mavlink.links.transports import Transport, open_transport
+from uavmap.mavlink.links.urls import parse_url
+
+
+class Way(Protocol):
+    """The way to one vehicle."""
+
+    @property
+    def system_id(self) -> int:
+        """Its system; 0 until it has spoken."""
+        ...
+
+    @property
+    def transport(self) -> Transport:
+        """What its frames are sent over."""
+        ...
+
+
+class Forwarding:
+    """Passes frames between vehicles and ground stations. `record` sees what stations send."""
+
+    def __init__(self, record: Callable[[bytes], None]) -> None:
+        self._record = record
+        self._ways: list[Way] = []
+        self._stations: list[Transport] = []
+
+    def add(self, way: Way) -> Callable[[bytes], None]:
+        """A vehicle; what is returned takes what it says, as it comes."""
+        self._ways.append(way)
+        splitter = Splitter()
+
+        def heard(data: bytes) -> None:
+            if frames := splitter.feed(data):
+                whole = b"".join(frames)
+                for station in self._stations:
+                    station.send(whole)
+
+        return heard
+
+    @contextlib.asynccontextmanager
+    async def open(self, urls: Sequence[str], say: Callable[[str], None]) -> AsyncIterator[None]:
+        """Open the links to the ground stations. Raises `LinkError` where that fails."""
+        async with contextlib.AsyncExitStack() as stack:
+            for url in urls:
+                station = open_transport(parse_url(url), self._from_station(), say)
+                self._stations.append(await stack.enter_async_context(station))
+            yield
+
+    def _from_station(self) -> Callable[[bytes], bool]:
+        splitter = Splitter()
+
+        def heard(data: bytes) -> bool:
+            frames = splitter.feed(data)
+            for frame in frames:
+                self._record(frame)
+                self._to_vehicles(frame)
+            return bool(frames)
+
+        return heard
+
+    def _to_vehicles(self, frame: bytes) -> None:
+        target = target_of(frame)
+        meant = [way for way in self._ways if target and way.system_id == target] or self._ways
+        # vehicles behind one router share a way, on which everybody is told at once
+        for transport in {way.transport.way: way.transport for way in meant}.values():
+            transport.send(frame)

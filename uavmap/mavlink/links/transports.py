@@ -1,0 +1,383 @@
+"""Bytes to and from a vehicle. What they mean is the session's business.
+
+Every transport hands what it hears to `on_bytes` from the event loop and never blocks the reader:
+an ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` answers whether it
+was the vehicle that spoke, and by that a listening socket knows whom to keep to.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import time
+from collections.abc import AsyncIterator, Callable, Hashable, Mapping
+from typing import Any, Final, Protocol, cast
+
+from missions.errors import LinkError
+from uavmap.mavlink.links.framing import Splitter, sender_of
+from uavmap.mavlink.links.serial_port import REOPEN_S, SerialPort
+from uavmap.mavlink.links.urls import Endpoint
+
+PEER_SILENT_S: Final = 10.0
+"""Real seconds of silence after which our vehicle may be heard from another address."""
+MOST_STRANGERS: Final = 16
+"""How many strangers a link names; of more it says nothing."""
+MOST_UNSENT: Final = 1 << 18
+"""Bytes that wait for a TCP peer to read; what is more is lost, as on any other link."""
+_KEEPALIVE_S: Final = 5
+
+OnBytes = Callable[[bytes], bool]
+"""Takes what was heard; whether our vehicle spoke in it."""
+Say = Callable[[str], None]
+
+
+class Transport(Protocol):
+    """One open link."""
+
+    def send(self, data: bytes) -> None:
+        """Send, or drop where nobody listens."""
+        ...
+
+    @property
+    def peer_host(self) -> str | None:
+        """The address of the host at the other end; None for a serial port, or nobody yet."""
+        ...
+
+    @property
+    def way(self) -> Hashable:
+        """Equal for two that lead over the same socket to the same place."""
+        ...
+
+
+def _to_nobody(text: str) -> None:
+    pass
+
+
+@contextlib.asynccontextmanager
+async def open_transport(
+    endpoint: Endpoint, on_bytes: OnBytes, say: Say = _to_nobody
+) -> AsyncIterator[Transport]:
+    """Open the transport that an endpoint names, and close it at the end.
+
+    `say` is told when somebody else than the vehicle speaks to it. Raises `LinkError` where it
+    cannot be opened.
+    """
+    opener = {
+        "udpin": _open_udp,
+        "udpout": _open_udp,
+        "tcpin": _open_tcp_server,
+        "tcpout": _open_tcp_client,
+        "serial": _open_serial,
+    }[endpoint.transport]
+    try:
+        transport, close = await opener(endpoint, on_bytes, _Strangers(endpoint, say))
+    except (OSError, ValueError, OverflowError) as error:  # the last two for a baud rate
+        raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
+    try:
+        yield transport
+    finally:
+        close()
+        await asyncio.sleep(0)  # let the loop drop the file before it closes
+
+
+@contextlib.asynccontextmanager
+async def open_shared(
+    endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Say = _to_nobody
+) -> AsyncIterator[Mapping[int, Transport]]:
+    """One link that several vehicles share: a transport for each, by system id.
+
+    On a listening UDP socket each vehicle may speak from an address of its own. Frames of other
+    systems are named once and heard by nobody. Raises `LinkError` as `open_transport`.
+    """
+    if endpoint.transport != "udpin":
+        deliver = _by_system(on_bytes, _Strangers(endpoint, say))
+        splitter = Splitter()
+        async with open_transport(
+            endpoint, lambda data: deliver(splitter.feed(data), None), say
+        ) as one:
+            yield dict.fromkeys(on_bytes, one)
+        return
+    strangers = _Strangers(endpoint, say)
+    each = {system: _Udp(heard, strangers, None) for system, heard in on_bytes.items()}
+    loop = asyncio.get_running_loop()
+    try:
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: _SharedUdp(each, strangers), local_addr=(endpoint.host, endpoint.port)
+        )
+    except OSError as error:
+        raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
+    try:
+        yield each
+    finally:
+        transport.close()
+        await asyncio.sleep(0)
+
+
+def _by_system(
+    on_bytes: Mapping[int, OnBytes], strangers: _Strangers
+) -> Callable[[list[bytes], Any], bool]:
+    """Hands frames to whom their senders belong to; whether one of them was our vehicle."""
+
+    def deliver(frames: list[bytes], _address: Any) -> bool:
+        ours = False
+        for system, group in _grouped(frames).items():
+            if (heard := on_bytes.get(system)) is not None:
+                ours = heard(group) or ours
+            else:
+                strangers.tell((f"system {system}", None), _NOT_FLOWN)
+        return ours
+
+    return deliver
+
+
+_NOT_FLOWN: Final = "speaks here, and is no vehicle of this flight"
+
+
+def _grouped(frames: list[bytes]) -> dict[int, bytes]:
+    groups: dict[int, bytes] = {}
+    for frame in frames:
+        system, _ = sender_of(frame)
+        groups[system] = groups.get(system, b"") + frame
+    return groups
+
+
+class _SharedUdp(asyncio.DatagramProtocol):
+    """A listening UDP socket with several vehicles, each with an address of its own or not."""
+
+    def __init__(self, each: Mapping[int, _Udp], strangers: _Strangers) -> None:
+        self._each = each
+        self._strangers = strangers
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        for udp in self._each.values():
+            udp.connection_made(transport)
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        for system, group in _grouped(Splitter().feed(data)).items():
+            if (udp := self._each.get(system)) is not None:
+                udp.datagram_received(group, addr)
+            else:
+                self._strangers.tell((f"system {system}", None), _NOT_FLOWN)
+
+
+_Opened = tuple[Transport, Callable[[], None]]
+
+
+class _Strangers:
+    """Who spoke to a link without being its vehicle; each is told of once."""
+
+    def __init__(self, endpoint: Endpoint, say: Say) -> None:
+        self._url = endpoint.url
+        self._say = say
+        self._known: set[Any] = set()
+
+    def tell(self, address: Any, what: str) -> None:
+        """Say what somebody did, the first time."""
+        if address in self._known or len(self._known) >= MOST_STRANGERS:
+            return
+        self._known.add(address)
+        self._say(f"{self._url}: {_place(address)} {what}")
+
+    def moved(self, before: Any, now: Any) -> None:
+        """Say that the vehicle is heard from another address."""
+        self._say(f"{self._url}: the vehicle is heard from {_place(now)}, not {_place(before)}")
+
+
+def _place(address: Any) -> str:
+    host, port = address[:2]
+    return host if port is None else f"{host} port {port}"
+
+
+class _Udp(asyncio.DatagramProtocol):
+    """A UDP socket. With a named peer it hears that one and nobody else.
+
+    A listening one keeps to the address from which it first heard the vehicle. Only after a long
+    silence does it hear others, and it follows the vehicle to where that speaks from then.
+    """
+
+    def __init__(
+        self, on_bytes: OnBytes, strangers: _Strangers, named: tuple[str, int] | None
+    ) -> None:
+        self._on_bytes = on_bytes
+        self._strangers = strangers
+        self._named = named is not None
+        self._peer: tuple[str, int] | None = named
+        self._heard_s = float("-inf")
+        self._transport: asyncio.DatagramTransport | None = None
+
+    @property
+    def peer_host(self) -> str | None:
+        return None if self._peer is None else self._peer[0]
+
+    @property
+    def way(self) -> Hashable:
+        return (id(self._transport), self._peer)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.DatagramTransport, transport)
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        address = (str(addr[0]), int(addr[1]))  # an IPv6 one has two numbers more
+        if address == self._peer:
+            if self._on_bytes(data):
+                self._heard_s = time.monotonic()
+            return
+        silent_s = time.monotonic() - self._heard_s
+        if self._named or (self._peer is not None and silent_s < PEER_SILENT_S):
+            self._strangers.tell(address, "speaks too, and is not heard")
+            return
+        if self._on_bytes(data):
+            if self._peer is not None:
+                self._strangers.moved(self._peer, address)
+            self._peer, self._heard_s = address, time.monotonic()
+
+    def send(self, data: bytes) -> None:
+        transport = self._transport
+        if transport is not None and self._peer is not None and not transport.is_closing():
+            transport.sendto(data, self._peer)
+
+
+async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
+    loop = asyncio.get_running_loop()
+    address = (endpoint.host, endpoint.port)
+    if endpoint.transport == "udpin":
+        transport, udp = await loop.create_datagram_endpoint(
+            lambda: _Udp(on_bytes, strangers, None), local_addr=address
+        )
+    else:
+        family, _, _, _, peer = (await loop.getaddrinfo(*address))[0]
+        wildcard = ("::" if len(peer) == 4 else "0.0.0.0", 0)
+        named = (str(peer[0]), int(peer[1]))
+        transport, udp = await loop.create_datagram_endpoint(
+            lambda: _Udp(on_bytes, strangers, named), local_addr=wildcard, family=family
+        )
+    return udp, transport.close
+
+
+class _Tcp:
+    """A TCP link: one connection at a time."""
+
+    def __init__(self, on_bytes: OnBytes, strangers: _Strangers) -> None:
+        self.on_bytes = on_bytes
+        self._strangers = strangers
+        self._transport: asyncio.Transport | None = None
+        self.gone = asyncio.Event()
+        """Set while a connection that was made has ended."""
+
+    @property
+    def peer_host(self) -> str | None:
+        if self._transport is None:
+            return None
+        return str(self._transport.get_extra_info("peername")[0])
+
+    @property
+    def way(self) -> Hashable:
+        return id(self)
+
+    def made(self, transport: asyncio.Transport) -> bool:
+        """A connection was made; whether it is the link's."""
+        peer = transport.get_extra_info("peername")
+        if peer is None:  # it has gone again before it was looked at
+            return False
+        if self._transport is not None:
+            # by host: a port is new with each try
+            self._strangers.tell((peer[0], None), "wants to connect too, and is refused")
+            return False
+        self._transport = transport
+        self.gone.clear()
+        _keep_alive(transport.get_extra_info("socket"))
+        return True
+
+    def lost(self, transport: asyncio.Transport) -> None:
+        """A connection has ended: the next client may come."""
+        if transport is self._transport:
+            self._transport = None
+            self.gone.set()
+
+    def send(self, data: bytes) -> None:
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if transport.get_write_buffer_size() < MOST_UNSENT:  # else nobody reads at the other end
+            transport.write(data)
+
+    def close(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+
+
+def _keep_alive(connection: socket.socket) -> None:
+    """Have the system find out within some 15 s that the other end is gone without a word."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (("TCP_KEEPIDLE", _KEEPALIVE_S), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3)):
+        if (option := getattr(socket, name, None)) is not None:  # macOS lacks one of them
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
+    if (option := getattr(socket, "TCP_USER_TIMEOUT", None)) is not None:
+        connection.setsockopt(socket.IPPROTO_TCP, option, 3 * _KEEPALIVE_S * 1000)
+
+
+class _TcpConnection(asyncio.Protocol):
+    """One connection of a TCP link, or one that it refuses."""
+
+    def __init__(self, link: _Tcp) -> None:
+        self._link = link
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        made = cast(asyncio.Transport, transport)
+        if self._link.made(made):
+            self._transport = made
+        else:
+            # not at once: asyncio is about to begin to read from it
+            asyncio.get_running_loop().call_soon(made.abort)
+
+    def data_received(self, data: bytes) -> None:
+        if self._transport is not None:
+            self._link.on_bytes(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self._transport is not None:
+            self._link.lost(self._transport)
+
+
+async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
+    loop = asyncio.get_running_loop()
+    tcp = _Tcp(on_bytes, strangers)
+
+    async def connect() -> None:
+        await loop.create_connection(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
+
+    async def stay_connected() -> None:
+        """A connection that ends in flight is made again, for as long as it takes."""
+        while True:
+            await tcp.gone.wait()
+            await asyncio.sleep(REOPEN_S)
+            with contextlib.suppress(OSError):
+                await connect()
+
+    await connect()
+    staying = asyncio.create_task(stay_connected())
+
+    def close() -> None:
+        staying.cancel()
+        tcp.close()
+
+    return tcp, close
+
+
+async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
+    loop = asyncio.get_running_loop()
+    tcp = _Tcp(on_bytes, strangers)
+    server = await loop.create_server(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
+
+    def close() -> None:
+        server.close()
+        tcp.close()
+
+    return tcp, close
+
+
+async def _open_serial(endpoint: Endpoint, on_bytes: OnBytes, _: _Strangers) -> _Opened:
+    port = SerialPort(endpoint.host, endpoint.port, on_bytes)
+    return port, port.close

@@ -1,0 +1,188 @@
+"""MAVSDK in a process of its own: bytes of one vehicle's link in and out, and what it shall do.
+
+    python -m uavmap.mavlink.mavsdk.driver_child SYSTEM COMPONENT
+
+It has no connection: the service hands it the link's bytes, and carries what it sends. So it
+speaks to nobody when the service has died or hangs. It ends when its input ends.
+
+In (JSON): {"id", "do", ...}. Out: {"ready": version}; {"system": n} when MAVSDK knows a vehicle;
+{"id", "result"} with MAVSDK's own word for it, and the answer's fields for a command;
+{"name", "system", "component", "fields"} for each message of the vehicle.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, BinaryIO, Final
+
+from mavsdk.exceptions import MavsdkError
+from mavsdk.logging import log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.action import Action
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+from mavsdk.system import System
+
+from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
+
+AT_ONCE: Final = 8
+"""So many commands may wait for their answers."""
+_READ_BYTES: Final = 1 << 16
+ORPHAN_S: Final = 1.0
+"""So often it is looked whether the service still lives."""
+
+
+class _Out:
+    """The way back to the service; several threads write."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._lock = threading.Lock()
+
+    def write(self, piece: bytes) -> None:
+        """Write a piece; a service that is gone ends this process."""
+        try:
+            with self._lock:
+                self._file.write(piece)
+                self._file.flush()
+        except (OSError, ValueError):
+            os._exit(0)
+
+
+class _Child:
+    """MAVSDK and one vehicle."""
+
+    def __init__(self, system: int, component: int, out: _Out) -> None:
+        self._out = out
+        self._ours = (system, component)
+        self._vehicle: System | None = None
+        self._direct: MavlinkDirect | None = None
+        self._action: Action | None = None
+        self._workers = ThreadPoolExecutor(AT_ONCE)
+        self._mavsdk = Mavsdk(Configuration.create_manual(system, component, False))
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: out.write(frames(data)))
+        self._mavsdk.add_any_connection_with_handle("raw://")
+        self._mavsdk.first_autopilot_async(-1.0, self._found)
+        out.write(words({"ready": self._mavsdk.version()}))
+
+    def _found(self, vehicle: System | None) -> None:
+        """On a thread of MAVSDK, in which nothing may be asked of it."""
+        if vehicle is not None:
+            self._workers.submit(self._met, vehicle)
+
+    def _met(self, vehicle: System) -> None:
+        self._vehicle, self._direct = vehicle, MavlinkDirect(vehicle)
+        self._action = Action(vehicle)
+        self._direct.subscribe_message("", lambda message, _: self._tell(message))
+        self._out.write(words({"system": vehicle.get_system_id()}))
+
+    def _tell(self, message: MavlinkMessage) -> None:
+        self._out.write(
+            words(
+                {
+                    "name": message.message_name,
+                    "system": message.system_id,
+                    "component": message.component_id,
+                    "fields": json.loads(message.fields_json),
+                }
+            )
+        )
+
+    def heard(self, data: bytes) -> None:
+        """Bytes from the link."""
+        self._mavsdk.pass_received_raw_bytes(data)
+
+    def do(self, asked: dict[str, Any]) -> None:
+        """Something to do: a message at once, what is answered beside everything else."""
+        if asked["do"] == "send":
+            self._answered(asked, self._send)
+        else:
+            self._workers.submit(self._answered, asked, self._carry_out)
+
+    def _answered(self, asked: dict[str, Any], how: Callable[[dict[str, Any]], Any]) -> None:
+        answer: dict[str, Any] = {"id": asked["id"], "result": "SUCCESS"}
+        try:
+            if self._vehicle is None:
+                answer["result"] = "NO_SYSTEM"
+            elif (told := how(asked)) is not None:
+                answer["answer"] = told
+        except MavsdkError as error:
+            answer["result"] = getattr(getattr(error, "result", None), "name", str(error))
+        except Exception as error:  # whatever it is, the service has to hear of it
+            answer["result"] = f"{type(error).__name__}: {error}"
+        self._out.write(words(answer))
+
+    def _message(self, asked: dict[str, Any]) -> MavlinkMessage:
+        fields = asked["fields"]
+        return MavlinkMessage(
+            asked["name"],
+            *self._ours,
+            fields.get("target_system", 0),
+            fields.get("target_component", 0),
+            json.dumps(fields),
+        )
+
+    def _send(self, asked: dict[str, Any]) -> None:
+        assert self._direct is not None
+        self._direct.send_message(self._message(asked))
+
+    def _carry_out(self, asked: dict[str, Any]) -> Any:
+        assert self._direct is not None
+        assert self._action is not None
+        action = self._action
+        match asked["do"]:
+            case "command":
+                return json.loads(self._direct.send_command(self._message(asked)).fields_json)
+            case "arm":
+                action.arm()
+            case "hold":
+                action.hold()
+            case "land":
+                action.land()
+            case "return_to_launch":
+                action.return_to_launch()
+            case "set_current_speed":
+                action.set_current_speed(asked["speed_m_s"])
+            case unknown:
+                raise ValueError(f"nothing is called {unknown}")
+        return None
+
+
+def _run(system: int, component: int, source: BinaryIO, out: _Out) -> None:
+    child, pieces = _Child(system, component, out), Pieces()
+    while data := os.read(source.fileno(), _READ_BYTES):
+        for letter, content in pieces.feed(data):
+            if letter == FRAMES:
+                child.heard(content)
+            else:
+                child.do(json.loads(content))
+
+
+def _end_with(parent: int) -> None:
+    """End this process with the service, even where it hangs in the library."""
+    while os.getppid() == parent:
+        time.sleep(ORPHAN_S)
+    os._exit(0)
+
+
+def main() -> None:
+    """Serve the pipes until the input ends."""
+    source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    # whatever the library prints must not get between the pieces
+    os.dup2(2, 1)
+    log_subscribe(lambda *_: True)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    with contextlib.suppress(KeyboardInterrupt):
+        _run(int(sys.argv[1]), int(sys.argv[2]), source, _Out(target))
+    # its threads may wait for answers that nobody needs any more
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

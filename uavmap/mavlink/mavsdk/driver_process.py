@@ -1,0 +1,253 @@
+"""MAVSDK's process, from the service's side: started, asked, watched, started again, ended.
+
+Nothing that happens to it is an error of the flight: what was asked of it fails as on a link that
+is lost, the vehicle is silent meanwhile, and its guardian takes it up when it speaks again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import json
+import sys
+from collections.abc import Callable
+from typing import Any, Final
+
+from missions.errors import LinkError
+from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
+
+START_S: Final = 20.0
+"""Real seconds in which the library must be loaded."""
+AGAIN_S: Final = 1.0
+"""It is started again so long after it has ended, real seconds."""
+ANSWER_S: Final = 20.0
+"""A process that has not answered after so many real seconds hangs: the library gives up at 2."""
+SILENT_S: Final = 5.0
+"""One that hears its vehicle for so many real seconds and passes nothing on hangs, too."""
+MOST_UNREAD: Final = 1 << 20
+"""So many bytes may wait for it to read them."""
+_READ_BYTES: Final = 1 << 16
+_END_S: Final = 2.0
+
+Words = dict[str, Any]
+
+
+class MavsdkProcess:
+    """The process of one vehicle.
+
+    `take_frames` gets what MAVSDK wants to be sent, `take_message` each message that it has read,
+    `say` a line for the operator. `speedup` is that of the loop's clock: the library's is real.
+    """
+
+    def __init__(
+        self,
+        system: int,
+        component: int,
+        take_frames: Callable[[bytes], None],
+        take_message: Callable[[Words], None],
+        say: Callable[[str], None],
+        speedup: float = 1.0,
+    ) -> None:
+        self._command = (
+            sys.executable, "-m", "uavmap.mavlink.mavsdk.driver_child", str(system), str(component),
+        )  # fmt: skip
+        self._take_frames = take_frames
+        self._take_message = take_message
+        self._say = say
+        self._speedup = speedup
+        self._process: asyncio.subprocess.Process | None = None
+        self._living: asyncio.Task[None] | None = None
+        self._numbers = itertools.count()
+        self._answers: dict[int, asyncio.Future[Words]] = {}
+        self._ready: asyncio.Future[None] | None = None
+        self._fed_s: float | None = None
+        """Since when it hears its vehicle and has passed nothing on."""
+        self._knows = False
+        """Whether MAVSDK has found the vehicle."""
+        self.version = ""
+        """MAVSDK's, once it is ready."""
+        self.starts = 0
+        """How often it was started."""
+
+    @property
+    def pid(self) -> int | None:
+        """Its number on this machine, None while there is none."""
+        return None if self._process is None else self._process.pid
+
+    # --- life -------------------------------------------------------------------------------
+    async def start(self) -> None:
+        """Start it, and keep it alive until `close`. Raises `LinkError` where it does not start."""
+        self._ready = asyncio.get_running_loop().create_future()
+        self._living = asyncio.create_task(self._live())
+        try:
+            async with asyncio.timeout(START_S * self._speedup):
+                await self._ready
+        except TimeoutError:
+            await self.close()
+            raise LinkError(
+                f"MAVSDK was not ready within {START_S:g} s; fly with --driver pymavlink"
+            ) from None
+        except LinkError:
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        """End it."""
+        living, self._living = self._living, None
+        if living is not None:
+            living.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await living
+
+    async def _live(self) -> None:
+        """Start it as often as it ends; but if it never was ready, that is how it stays."""
+        while True:
+            why = await self._run_once()
+            if self._ready is not None and not self._ready.done():
+                self._ready.set_exception(
+                    LinkError(
+                        f"MAVSDK does not start ({why}); is the package mavsdk installed for this "
+                        "machine? Or fly with --driver pymavlink"
+                    )
+                )
+                return
+            self._say(f"MAVSDK has ended ({why}) and is started again")
+            await asyncio.sleep(AGAIN_S * self._speedup)
+
+    async def _run_once(self) -> str:
+        """From its start to its end; why it has ended."""
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *self._command,
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+                start_new_session=True,  # Ctrl-C is for the service, which brings vehicles home
+            )
+        except OSError as error:
+            return str(error)
+        self._process, self._fed_s, self._knows = process, None, False
+        self.starts += 1
+        assert process.stderr is not None
+        complaints = asyncio.create_task(_last_line(process.stderr))
+        try:
+            why = await self._read(process)
+            return why or await complaints or f"exit code {await process.wait()}"
+        finally:
+            self._process = None
+            for answer in self._answers.values():
+                if not answer.done():
+                    answer.set_exception(LinkError("MAVSDK has ended"))
+            self._answers.clear()
+            complaints.cancel()
+            await self._end(process)
+
+    async def _read(self, process: asyncio.subprocess.Process) -> str:
+        """Take what it writes until it ends, or is seen to be broken."""
+        pieces, loop = Pieces(), asyncio.get_running_loop()
+        assert process.stdout is not None
+        while True:
+            try:
+                async with asyncio.timeout(SILENT_S * self._speedup):
+                    data = await process.stdout.read(_READ_BYTES)
+                if not data:
+                    return ""
+                for letter, content in pieces.feed(data):
+                    if letter == FRAMES:
+                        self._take_frames(content)
+                    else:
+                        self._hear(json.loads(content))
+            except TimeoutError:
+                pass
+            except (ValueError, KeyError, TypeError) as error:
+                return f"it wrote what is nothing: {error}"
+            fed_s = self._fed_s
+            if fed_s is not None and loop.time() - fed_s > SILENT_S * self._speedup:
+                return f"it passed nothing on for {SILENT_S:g} s"
+
+    async def _end(self, process: asyncio.subprocess.Process) -> None:
+        assert process.stdin is not None
+        process.stdin.close()
+        try:
+            async with asyncio.timeout(_END_S * self._speedup):
+                await process.wait()
+        except TimeoutError:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+        # a process that ends without reading all breaks the pipe: that it ended is known
+        with contextlib.suppress(OSError):
+            await process.stdin.wait_closed()
+
+    # --- words ------------------------------------------------------------------------------
+    def _hear(self, told: Words) -> None:
+        if "name" in told:
+            self._fed_s = None
+            self._take_message(told)
+        elif "id" in told:
+            answer = self._answers.pop(told["id"], None)
+            if answer is not None and not answer.done():
+                answer.set_result(told)
+        elif "system" in told:
+            self._knows = True
+        elif "ready" in told and self._ready is not None and not self._ready.done():
+            self.version = str(told["ready"])
+            self._ready.set_result(None)
+
+    def feed(self, data: bytes, *, ours: bool) -> None:
+        """Bytes from the link; `ours`: our vehicle speaks in them."""
+        if ours and self._knows and self._fed_s is None:
+            self._fed_s = asyncio.get_running_loop().time()
+        self._write(frames(data))
+
+    def tell(self, answered: Callable[[str], None], **what: Any) -> None:
+        """Have something done; `answered` hears MAVSDK's word for how that went."""
+
+        def heard(answer: asyncio.Future[Words]) -> None:
+            if not answer.cancelled():
+                answered("" if answer.exception() else str(answer.result()["result"]))
+
+        self._begin(what).add_done_callback(heard)
+
+    async def ask(self, **what: Any) -> Words:
+        """Have something done, and wait for MAVSDK's word. Raises `LinkError` if it ends first."""
+        answer = self._begin(what)
+        try:
+            async with asyncio.timeout(ANSWER_S * self._speedup):
+                return await answer
+        except TimeoutError:
+            if (process := self._process) is not None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+            raise LinkError(f"MAVSDK did not answer within {ANSWER_S:g} s") from None
+
+    def _begin(self, what: Words) -> asyncio.Future[Words]:
+        answer: asyncio.Future[Words] = asyncio.get_running_loop().create_future()
+        number = next(self._numbers)
+        if self._write(words({"id": number, **what})):
+            self._answers[number] = answer
+        else:
+            answer.set_exception(LinkError("MAVSDK does not run"))
+        return answer
+
+    def _write(self, piece: bytes) -> bool:
+        """Whether there is somebody to write to; one that does not read any more is ended."""
+        process = self._process
+        if process is None or process.stdin is None or process.stdin.is_closing():
+            return False
+        if process.stdin.transport.get_write_buffer_size() > MOST_UNREAD:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            return False
+        process.stdin.write(piece)
+        return True
+
+
+async def _last_line(errors: asyncio.StreamReader) -> str:
+    """The last that it complained of: of a traceback, what is wrong."""
+    last = b""
+    while data := await errors.read(_READ_BYTES):
+        last = (last + data)[-_READ_BYTES:]
+    lines = last.decode("utf-8", "replace").strip().splitlines()
+    return lines[-1].strip() if lines else ""

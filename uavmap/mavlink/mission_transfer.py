@@ -1,0 +1,249 @@
+"""Lists of places on an autopilot, by MAVLink's mission protocol: a fence, rally points.
+
+The vehicle drives an upload and asks for each item; a download is driven by us, and ends with our
+acknowledgement. One transfer at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefusedError, LinkError
+from missions.units import LatLon
+from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message, Session
+
+TRIES: Final = 8
+"""How often something is sent that nobody answers."""
+WAIT_S: Final = 1.5
+WHOLE_TRIES: Final = 3
+"""How often an upload is begun anew that the vehicle gave up or that went wrong on the way."""
+PLACE_E7: Final = 2
+"""So many 1e-7 degrees a place may come back different: a vehicle may keep it as a float."""
+
+_RESULTS: Final = {
+    number: value.name.removeprefix("MAV_MISSION_").lower().replace("_", " ")
+    for number, value in mav.enums["MAV_MISSION_RESULT"].items()
+}
+_LOST: Final = (mav.MAV_MISSION_OPERATION_CANCELLED, mav.MAV_MISSION_INVALID_SEQUENCE)
+"""Results of an upload that a bad link has spoilt: begun anew, it may do."""
+
+
+class Kind(IntEnum):
+    """The lists of an autopilot, by MAV_MISSION_TYPE."""
+
+    FENCE = mav.MAV_MISSION_TYPE_FENCE
+    RALLY = mav.MAV_MISSION_TYPE_RALLY
+
+    @property
+    def words(self) -> str:
+        """In words."""
+        return "the fence" if self is Kind.FENCE else "the rally points"
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A mission item.
+
+    Attributes:
+        command: MAV_CMD.
+        position: Of the item; zeros with MAV_FRAME_MISSION.
+        first: param1: vertices of a polygon, a radius.
+        frame: MAV_FRAME.
+        height_m: In this frame.
+        others: param2 to param4; NaN where the autopilot chooses. Fence and rally points have none.
+    """
+
+    command: int
+    position: LatLon
+    first: float = 0.0
+    frame: int = mav.MAV_FRAME_GLOBAL
+    height_m: float = 0.0
+    others: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def equals(self, other: Item) -> bool:
+        """Whether both mean the same; autopilots name frames differently, and fences have none.
+
+        >>> here = Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0))
+        >>> here.equals(Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0000001)))
+        True
+        """
+        off = (
+            abs(self.position.lat_deg - other.position.lat_deg),
+            abs(self.position.lon_deg - other.position.lon_deg),
+        )
+        near = all(degrees * 1e7 <= PLACE_E7 + 0.5 for degrees in off)
+        return (self.command, self.first) == (other.command, other.first) and near
+
+
+def same_items(wanted: Sequence[Item], found: Sequence[Item]) -> bool:
+    """Whether a list came back as it was sent."""
+    return len(wanted) == len(found) and all(
+        a.equals(b) for a, b in zip(wanted, found, strict=True)
+    )
+
+
+class MissionTransfer:
+    """Fence and rally points of one vehicle."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._kind: Kind | None = None
+        self._sending: Sequence[Item] | None = None
+        self._heard: list[Message] = []
+        session.listen(self._on_message)
+
+    # --- upload -------------------------------------------------------------------------------
+    async def upload(self, kind: Kind, items: Sequence[Item]) -> None:
+        """Put a list in the place of the vehicle's own; an empty one clears it.
+
+        Raises `CommandRefusedError` with the vehicle's reason, `LinkError` when it falls silent.
+        """
+        for attempt in range(WHOLE_TRIES):
+            result = await (self._sent(kind, items) if items else self._cleared(kind))
+            if result == mav.MAV_MISSION_ACCEPTED:
+                return
+            if result not in _LOST or attempt == WHOLE_TRIES - 1:
+                raise CommandRefusedError(
+                    f"{kind.words} were not taken: {_RESULTS.get(result, result)}"
+                    + self._session.view.recent_texts()
+                )
+
+    async def _sent(self, kind: Kind, items: Sequence[Item]) -> int:
+        view = self._session.view
+        count = mav.MAVLink_mission_count_message(
+            view.system_id, view.autopilot_component, len(items), kind
+        )
+        self._begin(kind, items)
+        try:
+            return await self._acknowledged(count)
+        finally:
+            self._end()
+
+    async def _cleared(self, kind: Kind) -> int:
+        view = self._session.view
+        self._begin(kind, None)
+        try:
+            return await self._acknowledged(
+                mav.MAVLink_mission_clear_all_message(
+                    view.system_id, view.autopilot_component, kind
+                )
+            )
+        finally:
+            self._end()
+
+    async def _acknowledged(self, opening: Message) -> int:
+        """The MAV_MISSION_RESULT that ends a transfer; items are sent as they are asked for.
+
+        The opening is repeated until the vehicle answers: from then on it asks by itself. When the
+        last item has gone and all is silent, its acknowledgement was lost: the item, sent once
+        more, is acknowledged once more.
+        """
+        asked: int | None = None
+        for _ in range(TRIES):
+            if asked is None:
+                self._session.send(opening)
+            elif self._sending is not None and asked == len(self._sending) - 1:
+                self._send_item(asked)
+            while (message := await self._next()) is not None:
+                if message.get_type() == "MISSION_ACK":
+                    return int(message.type)
+                asked = getattr(message, "seq", asked)
+        if asked is not None:
+            return int(mav.MAV_MISSION_OPERATION_CANCELLED)  # it gave up, and that was lost
+        raise LinkError("the vehicle does not answer the mission protocol")
+
+    # --- download -----------------------------------------------------------------------------
+    async def download(self, kind: Kind) -> tuple[Item, ...]:
+        """The vehicle's list.
+
+        Raises `CommandRefusedError` where it has no such list, `LinkError` when it is silent.
+        """
+        view = self._session.view
+        address = view.system_id, view.autopilot_component
+        self._begin(kind, None)
+        try:
+            listing = mav.MAVLink_mission_request_list_message(*address, kind)
+            count = (await self._answer(listing, "MISSION_COUNT", kind)).count
+            items: list[Item] = []
+            for seq in range(count):
+                request = mav.MAVLink_mission_request_int_message(*address, seq, kind)
+                items.append(_item(await self._answer(request, "MISSION_ITEM_INT", kind, seq)))
+            self._session.send(
+                mav.MAVLink_mission_ack_message(*address, mav.MAV_MISSION_ACCEPTED, kind)
+            )
+        finally:
+            self._end()
+        return tuple(items)
+
+    async def _answer(
+        self, request: Message, name: str, kind: Kind, seq: int | None = None
+    ) -> Message:
+        for _ in range(TRIES):
+            self._session.send(request)
+            while (message := await self._next()) is not None:
+                if message.get_type() == name and (seq is None or message.seq == seq):
+                    return message
+                if message.get_type() == "MISSION_ACK" and message.type:
+                    reason = _RESULTS.get(message.type, message.type)
+                    raise CommandRefusedError(f"{kind.words} cannot be read: {reason}")
+        raise LinkError(f"{kind.words} cannot be read: the vehicle does not answer")
+
+    # --- both ---------------------------------------------------------------------------------
+    def _begin(self, kind: Kind, items: Sequence[Item] | None) -> None:
+        self._kind, self._sending = kind, items
+        self._heard.clear()
+
+    def _end(self) -> None:
+        self._kind = self._sending = None
+
+    async def _next(self) -> Message | None:
+        """The next message of the protocol; None when there is none within the wait."""
+        wait_s = max(WAIT_S, self._session.ack_wait_s)
+        if not await self._session.until(lambda: bool(self._heard), wait_s):
+            return None
+        return self._heard.pop(0)
+
+    def _on_message(self, message: Message) -> None:
+        if self._kind is None or not message.get_type().startswith("MISSION_"):
+            return
+        if getattr(message, "mission_type", None) != self._kind:
+            return
+        if message.target_system not in (0, GROUND_SYSTEM_ID):
+            return  # a ground station transfers something, too
+        name = message.get_type()
+        if name in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
+            self._send_item(message.seq)
+        self._heard.append(message)
+
+    def _send_item(self, seq: int) -> None:
+        items, view = self._sending, self._session.view
+        if items is None or self._kind is None or not 0 <= seq < len(items):
+            return
+        item = items[seq]
+        self._session.send(
+            mav.MAVLink_mission_item_int_message(
+                view.system_id,
+                view.autopilot_component,
+                seq,
+                item.frame,
+                item.command,
+                0,
+                1,
+                item.first,
+                *item.others,
+                round(item.position.lat_deg * 1e7),
+                round(item.position.lon_deg * 1e7),
+                item.height_m,
+                self._kind,
+            )
+        )
+
+
+def _item(message: Message) -> Item:
+    place = LatLon(message.x / 1e7, message.y / 1e7)
+    return Item(message.command, place, message.param1, message.frame, message.z)

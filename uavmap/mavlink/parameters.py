@@ -1,0 +1,134 @@
+"""Parameters of an autopilot: read, and set with the new value read back.
+
+Integers travel as numbers on ArduPilot. On PX4 their four bytes lie in the float field of the
+message, which then may be anything, not-a-numbers included.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from uavmap.mavlink.session import Message, Session
+
+TRIES: Final = 4
+WAIT_S: Final = 1.0
+AT_ONCE: Final = 10
+"""So many are asked for in one go: an ArduPilot loses what comes faster."""
+
+_INT, _UINT, _FLOAT = struct.Struct("<i"), struct.Struct("<I"), struct.Struct("<f")
+_UNSIGNED: Final = (mav.MAV_PARAM_TYPE_UINT8, mav.MAV_PARAM_TYPE_UINT16, mav.MAV_PARAM_TYPE_UINT32)
+_FLOATS: Final = (mav.MAV_PARAM_TYPE_REAL32, mav.MAV_PARAM_TYPE_REAL64)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A value as the vehicle told it, with its MAV_PARAM_TYPE; integers, too, are numbers."""
+
+    value: float
+    type: int
+
+
+def on_wire(parameter: Parameter, *, bytewise: bool) -> float:
+    """The float field of PARAM_SET.
+
+    >>> on_wire(Parameter(1.0, 6), bytewise=True)
+    1.401298464324817e-45
+    >>> on_wire(Parameter(1.0, 6), bytewise=False)
+    1.0
+    """
+    if not bytewise or parameter.type in _FLOATS:
+        return parameter.value
+    number = round(parameter.value)
+    form = _UINT if parameter.type in _UNSIGNED else _INT
+    found: float = _FLOAT.unpack(form.pack(number))[0]
+    return found
+
+
+def from_wire(value: float, kind: int, *, bytewise: bool) -> float:
+    """The number in the float field of PARAM_VALUE.
+
+    >>> from_wire(on_wire(Parameter(-1.0, 6), bytewise=True), 6, bytewise=True)
+    -1.0
+    """
+    if not bytewise or kind in _FLOATS:
+        return value
+    form = _UINT if kind in _UNSIGNED else _INT
+    return float(form.unpack(_FLOAT.pack(value))[0])
+
+
+class Parameters:
+    """The parameters that were asked for; what else a vehicle tells is passed over."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._asked: set[str] = set()
+        self._answers: dict[str, Parameter] = {}
+        self._one_at_a_time = asyncio.Lock()
+        session.listen(self._on_message)
+
+    async def read(self, name: str) -> Parameter | None:
+        """What a parameter is; None if the vehicle does not tell: it has none of this name."""
+        return (await self.read_many([name])).get(name)
+
+    async def read_many(self, names: Sequence[str]) -> dict[str, Parameter]:
+        """What parameters are; those that the vehicle does not tell are left out.
+
+        Silence is all that a wrong name gets, so a missing one is asked for up to `TRIES` times.
+        """
+        view = self._session.view
+        found: dict[str, Parameter] = {}
+        async with self._one_at_a_time:
+            for first in range(0, len(names), AT_ONCE):
+                requests = {
+                    name: mav.MAVLink_param_request_read_message(
+                        view.system_id, view.autopilot_component, name.encode("ascii"), -1
+                    )
+                    for name in names[first : first + AT_ONCE]
+                }
+                found |= await self._answered(requests)
+        return found
+
+    async def write(self, name: str, wanted: Parameter) -> bool:
+        """Set a parameter; whether the vehicle says that it has this value."""
+        view = self._session.view
+        request = mav.MAVLink_param_set_message(
+            view.system_id,
+            view.autopilot_component,
+            name.encode("ascii"),
+            on_wire(wanted, bytewise=view.kind.integers_bytewise),
+            wanted.type,
+        )
+        async with self._one_at_a_time:
+            told = (await self._answered({name: request})).get(name)
+        return told is not None and math.isclose(
+            told.value, wanted.value, rel_tol=1e-5, abs_tol=1e-6
+        )
+
+    async def _answered(self, requests: dict[str, Message]) -> dict[str, Parameter]:
+        """The answers to requests, each sent up to `TRIES` times."""
+        self._answers, self._asked = {}, set(requests)
+        wait_s = max(WAIT_S, self._session.ack_wait_s)
+        try:
+            for _ in range(TRIES):
+                for name in self._asked:
+                    self._session.send(requests[name])
+                if await self._session.until(lambda: not self._asked, wait_s):
+                    break
+            return self._answers
+        finally:
+            self._asked = set()
+
+    def _on_message(self, message: Message) -> None:
+        if message.get_type() != "PARAM_VALUE" or message.param_id not in self._asked:
+            return
+        bytewise = self._session.view.kind.integers_bytewise
+        value = from_wire(message.param_value, message.param_type, bytewise=bytewise)
+        self._answers[message.param_id] = Parameter(value, message.param_type)
+        self._asked.discard(message.param_id)

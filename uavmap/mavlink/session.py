@@ -1,0 +1,392 @@
+"""A MAVLink 2 conversation with one vehicle: frames in, frames out, commands with their ACKs.
+
+The session keeps the latest of everything that the vehicle says (`view`), repeats commands until
+they are acknowledged, and hands every message to those who listen. It knows nothing of sockets.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import struct
+from collections.abc import Callable, Collection, Iterator
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import CommandRefusedError, LinkError
+from uavmap.mavlink.links.framing import sender_of
+from uavmap.mavlink.links.packet_loss import Losses
+from uavmap.mavlink.links.signing import Signing
+from uavmap.mavlink.px4_events import EVENT_ID, event_text
+from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.mavlink.view_updates import update
+
+Message = Any  # pymavlink carries no types
+Listener = Callable[[Message], None]
+Record = Callable[[bytes], None]
+
+ACK_WAIT_S: Final = 1.0
+ACK_TRIES: Final = 5
+GROUND_SYSTEM_ID: Final = 245
+"""Our own system id: this process flies several vehicles, so it is none of them."""
+
+_EVENT: Final = f"UNKNOWN_{EVENT_ID}"
+"""What the parser calls a message that its dialect does not know."""
+_READ_BYTES_KEPT: Final = 4096
+_MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
+_RESULTS: dict[str, int] = {
+    value.name.removeprefix("MAV_RESULT_"): number
+    for number, value in mav.enums["MAV_RESULT"].items()
+}
+_RESULT_NAMES: dict[int, str] = {
+    number: name.lower().replace("_", " ") for name, number in _RESULTS.items()
+}
+_RESULT_NAMES[9] = "unsupported frame"  # newer than the dialect
+
+
+def result_name(result: int) -> str:
+    """A MAV_RESULT in words.
+
+    >>> result_name(2), result_name(200)
+    ('denied', '200')
+    """
+    return _RESULT_NAMES.get(result, str(result))
+
+
+class Session:
+    """One vehicle at the other end of a link.
+
+    `send` takes frames to the link, `record` sees every frame of both directions. A command is
+    repeated when it is not acknowledged within `ack_wait_s`.
+    """
+
+    def __init__(
+        self, send: Callable[[bytes], None], record: Record, ack_wait_s: float = ACK_WAIT_S
+    ) -> None:
+        self.ack_wait_s = ack_wait_s
+        """How long an answer is waited for, in seconds of the loop's clock."""
+        self._send = send
+        self._record = record
+        self._codec = mav.MAVLink(
+            None,
+            srcSystem=GROUND_SYSTEM_ID,
+            srcComponent=mav.MAV_COMP_ID_ONBOARD_COMPUTER,
+        )
+        self._codec.robust_parsing = True
+        self._listeners: list[Listener] = []
+        self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
+        self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
+        """By command and the component that was asked."""
+        self._command_lock = asyncio.Lock()
+        self.heard_s: dict[int, float] = {}
+        """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
+        self.view = VehicleView()
+        self.losses = Losses()
+        self.signing: Signing | None = None
+        """With a key, what is not signed with it is not heard, and what is sent is signed."""
+        self.tap: Callable[[bytes], None] = lambda data: None
+        """Takes what the link has heard, as it was, since the vehicle first spoke."""
+        self.process_number = 0
+        """A number of this process, told in our heartbeat: so others of us are known from an echo.
+        0: not told, and nobody is looked for."""
+        self.rival_s: float | None = None
+        """When another process of ours was last heard on this link."""
+        self.bound_s: float | None = None
+        """When our vehicle first spoke, on the loop's clock."""
+        self.onboard = False
+        """Whether to a PX4, too, we are no ground station but a part of the vehicle."""
+
+    # --- frames --------------------------------------------------------------------------
+    def feed(self, data: bytes) -> bool:
+        """Take in what the link has heard; whether our vehicle spoke in it."""
+        now_s = asyncio.get_running_loop().time()
+        ours = False
+        for message in self._parsed(data):
+            if self.signing is not None and not self._signed(message):
+                continue
+            self._record(bytes(message.get_msgbuf()))
+            self._overhear(message, now_s)
+            ours = self._take(message, now_s) or ours
+        if self.view.system_id:
+            self.tap(data)
+        self._wake()
+        return ours
+
+    def _take(self, message: Message, now_s: float) -> bool:
+        """Take in one message; whether it is of our vehicle."""
+        if not update(self.view, message, now_s):
+            return False
+        self.bound_s = now_s if self.bound_s is None else self.bound_s
+        if message.get_srcComponent() == self.view.autopilot_component:
+            self.heard_s[message.get_msgId()] = now_s
+        if message.get_type() == "COMMAND_ACK":
+            self._take_ack(message)
+        for listener in self._listeners:
+            listener(message)
+        return True
+
+    def _overhear(self, message: Message, now_s: float) -> None:
+        """Take note of what is not for the view: events of a PX4, others like us."""
+        if message.get_type() == _EVENT:
+            self._hear_event(message)
+        elif message.get_srcSystem() == GROUND_SYSTEM_ID:
+            self._look_for_rival(message, now_s)
+
+    def _hear_event(self, message: Message) -> None:
+        """An event of the autopilot; as a ground station we are told texts, which say more."""
+        frame = bytes(message.get_msgbuf())
+        ours = sender_of(frame) == (self.view.system_id, self.view.autopilot_component)
+        if self.onboard and ours and (text := event_text(frame)):
+            self.view.hear(text)
+
+    def has_rival(self) -> bool:
+        """Whether another process of ours was heard to speak to this vehicle."""
+        return self.rival_s is not None
+
+    def _look_for_rival(self, message: Message, now_s: float) -> None:
+        """A vehicle or a router may pass on what another service like this one sends."""
+        beats = message.get_type() == "HEARTBEAT" and self.process_number
+        if not beats or message.custom_mode == self.process_number:
+            return
+        if self.rival_s is None:
+            self.view.gate.say("another uavmap speaks to this vehicle; one of the two must end")
+        self.rival_s = now_s
+
+    def _signed(self, message: Message) -> bool:
+        """Whether a message is signed as it has to be; if not it is counted, and said once."""
+        if self.signing is None or message.get_msgId() == mav.MAVLINK_MSG_ID_RADIO_STATUS:
+            return self.signing is None  # a radio beside us has no key, and nobody needs its word
+        fault = self.signing.fault(bytes(message.get_msgbuf()))
+        if fault is not None:
+            self.view.gate.refuse_once("frames", fault)
+        return fault is None
+
+    def _parsed(self, data: bytes) -> Iterator[Message]:
+        """The messages in a piece of a stream; what is none is passed over."""
+        codec = self._codec
+        while True:
+            try:
+                message = codec.parse_char(data)
+            except Exception:  # of the parser, whose input is whatever a stranger sends
+                message = None
+                codec.buf, codec.buf_index = bytearray(), 0
+            data = b""
+            if message is None:
+                break
+            if message.get_type() == "BAD_DATA":
+                continue
+            self.losses.take(message)
+            if message.get_msgId() in mav.mavlink_map or message.get_type() == _EVENT:
+                yield message
+        # the parser lets go of what it has read only when it has read all of it
+        if codec.buf_index > _READ_BYTES_KEPT:
+            codec.buf, codec.buf_index = codec.buf[codec.buf_index :], 0
+
+    def send(self, message: Message) -> None:
+        """Send a message. Raises `LinkError` where a number does not fit into it."""
+        try:
+            frame: bytes = message.pack(self._codec)
+        except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
+            raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
+        self._codec.seq = (self._codec.seq + 1) & 0xFF
+        self._emit(frame)
+
+    def _emit(self, frame: bytes) -> None:
+        """A frame goes to the link, signed where there is a key."""
+        if self.signing is not None:
+            frame = self.signing.sign(frame)
+        self._record(frame)
+        self._send(frame)
+
+    def listen(self, listener: Listener) -> None:
+        """Call `listener` with every message of the vehicle."""
+        self._listeners.append(listener)
+
+    # --- waiting -------------------------------------------------------------------------
+    async def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
+        """Wait until a condition on the view holds; False if that takes too long."""
+        if condition():
+            return True
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        waiter = (condition, future)
+        self._waiters.append(waiter)
+        try:
+            async with asyncio.timeout(timeout_s):
+                await future
+        except TimeoutError:
+            return False
+        finally:
+            if waiter in self._waiters:
+                self._waiters.remove(waiter)
+        return True
+
+    def _wake(self) -> None:
+        for waiter in list(self._waiters):
+            condition, future = waiter
+            if condition():
+                self._waiters.remove(waiter)
+                if not future.done():
+                    future.set_result(None)
+
+    # --- commands ------------------------------------------------------------------------
+    async def command(
+        self,
+        command: int,
+        *params: float,
+        component: int | None = None,
+        done: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
+
+        To the autopilot, if no other component is named; only the one that was asked answers.
+        `done` says that the command was carried out, acknowledged or not: it is not sent again.
+
+        Raises `CommandRefusedError` with what the vehicle said, `LinkError` when it stays silent.
+        """
+        filled = (*params, *([0.0] * (7 - len(params))))
+        asked = self._autopilot if component is None else component
+
+        def message(confirmation: int) -> Message:
+            return mav.MAVLink_command_long_message(
+                self.view.system_id, asked, command, confirmation, *filled
+            )
+
+        await self._until_acknowledged(command, asked, message, done)
+
+    async def command_at(
+        self,
+        command: int,
+        frame: int,
+        params: tuple[float, float, float, float],
+        lat_deg: float,
+        lon_deg: float,
+        z: float,
+        taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
+    ) -> None:
+        """COMMAND_INT for a place; `taken` are results that mean yes. Errors as for `command`."""
+        unused = command == mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE and math.isnan(z)
+        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and (math.isfinite(z) or unused)):
+            raise LinkError(f"no place to send a vehicle to: {lat_deg}, {lon_deg}, {z} m")
+        place = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
+        asked = self._autopilot
+
+        def message(_confirmation: int) -> Message:
+            return mav.MAVLink_command_int_message(
+                self.view.system_id,
+                asked,
+                frame,
+                command,
+                0,
+                0,
+                *params,
+                *place,
+            )
+
+        await self._until_acknowledged(command, asked, message, taken=taken)
+
+    @property
+    def _autopilot(self) -> int:
+        return self.view.autopilot_component or int(mav.MAV_COMP_ID_AUTOPILOT1)
+
+    async def _until_acknowledged(
+        self,
+        command: int,
+        asked: int,
+        message: Callable[[int], Message],
+        done: Callable[[], bool] = lambda: False,
+        taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
+    ) -> None:
+        name = mav.enums["MAV_CMD"][command].name
+        async with self._command_lock:
+            sent_s = asyncio.get_running_loop().time()
+            queue = self._acks[command, asked] = asyncio.Queue()
+            ack: Message | None = None
+            try:
+                for confirmation in range(ACK_TRIES):
+                    if confirmation and done():
+                        return
+                    self.send(message(confirmation))
+                    ack = await self._ack(queue)
+                    if ack is None or ack.result in _MAY_PASS:
+                        continue
+                    if ack.result in taken:
+                        return
+                    await self.hear_why()
+                    break
+            finally:
+                del self._acks[command, asked]
+        if done():
+            return
+        if ack is not None:
+            raise CommandRefusedError(
+                f"{name} was refused: {result_name(ack.result)}"
+                + self.view.recent_texts(since_s=sent_s)
+            )
+        raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
+
+    async def _ack(self, queue: asyncio.Queue[Message]) -> Message | None:
+        """The next final ACK; IN_PROGRESS extends the wait."""
+        while True:
+            try:
+                async with asyncio.timeout(self.ack_wait_s):
+                    ack = await queue.get()
+            except TimeoutError:
+                return None
+            if ack.result == mav.MAV_RESULT_TEMPORARILY_REJECTED:
+                await asyncio.sleep(self.ack_wait_s)
+            if ack.result != mav.MAV_RESULT_IN_PROGRESS:
+                return ack
+
+    async def hear_why(self) -> None:
+        """Wait a moment: an ArduPilot explains a refusal (STATUSTEXT) after the ACK."""
+        heard = self.view.texts_heard
+        await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)
+
+    def _take_ack(self, ack: Message) -> None:
+        ours = ack.target_system in (0, GROUND_SYSTEM_ID)
+        asked = (ack.command, ack.get_srcComponent())
+        if ours and (queue := self._acks.get(asked)) is not None:
+            queue.put_nowait(ack)
+
+    # --- what a client sends of itself -----------------------------------------------------
+    def heartbeat(self) -> None:
+        """HEARTBEAT: as a ground station to a PX4, which says its texts to nobody else.
+
+        Otherwise, and with `onboard`, as an onboard controller, which stands in for no ground
+        station.
+        """
+        onboard = mav.MAV_TYPE_ONBOARD_CONTROLLER
+        self.send(
+            mav.MAVLink_heartbeat_message(
+                onboard if self.onboard else self.view.kind.heard_as,
+                mav.MAV_AUTOPILOT_INVALID,
+                0,
+                self.process_number,
+                mav.MAV_STATE_ACTIVE,
+                3,
+            )
+        )
+
+    async def message_interval(self, message_id: int, rate_hz: float) -> None:
+        """Ask for a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
+        await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
+
+    def request(self, message_id: int, param2: float = math.nan) -> None:
+        """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
+        filler = 0.0 if math.isnan(param2) else param2
+        self.send(
+            mav.MAVLink_command_long_message(
+                self.view.system_id,
+                self.view.camera_component if message_id == 263 else self._autopilot,
+                mav.MAV_CMD_REQUEST_MESSAGE,
+                0,
+                message_id,
+                filler,
+                0,
+                0,
+                0,
+                0,
+                0,
+            )
+        )

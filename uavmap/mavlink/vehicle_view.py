@@ -1,0 +1,243 @@
+"""The latest of what a vehicle has said, in our units; `uavmap.mavlink.view_updates` keeps it
+so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from uavmap.mavlink.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
+from uavmap.mavlink.landed_state import GroundBelow
+from uavmap.mavlink.message_gate import Gate
+from uavmap.mavlink.position_history import Place, Whereabouts
+from uavmap.mavlink.status_texts import Text, Texts
+
+Message = Any
+
+EKF_RELATIVE: Final = 0x08
+EKF_ABSOLUTE: Final = 0x10
+EKF_CONSTANT: Final = 0x80
+TEXT_HORIZON_S: Final = 5.0
+STAMP_SLACK_S: Final = 0.5
+_OFF_GROUND: Final = (
+    mav.MAV_LANDED_STATE_TAKEOFF,
+    mav.MAV_LANDED_STATE_IN_AIR,
+    mav.MAV_LANDED_STATE_LANDING,
+)
+"""A take-off that is called off goes from the first of these to the last."""
+SIMULATOR_IDENTITY: Final = (0x5541, 0x534D)
+"""vendor_id and product_id of the bundled simulator: nobody stands beside its aircraft."""
+
+
+@dataclass(slots=True)
+class VehicleView:
+    """What is known of the vehicle from its messages; None where it has not said yet."""
+
+    system_id: int = 0
+    wanted_system: int | None = None
+    """The only system that is listened to; None: the first that speaks."""
+    autopilot: int | None = None
+    autopilot_component: int = 0
+    """Bound with `system_id` by the first heartbeat of an autopilot."""
+    camera_component: int = mav.MAV_COMP_ID_CAMERA
+    """The first that sent a camera's heartbeat, for as long as it speaks."""
+    camera_heard_s: float = float("-inf")
+    gate: Gate = field(default_factory=Gate)
+    heard_s: float = float("-inf")
+    mode: int | None = None
+    armed: bool = False
+    failsafe: bool = False
+    """The autopilot flies by itself, whatever the mode."""
+    critical: bool = False
+    """What it says of its state; with an ArduPilot a failsafe lasts, whoever flies."""
+    position: LatLon | None = None
+    """Where it is: as it tells, less what that is found to be off by."""
+    told: LatLon | None = None
+    """Where it tells to be."""
+    off_deg: tuple[float, float] = (0.0, 0.0)
+    """By how much the position that its autopilot tells is off, degrees of latitude and longitude:
+    what `uavmap.aircraft.map_navigation` has found out by its pictures. Targets are told with it,
+    for the autopilot is to be where it believes that to be."""
+    position_s: float = float("-inf")
+    height_m: float = 0.0
+    """Above home; where there is a `ground`, above the ground below."""
+    ground: GroundBelow | None = None
+    """What a mission flies above, if that is not flat."""
+    home_amsl_m: float = 0.0
+    """What heights are above, over the sea: home as it was at take-off where commands are above
+    the sea (a PX4 corrects its home for minutes, and heights above it leap by metres), else home
+    as it is told, which is what the autopilot reckons commands from."""
+    velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    whereabouts: Whereabouts = field(default_factory=Whereabouts)
+    home: LatLon | None = None
+    ground_home: LatLon | None = None
+    """The home that `home_amsl_m` is of: the same, but for one that is moved in the air."""
+    landed_state: int = 0
+    prearm_ok: bool = False
+    ekf_flags: int = 0
+    gps_fix: int | None = None
+    """GPS_FIX_TYPE; None where nobody has asked for it."""
+    battery_s: float = float("-inf")
+    """When the battery's charge was last told, on the loop's clock."""
+    battery_percent: int | None = None
+    battery_percent_from: str = ""
+    """The kind of message that told the percentage."""
+    battery_id: int | None = None
+    """Of the battery that the vehicle flies on: the lowest that was heard."""
+    energy_consumed_j: float | None = None
+    identity: tuple[int, int] | None = None
+    """vendor_id and product_id."""
+    uid: str = ""
+    """The hardware's own number, hexadecimal; empty where it has none or did not tell."""
+    texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
+    texts_heard: int = 0
+    hear: Callable[[Text], None] = lambda text: None
+    """Takes every text of the vehicle as it is complete."""
+    chunks: Texts = field(default_factory=Texts)
+    """Texts that are not yet complete."""
+
+    def corrected(self, told: LatLon) -> LatLon:
+        """The place that the vehicle means where it tells one of its own."""
+        if self.off_deg == (0.0, 0.0):
+            return told
+        return LatLon(told.lat_deg - self.off_deg[0], told.lon_deg - self.off_deg[1])
+
+    def as_told(self, place: LatLon) -> LatLon:
+        """How a place is told to the vehicle, which believes to be elsewhere than it is.
+
+        >>> view = VehicleView()
+        >>> view.off_deg = (0.5, 0.25)
+        >>> view.as_told(LatLon(47.0, 8.0)), view.corrected(view.as_told(LatLon(47.0, 8.0)))
+        (LatLon(lat_deg=47.5, lon_deg=8.25), LatLon(lat_deg=47.0, lon_deg=8.0))
+        """
+        if self.off_deg == (0.0, 0.0):
+            return place
+        return LatLon(place.lat_deg + self.off_deg[0], place.lon_deg + self.off_deg[1])
+
+    @property
+    def by_satellites(self) -> bool:
+        """Whether its filter has a position on Earth, as far as it has said anything of that."""
+        return not self.ekf_flags or bool(self.ekf_flags & EKF_ABSOLUTE)
+
+    @property
+    def has_no_fix(self) -> bool:
+        """Whether its receiver says that it has none: its filter may hold out for a while."""
+        return self.gps_fix is not None and self.gps_fix < mav.GPS_FIX_TYPE_3D_FIX
+
+    @property
+    def by_dead_reckoning(self) -> bool:
+        """Whether its filter goes on without satellites: by optical flow, or by what it is told."""
+        known = self.ekf_flags & EKF_RELATIVE and not self.ekf_flags & EKF_CONSTANT
+        return bool(known) and not self.by_satellites
+
+    def expect_near(self, place: LatLon) -> None:
+        """Where the mission is: no position far away from there is believed."""
+        self.gate.area = place
+
+    @property
+    def boot_offset_s(self) -> float | None:
+        """Loop time minus the vehicle's own time since boot."""
+        return self.gate.clock.offset_s
+
+    def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
+        """When, on the loop's clock, a camera took the picture of an announcement.
+
+        Never later than now, nor much before `since_s`, when the pictures were ordered: a
+        camera's clock may be wrong, this is not.
+        """
+        offset_s = (self.boot_offset_s or 0.0) + self.gate.camera_clock.lead_s
+        return min(max(boot_ms / 1000.0 + offset_s, since_s - STAMP_SLACK_S), now_s)
+
+    def place_at(self, loop_s: float) -> Place | None:
+        """Where the vehicle said to be at a time of the loop's clock; None if it has not."""
+        return self.whereabouts.at(loop_s - (self.boot_offset_s or 0.0))
+
+    @property
+    def kind(self) -> Autopilot:
+        """How it is flown; `connect` refuses those that are not known."""
+        return AUTOPILOTS.get(self.autopilot or 0, ARDUPILOT)
+
+    @property
+    def ready_to_arm(self) -> bool:
+        """The prearm bit alone turns true before the position is usable."""
+        unknown = self.ekf_flags & EKF_CONSTANT and not self.kind.rests_constant
+        return self.prearm_ok and bool(self.ekf_flags & EKF_ABSOLUTE) and not unknown
+
+    @property
+    def since_boot_s(self) -> float | None:
+        """The autopilot's own time since it was started, None while it has not said."""
+        if self.boot_offset_s is None:
+            return None
+        return asyncio.get_running_loop().time() - self.boot_offset_s
+
+    @property
+    def on_ground(self) -> bool:
+        """Landed and disarmed."""
+        return self.landed_state == mav.MAV_LANDED_STATE_ON_GROUND and not self.armed
+
+    @property
+    def off_ground(self) -> bool:
+        """Armed, and not on the ground by the autopilot's own word."""
+        return self.armed and self.landed_state in _OFF_GROUND
+
+    def height_of(self, message: Message) -> float:
+        """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above
+        the `ground` at the place of the message.
+        """
+        ground_m = self.ground_m(LatLon(message.lat / 1e7, message.lon / 1e7))
+        if self.kind.amsl and message.alt:
+            return float(message.alt / 1000.0 - self.home_amsl_m) - ground_m
+        return float(message.relative_alt / 1000.0) - ground_m
+
+    def ground_m(self, place: LatLon) -> float:
+        """How much higher the ground is there than at home; 0 where it is taken to be flat."""
+        return 0.0 if self.ground is None else self.ground.above_home_m(place, self.ground_home)
+
+    @property
+    def is_simulator(self) -> bool:
+        """Whether this is an aircraft of the bundled simulator, over whatever link."""
+        return self.identity == SIMULATOR_IDENTITY
+
+    @property
+    def ground_speed_m_s(self) -> float:
+        """Horizontal speed."""
+        north, east, _ = self.velocity_ned_m_s
+        return float((north**2 + east**2) ** 0.5)
+
+    @property
+    def mode_name(self) -> str:
+        """The mode in the autopilot's words."""
+        if self.mode is None:
+            return "unknown"
+        name = self.kind.mode_names.get(self.mode, f"mode {self.mode}")
+        return f"{name} by a failsafe" if self.failsafe else name
+
+    def remaining_wh(self, capacity_wh: float) -> float | None:
+        """What is left in the battery, the lower of what two messages say; None if unknown."""
+        found = []
+        if self.battery_percent is not None and self.battery_percent >= 0:
+            found.append(capacity_wh * min(self.battery_percent + 1, 100) / 100.0)
+        if self.energy_consumed_j is not None:
+            found.append(max(capacity_wh - self.energy_consumed_j / 3600.0, 0.0))
+        return min(found) if found else None
+
+    def words_since(self, since_s: float) -> list[str]:
+        """What the vehicle has said since a time of the loop's clock, oldest first."""
+        return [text for at_s, text in self.texts if at_s >= since_s]
+
+    def recent_texts(self, now_s: float | None = None, since_s: float = float("inf")) -> str:
+        """What the vehicle said in the seconds before now (the loop's), for an error message.
+
+        And since `since_s`, when it was asked, if that is longer ago.
+        """
+        if now_s is None:
+            now_s = asyncio.get_running_loop().time()
+        texts = self.words_since(min(now_s - TEXT_HORIZON_S, since_s))
+        return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")" if texts else ""

@@ -1,0 +1,194 @@
+"""How each message of a vehicle updates its view.
+
+A message passes the gate first (`uavmap.mavlink.message_gate`): the handlers rely on the ranges of
+`uavmap.mavlink.message_rules`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from uavmap.mavlink.continuity import CameraClock
+from uavmap.mavlink.message_rules import RULES, Sender
+from uavmap.mavlink.position_history import Fix
+from uavmap.mavlink.status_texts import Text
+from uavmap.mavlink.vehicle_view import VehicleView
+
+Message = Any
+
+_NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
+"""What gimbals, cameras and companion computers say in their heartbeats."""
+_OTHER: Final = frozenset({Sender.ANY})
+_AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
+_CAMERA: Final = _OTHER | {Sender.CAMERA}
+PREARM_BIT: Final = 0x10000000
+CAMERA_SILENT_S: Final = 10.0
+"""After so long another camera of the vehicle may take the place of the one that was heard."""
+
+
+def update(view: VehicleView, message: Message, now_s: float) -> bool:
+    """Update the view; return False for a message of another system, or one that is refused."""
+    name = message.get_type()
+    system, component = message.get_srcSystem(), message.get_srcComponent()
+    if name == "HEARTBEAT" and view.system_id == 0:
+        _bind(view, message, system, component)
+    if system != view.system_id or system == 0:
+        return False
+    if not view.gate.admits(message, _senders(view, component), now_s):
+        return False
+    if name == "HEARTBEAT" and component == view.autopilot_component:
+        if message.autopilot != view.autopilot and view.autopilot is not None:
+            view.gate.refuse(name, "another autopilot", now_s)
+            return False
+        view.heard_s = now_s
+    handler = _HANDLERS.get(name)
+    if handler is not None:
+        handler(view, message, now_s, component)
+    return True
+
+
+def is_autopilot(heartbeat: Message) -> bool:
+    """Whether a heartbeat is an autopilot's, by which a vehicle is known."""
+    known = heartbeat.autopilot not in _NO_AUTOPILOT
+    return known and RULES["HEARTBEAT"].fault(heartbeat) is None
+
+
+def _bind(view: VehicleView, message: Message, system: int, component: int) -> None:
+    """The first heartbeat of an autopilot says which vehicle is at the other end."""
+    if view.wanted_system not in (None, system):
+        return
+    if is_autopilot(message):
+        view.system_id, view.autopilot_component = system, component
+
+
+def _senders(view: VehicleView, component: int) -> frozenset[Sender]:
+    """Who a component of our system may speak as."""
+    if component == view.autopilot_component:
+        both = component == view.camera_component
+        return _AUTOPILOT | _CAMERA if both else _AUTOPILOT
+    return _CAMERA if component == view.camera_component else _OTHER
+
+
+def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if message.type == mav.MAV_TYPE_CAMERA:
+        _camera_heard(view, now_s, component)
+    if component != view.autopilot_component or message.autopilot in _NO_AUTOPILOT:
+        return
+    view.autopilot = message.autopilot
+    view.mode = message.custom_mode
+    view.armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+    critical = message.system_status == mav.MAV_STATE_CRITICAL
+    view.failsafe = critical and view.kind.tells_failsafe
+    view.critical = critical
+    _spoken(view, view.chunks.late(now_s), now_s)
+
+
+def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
+    """One camera takes the pictures; a second does not take its place while it speaks."""
+    if component != view.camera_component:
+        if now_s - view.camera_heard_s < CAMERA_SILENT_S:
+            return
+        view.camera_component = component
+        view.gate.camera_clock = CameraClock()
+    view.camera_heard_s = now_s
+
+
+def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
+    view.position = view.corrected(view.told)
+    view.position_s = now_s
+    if not (view.kind.amsl and view.off_ground and view.position is not None):
+        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
+    view.height_m = view.height_of(message)
+    view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
+    boot_s = message.time_boot_ms / 1000.0
+    view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
+
+
+def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    boot_s = message.time_boot_ms / 1000.0
+    view.gate.camera_clock.take(boot_s, now_s, view.boot_offset_s or 0.0)
+
+
+def _home(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.home = LatLon(message.latitude / 1e7, message.longitude / 1e7)
+    if view.ground_home is None or not (view.kind.amsl and view.off_ground):
+        view.ground_home = view.home
+
+
+def _sys_status(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.prearm_ok = bool(message.onboard_control_sensors_health & PREARM_BIT)
+    _percent(view, message, now_s)
+
+
+def _battery(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if view.battery_id is not None and message.id > view.battery_id:
+        return  # a second battery: of the camera, of a winch
+    if view.battery_id != message.id:
+        view.battery_id, view.energy_consumed_j = message.id, None
+    _percent(view, message, now_s)
+    view.energy_consumed_j = None
+    if message.energy_consumed >= 0:
+        view.energy_consumed_j = message.energy_consumed * 100.0
+        view.battery_s = now_s
+
+
+def _percent(view: VehicleView, message: Message, now_s: float) -> None:
+    """Two messages tell the percentage; one that does not know it unsays only what it said."""
+    kind = message.get_type()
+    if message.battery_remaining >= 0:
+        view.battery_percent, view.battery_percent_from = message.battery_remaining, kind
+        view.battery_s = now_s
+    elif view.battery_percent_from == kind:
+        view.battery_percent = None
+
+
+def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.landed_state = message.landed_state
+
+
+def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.ekf_flags = message.flags
+
+
+def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.gps_fix = message.fix_type
+
+
+def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    view.identity = (message.vendor_id, message.product_id)
+    long_uid = bytes(message.uid2)
+    if any(long_uid):
+        view.uid = long_uid.hex()
+    elif message.uid:
+        view.uid = f"{message.uid:016x}"
+
+
+def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    _spoken(view, view.chunks.take(component, message, now_s), now_s)
+
+
+def _spoken(view: VehicleView, texts: list[Text], now_s: float) -> None:
+    for text in texts:
+        view.texts.append((now_s, text.words))
+        view.texts_heard += 1
+        view.hear(text)
+
+
+_HANDLERS: Final = {
+    "HEARTBEAT": _heartbeat,
+    "GLOBAL_POSITION_INT": _position,
+    "HOME_POSITION": _home,
+    "SYS_STATUS": _sys_status,
+    "BATTERY_STATUS": _battery,
+    "EXTENDED_SYS_STATE": _extended,
+    "EKF_STATUS_REPORT": _ekf,
+    "ESTIMATOR_STATUS": _ekf,  # the flags are the same
+    "GPS_RAW_INT": _gps,
+    "AUTOPILOT_VERSION": _version,
+    "STATUSTEXT": _text,
+    "CAMERA_IMAGE_CAPTURED": _captured,
+}

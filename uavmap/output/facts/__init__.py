@@ -1,0 +1,1 @@
+"""The facts of a mission that every format and drawing shows."""

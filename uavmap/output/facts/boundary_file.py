@@ -1,0 +1,233 @@
+"""boundary.geojson: the region's outline at pixel level, as RFC 7946 reads it.
+
+Longitude before latitude, WGS84, eight decimals (a millimetre), rings closed, exterior rings
+counter-clockwise and holes clockwise. The program's own page on replays tells what is in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pydantic_core import to_json
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
+
+from missions.geo.grid import Grid
+from missions.units import LatLon
+from uavmap.base.atomic_write import write_text
+from uavmap.output.facts.boundary_model import Boundary
+from uavmap.output.facts.outline import Runs, runs
+from uavmap.output.formats import geojson_encoder as geojson
+from uavmap.output.formats.layers import turned
+
+DECIMALS: Final = 8
+_ROWS: Final = 1_000_000  # cells that are looked at at once
+
+Feature = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class BoundaryMap:
+    """What the file tells.
+
+    Attributes:
+        mission: Its name.
+        grid: Of the cells.
+        t_s: The mission time that the map is of.
+        start: Longitudes are in the turn of its own.
+        box: The search box, tied to the ground.
+        boundary: The boundary.
+        position_m: Standard deviation of a picture's place: how far all of it may be shifted.
+        seen: Cells on which pictures were asked, sorted; shape (n, 2).
+        undecided: Those among them that too few pictures show.
+    """
+
+    mission: str
+    grid: Grid
+    t_s: float
+    start: LatLon
+    box: Sequence[LatLon]
+    boundary: Boundary
+    position_m: float
+    seen: NDArray[np.int32]
+    undecided: NDArray[np.int32]
+
+    def figures(self) -> dict[str, float | None]:
+        """What a summary tells of the boundary."""
+        found = self.boundary
+        return {
+            "boundary_m2": round(found.region.area, 1),
+            "boundary_low_m2": round(found.likely.area, 1),
+            "boundary_high_m2": round(found.possible.area, 1),
+            "boundary_uncertainty_m": _rounded(found.uncertainty_m(0.5)),
+            "boundary_open_m": round(found.open_lines.length, 1),
+        }
+
+
+def write(data: BoundaryMap, path: Path) -> list[Feature]:
+    """Write the file; returns the features in it."""
+    features = features_of(data)
+    write_text(path, _text(data, features))
+    return features
+
+
+def encode(data: BoundaryMap) -> str:
+    """The boundary as a FeatureCollection, a feature a line."""
+    return _text(data, features_of(data))
+
+
+def features_of(data: BoundaryMap) -> list[Feature]:
+    """What is in the file."""
+    return [
+        _region(data),
+        *_lines(data),
+        _shape(data, "band", data.boundary.band, {"from": 0.1, "to": 0.9}),
+        _shape(data, "open", data.boundary.open_lines, _length(data.boundary.open_lines)),
+        _cells(data, "undecided", runs(data.undecided)),
+        _cells(data, "unseen", unseen(data)),
+    ]
+
+
+def _text(data: BoundaryMap, features: Sequence[Feature]) -> str:
+    head = {
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "computed_in": f"EPSG:{data.grid.zone.epsg}",
+    }
+    # thousands of coordinates, all finite: json takes seven times as long
+    lines = (to_json(feature).decode() for feature in features)
+    return "".join(geojson.collection(head, _bbox(features), lines))
+
+
+# --- the features --------------------------------------------------------------------------------
+def _region(data: BoundaryMap) -> Feature:
+    found = data.boundary
+    return _shape(
+        data,
+        "boundary",
+        found.region,
+        {
+            "probability": round(found.probability, 3),
+            "area_m2": round(found.region.area, 1),
+            "area_low_m2": round(found.likely.area, 1),
+            "area_high_m2": round(found.possible.area, 1),
+            "uncertainty_m": _rounded(found.uncertainty_m(0.5)),
+            "uncertainty_95_m": _rounded(found.uncertainty_m(0.95)),
+            "position_m": round(data.position_m, 2),
+            "open_m": round(found.open_lines.length, 1),
+            "parts": len(found.region.geoms),
+            "holes": sum(len(part.interiors) for part in found.region.geoms),
+            "pixel_m": round(found.pitch_m, 4),
+            "tolerance_m": round(found.tolerance_m, 4),
+        },
+    )
+
+
+def _lines(data: BoundaryMap) -> Iterator[Feature]:
+    for number, line in enumerate(data.boundary.lines, start=1):
+        told = {
+            "line": number,
+            "hole": line.hole,
+            "length_m": round(float(np.hypot(*np.diff(line.points, axis=0).T).sum()), 1),
+            "uncertainty_m": _rounded(line.uncertainty(0.5)),
+            "uncertainty_95_m": _rounded(line.uncertainty(0.95)),
+        }
+        yield _shape(data, "line", shapely.LineString(line.points), told, f"line {number}")
+
+
+def _cells(data: BoundaryMap, kind: str, found: Runs) -> Feature:
+    """Cells as rows of them; what they cover is the geometry."""
+    half_m = data.grid.cell_m / 2.0
+    bounds = data.grid.cell_m * np.array(found, dtype=np.float64).reshape(-1, 3)
+    boxes = shapely.box(
+        bounds[:, 1] - half_m, bounds[:, 0] - half_m, bounds[:, 2] + half_m, bounds[:, 0] + half_m
+    )
+    told = {"cells": sum(last - first + 1 for _, first, last in found), "runs": found}
+    return _shape(data, kind, shapely.orient_polygons(shapely.union_all(boxes)), told)
+
+
+def unseen(data: BoundaryMap) -> Runs:
+    """The cells of the search box on which no picture was asked."""
+    grid = data.grid
+    box = shapely.Polygon([grid.to_moving(grid.fixed(p), data.t_s) for p in data.box])
+    shapely.prepare(box)
+    west, south, east, north = (np.array(box.bounds) / grid.cell_m).round().astype(int).tolist()
+    seen = data.seen
+    found: Runs = []
+    columns = np.arange(west, east + 1)
+    for row in range(south, north + 1, step := max(1, _ROWS // len(columns))):
+        rows = np.arange(row, min(row + step, north + 1))
+        missing = shapely.contains_xy(
+            box, columns[None, :] * grid.cell_m, rows[:, None] * grid.cell_m
+        )
+        near = seen[
+            (seen[:, 1] >= rows[0])
+            & (seen[:, 1] <= rows[-1])
+            & (seen[:, 0] >= west)
+            & (seen[:, 0] <= east)
+        ]
+        missing[near[:, 1] - rows[0], near[:, 0] - west] = False
+        found += runs(np.argwhere(missing.T) + np.array([west, rows[0]]))
+    return found
+
+
+# --- geometry ------------------------------------------------------------------------------------
+def _shape(
+    data: BoundaryMap, kind: str, shape: BaseGeometry, told: dict[str, Any], name: str = ""
+) -> Feature:
+    """A feature; its geometry is null where there is nothing."""
+    feature: Feature = {"type": "Feature", "id": name or kind, "geometry": None}
+    if not shape.is_empty:
+        there = shapely.transform(shape, lambda points: _lon_lat(data, points))
+        feature["bbox"] = list(there.bounds)
+        feature["geometry"] = _geometry(there)
+    return {**feature, "properties": {"kind": kind, **told}}
+
+
+def _geometry(shape: BaseGeometry) -> dict[str, Any]:
+    """A line, a polygon, or several of a kind, as GeoJSON."""
+    if isinstance(shape, BaseMultipartGeometry):
+        parts = [_geometry(part)["coordinates"] for part in shape.geoms]
+        return {"type": shape.geom_type, "coordinates": parts}
+    rings = [shape]
+    if isinstance(shape, Polygon):
+        rings = [shape.exterior, *shape.interiors]
+    found = [shapely.get_coordinates(ring).tolist() for ring in rings]
+    whole = found if isinstance(shape, Polygon) else found[0]
+    return {"type": shape.geom_type, "coordinates": whole}
+
+
+def _lon_lat(data: BoundaryMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitudes, in the turn of the start's, and latitudes of points of the moving frame."""
+    grid = data.grid
+    drift = np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * data.t_s
+    origin = np.array([grid.origin.east_m, grid.origin.north_m])
+    found = grid.zone.lon_lat(origin + (points + drift) * grid.scale)
+    found[:, 0] = turned(found[:, 0], data.start)
+    if not np.isfinite(found).all():  # JSON has no word for it
+        raise ValueError("a point of the boundary lies nowhere on Earth")
+    return found.round(DECIMALS)
+
+
+def _bbox(features: Sequence[Feature]) -> list[float]:
+    """West, south, east, north; empty without any geometry."""
+    boxes = np.array([f["bbox"] for f in features if "bbox" in f])
+    if not len(boxes):
+        return []
+    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    return [float(value) for value in (*low, *high)]
+
+
+def _length(lines: BaseGeometry) -> dict[str, float]:
+    return {"length_m": round(float(lines.length), 1)}
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value, 3)

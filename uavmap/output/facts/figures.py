@@ -1,0 +1,296 @@
+"""The figures of a mission, from its journal alone: what happened, folded once more."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from missions.events import Event, FrameSeen
+from missions.flight.joined_map import Facts, concluded
+from missions.flight.optics import kinematics
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
+from missions.flight.strategy.fallback import moves_s, whole_bound_s
+from missions.mapping.belief import FrameId
+from missions.mapping.patches import patches
+from missions.planning.bounds.lower_bounds import one_way_lower_bound
+from missions.planning.bounds.passing_bound import passing_bound_s
+from missions.planning.bounds.promises import promised_moves
+from missions.units import GridPoint
+from uavmap.output.facts.counting import Counter
+from uavmap.output.facts.patch_certificates import certificates
+from uavmap.output.facts.patch_drift import Shares
+from vision.look import SEEN_SHARE
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What the summary says of a flight, and the tracks of the vehicles.
+
+    `flight_time_s` is airborne time of all vehicles together; `makespan_s` runs from the first
+    lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time
+    that a vehicle spent on the tree: without the search, the ways to and from home, and swaps.
+    That is what a strategy's bound speaks of; `bound_makespan_s` is that bound in seconds, None
+    for a strategy without. `lower_bound_s` is what no team could have beaten on the cells that
+    were explored, of which alone the journal knows.
+    """
+
+    flight_time_s: float
+    makespan_s: float
+    distance_m: float
+    sorties: int
+    battery_swaps: int
+    exploration_s: float
+    lower_bound_s: float
+    bound_makespan_s: float | None
+    tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
+    navigation: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    """Of vehicles whose satellites were lost or wrong: how well they knew where they were."""
+    lift_off_s: float = 0.0
+    """The mission time of the first lift-off that the journal knows."""
+    shares: Shares = field(default_factory=Shares, compare=False, repr=False)
+    """What the frames of the journal say of each cell, by which patches are seen to drift."""
+
+    @property
+    def ratio(self) -> float | None:
+        """The exploration in lower bounds, None where there was nothing to explore."""
+        return round(self.exploration_s / self.lower_bound_s, 3) if self.lower_bound_s else None
+
+    @property
+    def bound_held(self) -> bool | None:
+        """Whether the exploration stayed within its bound."""
+        if self.bound_makespan_s is None:
+            return None
+        return self.exploration_s <= self.bound_makespan_s
+
+
+def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
+    """The final state and the figures of a journal."""
+    state = State.initial(setting)
+    counter = Counter(state.vehicles)
+    shares, facts = Shares(), None if setting.member is None else Facts(setting)
+    for event in events:
+        counter.before(event, state)
+        state, _ = step(setting, state, event)
+        counter.after(event)
+        if isinstance(event, FrameSeen):
+            shares.take(event)
+        if facts is not None:
+            facts.take(event)
+    if facts is not None:
+        state = concluded(setting, facts.joined(state))
+    return state, replace(figures_of(setting, state, counter), shares=shares)
+
+
+def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
+    """The figures of a flight up to a state, of which the counter has seen every event."""
+    everybody = counter.vehicles.values()
+    return Figures(
+        flight_time_s=round(sum(c.flight_s for c in everybody), 1),
+        makespan_s=round(max(counter.last_s - (counter.first_s or 0.0), 0.0), 1),
+        distance_m=round(sum(c.distance_m for c in everybody), 1),
+        sorties=sum(c.sorties for c in everybody),
+        battery_swaps=sum(c.swaps for c in everybody),
+        exploration_s=round(max(c.on_task_s for c in everybody), 1),
+        lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
+        bound_makespan_s=_bound_s(setting, state),
+        tracks={number: tuple(c.points) for number, c in counter.vehicles.items()},
+        navigation={
+            number: told
+            for number, c in counter.vehicles.items()
+            if (told := c.navigation.figures())
+        },
+        lift_off_s=counter.first_s or 0.0,
+    )
+
+
+def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
+    """What no team could have beaten, between cell centres at the configured speed.
+
+    It speaks of the time on the tree, so of a way that begins at the root, ends anywhere and is
+    broken off by every way home. Only cells count that were looked from after the root was
+    found, with all of a look's frames; from a skipped one nobody looked.
+    """
+    tree = state.tree
+    if tree is None or state.found_s is None:
+        return 0.0
+    if setting.nonstop:
+        return _passing_bound_s(setting, state, state.found_s, breaks)
+    votes, found_s = setting.mission.votes, state.found_s
+    cells = [
+        cell
+        for cell in tree.vertices
+        if cell not in state.abandoned
+        and state.belief.fully_voted(cell)
+        and all(frame.t_s > found_s for frame in state.belief.looks[cell])
+    ]
+    if tree.root in state.abandoned:
+        breaks = max(breaks, 1)  # nobody began there
+    look_s = (votes.frames - 1) * setting.mission.camera.interval_s
+    metric = replace(setting.metric, look=look_s)
+    robots = len(setting.mission.vehicles)
+    return round(one_way_lower_bound(cells, tree.root, robots, metric, max(breaks, 0)), 1)
+
+
+def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int) -> float:
+    """The same for vehicles that do not stop: of the ground that was first seen after that.
+
+    Who fell back on stopping flew some of it as fast as the mission file allows, the nose anywhere,
+    and a look judges cells that are nearly whole in the picture.
+    """
+    mission = setting.mission
+    legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0
+    team = [kinematics(setting, vehicle) for vehicle in state.vehicles.values()]
+    top_m = max(vehicle.cruise_height_m for vehicle in state.vehicles.values())
+    lean_m = 0.0
+    for k in team:
+        airspeed_m_s = max(k.speed_m_s, legs_m_s) + mission.wind.speed_m_s
+        lean_m = max(lean_m, k.tilt_m_s2 * (k.accel_m_s2 + k.drag_1_s * airspeed_m_s))
+    cells = sum(t_s > found_s for t_s in state.belief.first_seen_s().values())
+    bound_s = passing_bound_s(
+        (SEEN_SHARE if state.falls_back else 1.0) * cells * mission.grid.cell_m**2,
+        len(team),
+        max(breaks, 0),
+        mission.camera.optics.footprint(top_m),
+        lean_m,
+        max(legs_m_s, *(k.speed_m_s for k in team)),
+        turned=state.falls_back,
+    )
+    return round(bound_s, 1)
+
+
+def _bound_s(setting: Setting, state: State) -> float | None:
+    """What the strategy promises, in seconds."""
+    if state.tree is None:
+        return None
+    tree, robots = state.tree, len(setting.mission.vehicles)
+    if setting.nonstop:
+        return None if setting.surveys else round(whole_bound_s(setting, len(tree), tree.depth), 1)
+    moves = promised_moves(setting.explorer, tree, robots, setting.metric)
+    return None if moves is None else round(moves_s(setting, moves), 1)
+
+
+def frames_judged(state: State) -> int:
+    """How many pictures were judged."""
+    taken: Collection[FrameId] = state.belief.looks.get(None, {})
+    overview: Collection[FrameId] = state.overview.looks.get(None, {})
+    from_above = sum(frame not in taken for frame in overview)
+    return sum(len(frames) for frames in state.belief.looks.values()) + from_above
+
+
+def finding(setting: Setting, state: State) -> str:
+    """What the mission has found out, in a sentence that claims no more than was judged."""
+    frames = frames_judged(state)
+    left_m = sum(a.distance_to(b) for a, b in state.unsearched)
+    if setting.finds_all and state.belief.roi:
+        return _patches_found(state, frames, left_m)
+    if state.surveyed and not setting.finds_all:
+        found = f"{len(state.belief.roi)} cells of the region in {frames} judged frames"
+        if state.undecided:
+            return f"{found}; {len(state.undecided)} cells of the box lack votes"
+        beyond = sum(
+            any(state.belief.verdict(near) is None for near in cell.neighbours())
+            for cell in state.belief.roi
+        )
+        rim = f"; at {beyond} cells it may go on beyond the box" if beyond else ""
+        return f"{found}, the whole box surveyed{rim}"
+    if state.tree is None:
+        text = f"no region found in {frames} judged frames"
+        if state.skipped:
+            text += f"; {len(state.skipped)} suspicions were skipped by the operator"
+        return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text
+    gaps = [
+        f"{len(cells)} cells {what}"
+        for cells, what in (
+            (state.abandoned, "could not be looked from"),
+            (state.undecided, "lack votes"),
+            (state.skipped, "were skipped by the operator"),
+        )
+        if cells
+    ]
+    if not state.exploration_finished:
+        gaps.append("it is not explored to its end")
+    found = f"a region of {len(state.belief.roi)} cells in {frames} judged frames"
+    return f"{found}; {', '.join(gaps)}" if gaps else f"{found}, explored to its end"
+
+
+def _patches_found(state: State, frames: int, left_m: float) -> str:
+    """The finding of a mission that looks for every patch, and has seen one."""
+    count = len(patches(state.belief.roi))
+    several = "a patch" if count == 1 else f"{count} patches"
+    text = f"{several} of the region, {len(state.belief.roi)} cells, in {frames} judged frames"
+    if left_m:
+        return f"{text}; {left_m:.0f} m of search lanes are not judged"
+    if state.undecided:
+        return f"{text}; {len(state.undecided)} cells lack votes"
+    if not state.surveyed:
+        return f"{text}; they are not explored to their ends"
+    return f"{text}, explored to {'its end' if count == 1 else 'their ends'}; the whole box is seen"
+
+
+def aircraft_down(setting: Setting, state: State) -> list[str]:
+    """The aircraft that somebody has to look after, each with its place."""
+    lines = []
+    for number, vehicle in sorted(state.vehicles.items()):
+        if vehicle.away:
+            place = setting.grid.position(vehicle.position)
+            where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
+            lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")
+    return lines
+
+
+_OF_ONE_SERVICE: Final = (
+    *("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held"),
+)
+
+
+def summary(setting: Setting, state: State, found: Figures, seed: int | None) -> dict[str, Any]:
+    """The part of summary.json that needs no truth."""
+    mission, tree = setting.mission, state.tree
+    of_patches, in_all = certificates(setting, state, found.lift_off_s)
+    drifts = found.shares.drifts_of(patches(state.belief.roi), setting.grid)
+    for one, drift in zip(of_patches, drifts, strict=True):
+        one["drift"] = None if drift is None else drift.told(setting.grid)
+    told = {
+        "mission": mission.name,
+        "strategy": mission.strategy,
+        "vehicles": len(mission.vehicles),
+        "seed": seed,
+        "completed": state.completed,
+        "finding": finding(setting, state),
+        "aircraft_down": aircraft_down(setting, state),
+        "frames_judged": frames_judged(state),
+        "unsearched_m": round(sum((a.distance_to(b) for a, b in state.unsearched), 0.0), 1),
+        "flight_time_s": found.flight_time_s,
+        "makespan_s": found.makespan_s,
+        "exploration_s": found.exploration_s,
+        "distance_m": found.distance_m,
+        "sorties": found.sorties,
+        "battery_swaps": found.battery_swaps,
+        "vertices": len(tree) if tree is not None else 0,
+        "tree_depth": tree.depth if tree is not None else 0,
+        "cells_roi": len(state.belief.roi),
+        "patches": of_patches,
+        "patches_in_all": in_all,
+        "cells_abandoned": len(state.abandoned),
+        "cells_undecided": len(state.undecided),
+        "detections": len(state.belief.detections()),
+        "false_positives": None,
+        "false_negatives": None,
+        "cells_missed": None,
+        "iou_cells": None,
+        "min_separation_m": None,
+        "fence_breaches": None,
+        "reserve_violations": None,
+        "lower_bound_s": found.lower_bound_s,
+        "ratio": found.ratio,
+        "bound_makespan_s": found.bound_makespan_s,
+        "bound_held": found.bound_held,
+        "navigation": {str(number): dict(told) for number, told in found.navigation.items()},
+        "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
+    }
+    if setting.member == 0:  # of several journals: who was told what, and why, is in none of them
+        told |= dict.fromkeys(_OF_ONE_SERVICE)
+    return told

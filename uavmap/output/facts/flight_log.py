@@ -1,0 +1,234 @@
+"""What a journal says of a flight's course: places, frames, sorties, troubles.
+
+It is noted event by event, so that a replay of thousands of pictures need not keep what each of
+them says of each cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, TypeVar
+
+from missions.events import (
+    Airborne,
+    BatterySwapped,
+    CellSkipped,
+    Connected,
+    Continued,
+    Crashed,
+    Event,
+    FrameLost,
+    FrameSeen,
+    GivenUp,
+    Guarded,
+    Landed,
+    LinkLost,
+    Navigated,
+    OrderFailed,
+    Overridden,
+    Paused,
+    Recalled,
+    Released,
+    Resumed,
+    Told,
+    Tracked,
+    VehicleRecalled,
+)
+from missions.units import GridPoint
+from uavmap.base.printable import printable
+from uavmap.output.facts.counting import LIFT_OFF_M
+
+E = TypeVar("E", bound=Event)
+
+WARNING: Final = 4
+"""MAV_SEVERITY: what a vehicle says at this level, or a graver one, is a trouble."""
+
+
+_GNSS: Final = {
+    "good": "satellite navigation is back",
+    "lost": "satellite navigation is lost",
+    "wrong": "satellite navigation tells a wrong place",
+}
+
+
+class Fix(NamedTuple):
+    """Where a vehicle was: the fixed frame, metres above its home, and its charge."""
+
+    t_s: float
+    place: GridPoint
+    height_m: float
+    remaining_wh: float
+
+
+class FrameRow(NamedTuple):
+    """A judged frame: of how many cells it said something, and of how many that they are region."""
+
+    vehicle: int
+    t_s: float
+    cells: int
+    positive: int
+
+
+class Trouble(NamedTuple):
+    """Something that did not go as planned; `vehicle` 0 is the whole mission."""
+
+    t_s: float
+    vehicle: int
+    kind: Literal["fault", "refusal", "link", "pilot", "operator", "frame", "words"]
+    text: str
+
+
+class Sortie(NamedTuple):
+    """A flight of a vehicle, from lift-off to touch-down, or to where nothing more is known."""
+
+    vehicle: int
+    number: int
+    start_s: float
+    end_s: float
+    ended: bool
+    """Whether it has landed."""
+
+
+@dataclass(slots=True)
+class FlightLog:
+    """The course of a flight; times are mission seconds.
+
+    Attributes:
+        fixes: By vehicle.
+        frames: In the order in which they were judged.
+        troubles: In their order.
+        swaps: Vehicle and time of each fresh battery.
+        homes: Of vehicles, as they told them last.
+        amsl_m: Height above the sea of the first home that was told.
+    """
+
+    fixes: dict[int, list[Fix]] = field(default_factory=dict)
+    frames: list[FrameRow] = field(default_factory=list)
+    troubles: list[Trouble] = field(default_factory=list)
+    swaps: list[tuple[int, float]] = field(default_factory=list)
+    homes: dict[int, GridPoint] = field(default_factory=dict)
+    amsl_m: float | None = None
+    _on_ground: dict[int, list[float]] = field(default_factory=dict)
+    _gnss: dict[int, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, events: Iterable[Event]) -> FlightLog:
+        """The log of a journal."""
+        log = cls()
+        for event in events:
+            log.note(event)
+        return log
+
+    def noting(self, events: Iterable[E]) -> Iterator[E]:
+        """The same events, each noted on its way."""
+        for event in events:
+            self.note(event)
+            yield event
+
+    def note(self, event: Event) -> None:
+        """Take an event in."""
+        if isinstance(event, Tracked):
+            fix = Fix(event.t_s, event.position, event.height_m, event.remaining_wh)
+            self.fixes.setdefault(event.vehicle, []).append(fix)
+        elif isinstance(event, FrameSeen):
+            positive = sum(vote.positive for vote in event.votes)
+            self.frames.append(FrameRow(event.vehicle, event.t_s, len(event.votes), positive))
+        elif isinstance(event, Landed):
+            self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
+        elif isinstance(event, BatterySwapped):
+            self.swaps.append((event.vehicle, event.t_s))
+        elif isinstance(event, Connected | Airborne):
+            self._home(event)
+        elif isinstance(event, Navigated):
+            self._navigated(event)
+        elif (trouble := _trouble(event)) is not None:
+            self.troubles.append(trouble)
+
+    def _navigated(self, event: Navigated) -> None:
+        """A line where it changes what a vehicle goes by."""
+        before = self._gnss.get(event.vehicle, "good")
+        self._gnss[event.vehicle] = event.gnss
+        if event.gnss != before:
+            self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
+
+    def _home(self, event: Connected | Airborne) -> None:
+        if event.home is not None:
+            self.homes[event.vehicle] = event.home
+        if self.amsl_m is None:
+            self.amsl_m = event.home_amsl_m
+        if isinstance(event, Connected) and not event.airborne:
+            self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
+
+    def sorties(self) -> list[Sortie]:
+        """All flights, by vehicle and time."""
+        found: list[Sortie] = []
+        for vehicle, fixes in sorted(self.fixes.items()):
+            landings = iter(sorted(self._on_ground.get(vehicle, ())))
+            landing, start_s, last_s, number = next(landings, None), None, 0.0, 0
+            for fix in fixes:
+                while landing is not None and fix.t_s > landing:
+                    if start_s is not None:
+                        # after an interruption nobody knows when it came down
+                        number += 1
+                        found.append(Sortie(vehicle, number, start_s, landing, True))
+                        start_s = None
+                    landing = next(landings, None)
+                if start_s is None and fix.height_m >= LIFT_OFF_M:
+                    start_s = fix.t_s
+                last_s = fix.t_s
+            if start_s is not None:
+                end_s = last_s if landing is None else landing
+                found.append(Sortie(vehicle, number + 1, start_s, end_s, landing is not None))
+        return found
+
+
+def _trouble(event: Event) -> Trouble | None:
+    """What an event says went wrong, or what a person did; None for all else."""
+    vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
+    match event:
+        case FrameLost(reason=reason):
+            return Trouble(t_s, vehicle, "frame", printable(reason))
+        case OrderFailed(order=order, reason=reason):
+            kind: Literal["refusal", "fault"] = "refusal" if "refused" in reason else "fault"
+            return Trouble(t_s, vehicle, kind, printable(f"{order} failed: {reason}"))
+        case Guarded(action=action, reason=reason):
+            return Trouble(t_s, vehicle, "fault", printable(f"guardian: {action}, {reason}"))
+        case Crashed(reason=reason):
+            return Trouble(t_s, vehicle, "fault", printable(f"down: {reason}"))
+        case GivenUp(reason=reason):
+            return Trouble(t_s, vehicle, "link", printable(f"given up: {reason}"))
+        case LinkLost():
+            return Trouble(t_s, vehicle, "link", "link lost")
+        case Overridden(mode=mode, cause=cause):
+            why = f" ({cause})" if cause else ""
+            return Trouble(
+                t_s, vehicle, "pilot", printable(f"taken by a pilot or a failsafe: {mode}{why}")
+            )
+        case Released():
+            return Trouble(t_s, vehicle, "pilot", "given back")
+        case Told(severity=severity, text=text, times=times) if severity <= WARNING:
+            often = f" ({times} times)" if times > 1 else ""
+            return Trouble(t_s, vehicle, "words", printable(f"{text}{often}"))
+    return _operator(event)
+
+
+def _operator(event: Event) -> Trouble | None:
+    """What the operator did."""
+    vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
+    match event:
+        case CellSkipped(cell=cell):
+            text = f"cell {cell.east}, {cell.north} skipped"
+        case VehicleRecalled():
+            text = "called home"
+        case Recalled():
+            text = "everybody called home"
+        case Paused():
+            text = "paused"
+        case Continued():
+            text = "gone on"
+        case Resumed():
+            text = "resumed after an interruption"
+        case _:
+            return None
+    return Trouble(t_s, vehicle, "operator", text)

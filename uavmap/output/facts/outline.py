@@ -1,0 +1,72 @@
+"""The outline of a set of cells: their union, with holes and without seams."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import affinity
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.polygon import orient
+
+from missions.geo.grid import Grid
+from missions.units import Cell
+
+Runs = list[tuple[int, int, int]]
+"""Row, first and last column of neighbours in a row."""
+
+
+def outline(cells: Collection[Cell], grid: Grid) -> Polygon | MultiPolygon:
+    """The union of cells in ground metres of the grid's moving frame.
+
+    Exterior rings run counter-clockwise, holes clockwise. Cells that share only a corner are
+    separate parts. No cells give an empty polygon.
+
+    >>> from missions.units import LatLon
+    >>> shape = outline([Cell(0, 0), Cell(1, 0)], Grid.at(LatLon(48.0, 11.0), cell_m=4.0))
+    >>> shape.bounds, len(shape.exterior.coords)
+    ((-2.0, -2.0, 6.0, 2.0), 5)
+    """
+    if not cells:
+        return Polygon()
+    # on the lattice of half cells, corners are whole numbers and edges meet exactly
+    row, first, last = 2.0 * np.array(runs(np.array(list(cells))), dtype=np.float64).T
+    united = shapely.union_all(shapely.box(first - 1, row - 1, last + 1, row + 1))
+    half_m = grid.cell_m / 2
+    scaled = affinity.scale(united, half_m, half_m, origin=(0.0, 0.0))
+    parts = [_tidy(part) for part in getattr(scaled, "geoms", [scaled])]
+    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
+
+
+def runs(cells: NDArray[np.integer]) -> Runs:
+    """Row, first and last column of each run of neighbours, of columns and rows of cells.
+
+    >>> runs(np.array([[4, 1], [5, 1], [7, 1], [5, 2]]))
+    [(1, 4, 5), (1, 7, 7), (2, 5, 5)]
+    """
+    if not len(cells):
+        return []
+    order = np.lexsort((cells[:, 0], cells[:, 1]))
+    columns, rows = cells[order].T
+    breaks = np.flatnonzero((np.diff(rows) != 0) | (np.diff(columns) != 1))
+    first, last = np.r_[0, breaks + 1], np.r_[breaks, len(rows) - 1]
+    return list(
+        zip(rows[first].tolist(), columns[first].tolist(), columns[last].tolist(), strict=True)
+    )
+
+
+def _tidy(part: Polygon) -> Polygon:
+    """A polygon without the corners that lie on straight edges."""
+    rings = [_corners(ring) for ring in (part.exterior, *part.interiors)]
+    return orient(Polygon(rings[0], rings[1:]))
+
+
+def _corners(ring: shapely.LinearRing) -> NDArray[np.float64]:
+    """The vertices at which an axis-parallel ring turns."""
+    points = shapely.get_coordinates(ring)[:-1]
+    before, after = (np.roll(points, by, axis=0) for by in (1, -1))
+    straight = ((before == points) & (points == after)).any(axis=1)
+    found: NDArray[np.float64] = points[~straight]
+    return found

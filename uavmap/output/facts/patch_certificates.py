@@ -1,0 +1,273 @@
+"""The certificate of each patch of the region, and of all: what is proven of it, and how fast.
+
+A patch is complete when each of its cells and each cell beside these is judged: then it goes on
+nowhere. Several vehicles work on several patches by turns, so no second belongs to one of them
+alone. What a patch *took* is the time from its first judged cell to the last one of it or beside
+it, whatever else was flown meanwhile: ways, swaps of batteries, other patches, interruptions.
+
+Every cell that was judged after the first one was shown by a frame that was taken after it. What R
+vehicles show at that moment, and sweep from then on, is no more than
+`missions.planning.bounds.passing_bound` says, so what these cells cover gives the least time that
+any team as large and as fast needed from what was known then. Whatever vehicles do meanwhile, none
+breaks off: all of the time counts.
+
+All of it follows from the ballots, so from the same facts in whatever order they became known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.mapping.belief import FrameId
+from missions.mapping.judged import judging_frames
+from missions.mapping.patches import patches
+from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
+from missions.planning.bounds.passing_bound import passing_bound_s
+from missions.units import Cell, GridPoint
+from vision.look import SEEN_SHARE
+
+FACT_S: Final = 1.0
+"""Members of a fleet tell each other the second in which a cell was decided."""
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """What a team can show of the ground: the arguments of `passing_bound_s`."""
+
+    robots: int
+    footprint_m: tuple[float, float]
+    lean_m: float
+    speed_m_s: float
+    turned: bool
+    late_s: float
+    """By so much a cell may have been judged later than is told."""
+
+    @classmethod
+    def of(cls, setting: Setting, state: State, *, overview: bool) -> Team:
+        """That of a mission, as fast as anybody may fly, by frames of the map or of a search's
+        height from the highest place where one may be taken."""
+        mission = setting.mission
+        vehicles, above_m = state.vehicles, mission.overview_above_m
+        low_m = [mission.altitude_m(number - 1) for number in vehicles]
+        heights_m = [mission.top_altitude_m(number - 1) for number in vehicles]
+        if not overview and above_m is not None:
+            heights_m = [*low_m, above_m]
+        height_m = max(heights_m) + max(0.0, *(-v.home_level_m for v in vehicles.values()))
+        height_m += mission.ground_span_m  # downhill a picture shows more, but never more than so
+        speed_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s
+        if setting.nonstop:
+            layers_m = (*low_m, *(mission.top_altitude_m(number - 1) for number in vehicles))
+            speed_m_s = max(speed_m_s, *(path_speed_m_s(mission, m) for m in layers_m))
+        wind_m_s = max(mission.wind.speed_m_s, *(v.wind_m_s for v in vehicles.values()))
+        tilt_m_s2 = height_m / G_M_S2 if mission.camera.mounting == "fixed" else 0.0
+        return cls(
+            len(vehicles),
+            mission.camera.optics.footprint(height_m),
+            tilt_m_s2 * (setting.energy.accel_m_s2 + DRAG_1_S * (speed_m_s + wind_m_s)),
+            speed_m_s,
+            state.falls_back or not setting.nonstop,
+            0.0 if setting.member is None else FACT_S,
+        )
+
+    def least_s(self, ground_m2: float) -> float:
+        """The least time to show so much ground, from anywhere, in seconds."""
+        share = SEEN_SHARE if self.turned else 1.0  # looks judge cells that are nearly whole
+        bound_s = passing_bound_s(
+            share * ground_m2, self.robots, 0, self.footprint_m, self.lean_m,
+            self.speed_m_s, turned=self.turned,
+        )  # fmt: skip
+        return max(0.0, bound_s - self.late_s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """When cells were judged, by frames of which height, and what both take at least."""
+
+    frames: Mapping[Cell, FrameId]
+    above: Collection[FrameId]
+    """The frames from a search's height: what they show is wider."""
+    low: Team
+    high: Team
+    cell_m2: float
+    lift_off_s: float
+
+    @classmethod
+    def of(cls, setting: Setting, state: State, lift_off_s: float) -> _Judged:
+        return cls(
+            judging_frames(state.belief),
+            state.overview.looks.get(None, {}),
+            Team.of(setting, state, overview=False),
+            Team.of(setting, state, overview=True),
+            setting.grid.cell_m**2,
+            lift_off_s,
+        )
+
+    def times(self, region: Collection[Cell], beside: Collection[Cell]) -> dict[str, float | None]:
+        """From when to when cells were judged, and the least time for those after the first one."""
+        if not region:
+            return dict.fromkeys(("found_s", "decided_s", "took_s", "lower_bound_s", "ratio"))
+        begin_s = min(self.frames[cell].t_s for cell in region)
+        judged = [self.frames[cell] for cell in (*region, *beside) if cell in self.frames]
+        end_s = max(frame.t_s for frame in judged)
+        later = [frame in self.above for frame in judged if frame.t_s > begin_s]
+        # a vehicle flies at both heights, so the two do not add up
+        bound_s = max(
+            self.low.least_s(later.count(False) * self.cell_m2),
+            self.high.least_s(later.count(True) * self.cell_m2),
+        )
+        took_s, bound_s = round(end_s - begin_s, 1), round(bound_s, 1)
+        return {
+            "found_s": round(begin_s - self.lift_off_s, 1),
+            "decided_s": round(end_s - self.lift_off_s, 1),
+            "took_s": took_s,
+            "lower_bound_s": bound_s,
+            "ratio": round(took_s / bound_s, 3) if bound_s else None,
+        }
+
+
+def certificates(
+    setting: Setting, state: State, lift_off_s: float
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Of each patch, the largest first, and of all of them; places are those at `state.t_s`.
+
+    `lift_off_s`: the mission time from which seconds are counted.
+    """
+    judged = _Judged.of(setting, state, lift_off_s)
+    frames, found = judged.frames, patches(state.belief.roi)
+    beside = [_beside(patch) for patch in found]
+    open_cells = {cell for cells in beside for cell in cells if cell not in frames}
+    seen_s = _first_seen_s(state)
+    reasons = _reasons(setting, state, open_cells, seen_s)
+    told = []
+    for patch, others in zip(found, beside, strict=True):
+        middle = [sum(axis) / len(patch) for axis in zip(*patch, strict=True)]
+        root = min(patch, key=lambda cell: (frames[cell].t_s, cell))
+        left = sorted(cell for cell in others if cell not in frames)
+        told.append({
+            **_size(setting, len(patch)),
+            **_place(setting, state, middle[0], middle[1]),
+            "root": {
+                "column": root.east,
+                "row": root.north,
+                **_place(setting, state, root.east, root.north),
+                "seen_s": round(seen_s[root] - lift_off_s, 1),
+            },
+            "complete": not left,
+            "open": _by_reason(left, reasons),
+            **judged.times(patch, others),
+        })  # fmt: skip
+    counts = {name: len(cells) for name, cells in _by_reason(sorted(open_cells), reasons).items()}
+    in_all = {
+        "patches": len(found),
+        **_size(setting, len(state.belief.roi)),
+        "complete": bool(found) and not open_cells,
+        "open": counts,
+        **judged.times(state.belief.roi, frozenset[Cell]().union(*beside)),
+        "box": _box(setting, state, frames, seen_s),
+    }
+    return told, in_all
+
+
+def _beside(patch: frozenset[Cell]) -> frozenset[Cell]:
+    """The cells beside a patch, which are of no other one."""
+    return frozenset(near for cell in patch for near in cell.neighbours()) - patch
+
+
+def _size(setting: Setting, cells: int) -> dict[str, Any]:
+    return {"cells": cells, "area_m2": round(cells * setting.grid.cell_m**2, 1)}
+
+
+def _place(setting: Setting, state: State, east: float, north: float) -> dict[str, float]:
+    """Where a place in the grid is at the time of the map."""
+    grid = setting.grid
+    point = GridPoint(east * grid.cell_m, north * grid.cell_m)
+    place = grid.position(grid.to_fixed(point, state.t_s))
+    return {"lat_deg": round(place.lat_deg, 7), "lon_deg": round(place.lon_deg, 7)}
+
+
+def _first_seen_s(state: State) -> dict[Cell, float]:
+    """When each cell was seen first, from whichever height, of frames whose votes count."""
+    first = state.overview.first_seen_s()
+    for cell, t_s in state.belief.first_seen_s().items():
+        first[cell] = min(t_s, first.get(cell, t_s))
+    return first
+
+
+# --- what is not judged, and why ---------------------------------------------------------------
+def _reasons(
+    setting: Setting, state: State, cells: Collection[Cell], seen: Collection[Cell]
+) -> dict[Cell, str]:
+    """Why cells beside the region are not judged; the first reason that holds."""
+    beyond = beyond_fence(setting, cells, state.t_s)
+    reasons = {}
+    for cell in cells:
+        cross = set(cell.cross())
+        if cross & state.skipped:
+            reasons[cell] = "skipped"
+        elif cell in beyond:
+            reasons[cell] = "beyond_fence"
+        elif cross & state.abandoned:
+            reasons[cell] = "out_of_reach"
+        elif cross & state.undecided:
+            reasons[cell] = "given_up"
+        else:
+            reasons[cell] = "few_frames" if cell in seen else "no_frames"
+    return reasons
+
+
+def _by_reason(cells: Iterable[Cell], reasons: Mapping[Cell, str]) -> dict[str, list[list[int]]]:
+    """Columns and rows of cells by the reason, in the order of its name."""
+    found: dict[str, list[list[int]]] = {}
+    for cell in cells:
+        found.setdefault(reasons[cell], []).append([cell.east, cell.north])
+    return dict(sorted(found.items()))
+
+
+def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> frozenset[Cell]:
+    """The cells that no frame can show at a time because nobody may fly where it would.
+
+    Who does not stop keeps half a cell inside the margin, and sees as far as a level picture; who
+    looks is over the cell or one beside it.
+    """
+    if not cells:
+        return frozenset()
+    grid, mission, listed = setting.grid, setting.mission, list(cells)
+    drift = t_s * np.array([grid.drift_east_m_s, grid.drift_north_m_s])
+    places = grid.cell_m * np.array(listed, dtype=np.float64) + drift
+    if setting.nonstop:
+        vehicles = range(len(mission.vehicles))
+        half_east_m, half_north_m = seen_whole_m(
+            mission, max(map(mission.altitude_m, vehicles)), east_ahead=setting.east_ahead
+        )
+        half_m = np.array([max(half_east_m, 0.1), max(half_north_m, 0.1)])
+        views = shapely.box(*(places - half_m).T, *(places + half_m).T)
+        inside = shapely.intersects(setting.fence.shrunk(grid.cell_m / 2.0), views)
+    else:
+        around = places[:, None] + grid.cell_m * np.array(Cell(0, 0).cross(), dtype=np.float64)
+        free = setting.fence.shrunk(-0.01)  # an edge is inside, whatever roundings say
+        inside = shapely.intersects_xy(free, around[..., 0], around[..., 1]).any(axis=1)
+    return frozenset(cell for cell, ok in zip(listed, inside.tolist(), strict=True) if not ok)
+
+
+def _box(
+    setting: Setting, state: State, judged: Collection[Cell], seen_s: Collection[Cell]
+) -> dict[str, Any]:
+    """How much of the search box is judged; only where all of it is no patch can be missing."""
+    cells = setting.box_cells
+    left = [cell for cell in cells if cell not in judged]
+    beyond = beyond_fence(setting, [cell for cell in left if cell not in seen_s], 0.0)
+    return {
+        "cells": len(cells),
+        "decided": len(cells) - len(left),
+        "few_frames": sum(cell in seen_s for cell in left),
+        "no_frames": sum(cell not in seen_s for cell in left) - len(beyond),
+        "beyond_fence": len(beyond),
+        "whole": len(left) == len(beyond),
+    }

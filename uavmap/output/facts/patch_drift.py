@@ -1,0 +1,254 @@
+"""How each patch of a region drifts, measured by the frames that show it.
+
+The cells move with the drift that the mission file gives (`drift.speed_m_s`), the same for all. A
+patch that drifts otherwise moves through them: its outline, seen early from the height of a search
+and again when the map is made, lies elsewhere. Each vote says which share of a cell looked like the
+region, so an outline is known to a small part of a cell.
+
+For a patch the cells in and around it are taken that were seen over at least `LEAST_S`: the mean
+share in the first `WINDOW_S` in which each was seen, and in the last. What moves by (u, v) metres a
+second has in the last at x what it had in the first at x - (u, v) dt, dt being the time between;
+the measured drift is the (u, v) for which the squares of the differences are the least, in between
+cells by bilinear interpolation. What makes a patch look wider or narrower all around, as another
+height does or the spreading of oil, does not shift it.
+
+The error is that of a jackknife over sectors of the outline, with a metre for where the vehicles
+took themselves to be.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.events import FrameSeen
+from missions.geo.grid import Grid
+from missions.units import Cell
+from uavmap.output.facts.patch_summary import MOST_PATCHES
+
+LEAST_S: Final = 30.0
+"""Cells count that were seen over at least so long."""
+WINDOW_S: Final = 5.0
+"""So long after it was seen first, and before it was seen last, a cell's votes are averaged."""
+REACH_CELLS: Final = 5.0
+"""A patch that has moved farther through its cells is not measured: its map is wrong as it is."""
+LEAST_CELLS: Final = 12
+"""So many cells of the outline have to be seen twice."""
+PART: Final = (0.05, 0.95)
+"""The outline leads through a cell of which such a share looks like the region."""
+SECTORS: Final = 8
+POSITION_M: Final = 1.0
+"""Where a vehicle takes itself to be changes by so much within minutes."""
+_LEVELS: Final = ((0.5, 10), (0.125, 4), (1.0 / 32.0, 4))
+"""Steps of the search, in cells of the median time, and how many of them to each side."""
+_MOST_ERROR: Final = 0.5
+"""A share that is off by more counts as if it were off by so much."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """The drift of a patch over ground, along the axes of the grid, metres a second."""
+
+    east_m_s: float
+    north_m_s: float
+    error_m_s: float
+    """The standard error."""
+    off_m_s: float
+    """How far it is from the drift that the mission file gives."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is surely not the drift that the mission file gives."""
+        return self.off_m_s > 3.0 * self.error_m_s
+
+    def told(self, grid: Grid) -> dict[str, float | bool]:
+        """As the summary has it: with a true bearing."""
+        bearing = math.degrees(math.atan2(self.east_m_s, self.north_m_s) + grid.convergence_rad)
+        return {
+            "speed_m_s": round(math.hypot(self.east_m_s, self.north_m_s), 3),
+            "toward_deg": round(bearing % 360.0, 1),
+            "error_m_s": round(self.error_m_s, 3),
+            "off_m_s": round(self.off_m_s, 3),
+            "differs": self.differs,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What was seen of cells first and last; all of shape (N,)."""
+
+    east: NDArray[np.int64]
+    north: NDArray[np.int64]
+    begin_s: Floats
+    begin_share: Floats
+    end_s: Floats
+    end_share: Floats
+
+
+class Shares:
+    """All votes of a flight: which share of a cell looked like the region, and when."""
+
+    def __init__(self) -> None:
+        self._cells = array("q")
+        self._times_s = array("d")
+        self._shares = array("d")
+
+    def take(self, event: FrameSeen) -> None:
+        """Take in what a frame says of cells."""
+        for cell, _, share in event.votes:
+            self._cells.append(cell.east)
+            self._cells.append(cell.north)
+            self._times_s.append(event.t_s)
+            self._shares.append(share)
+
+    def drifts_of(self, patches: Sequence[Collection[Cell]], grid: Grid) -> list[Drift | None]:
+        """The drift of each patch, the largest first; None where too little of its outline was seen
+        twice, or it has moved by more than `REACH_CELLS`, and beyond `MOST_PATCHES`."""
+        if not len(self._times_s):
+            return [None] * len(patches)
+        seen = self._seen()
+        found = [_drift_of(patch, seen, grid) for patch in patches[:MOST_PATCHES]]
+        return [*found, *[None] * (len(patches) - len(found))]
+
+    def _seen(self) -> _Seen:
+        """By cell, in an order that does not hang on that in which frames came."""
+        cells = np.array(self._cells, np.int64).reshape(-1, 2)
+        times_s, shares = np.array(self._times_s), np.array(self._shares)
+        order = np.lexsort((shares, times_s, cells[:, 1], cells[:, 0]))
+        cells, times_s, shares = cells[order], times_s[order], shares[order]
+        new = np.ones(len(order), np.bool_)
+        new[1:] = (cells[1:] != cells[:-1]).any(axis=1)
+        starts = np.flatnonzero(new)
+        which = np.cumsum(new) - 1
+        first_s = times_s[starts]
+        last_s = times_s[np.append(starts[1:], len(order)) - 1]
+
+        def mean(chosen: NDArray[np.bool_], values: Floats) -> Floats:
+            sums: Floats = np.add.reduceat(np.where(chosen, values, 0.0), starts)
+            return sums / np.add.reduceat(chosen.astype(np.float64), starts)
+
+        early = times_s <= first_s[which] + WINDOW_S
+        late = times_s >= last_s[which] - WINDOW_S
+        return _Seen(
+            cells[starts, 0], cells[starts, 1], mean(early, times_s), mean(early, shares),
+            mean(late, times_s), mean(late, shares),
+        )  # fmt: skip
+
+
+def _drift_of(patch: Collection[Cell], seen: _Seen, grid: Grid) -> Drift | None:
+    near = _around(patch, seen)
+    long = near.end_s - near.begin_s >= LEAST_S
+    outline = long & (_is_part(near.begin_share) | _is_part(near.end_share))
+    if np.count_nonzero(outline) < LEAST_CELLS:
+        return None
+    return _measured(near, long, grid)
+
+
+def _around(patch: Collection[Cell], seen: _Seen) -> _Seen:
+    """What was seen of a patch, and of the cells around it as far as it may have moved."""
+    own = np.array(sorted(patch), dtype=np.int64)
+    margin = math.ceil(REACH_CELLS) + 1
+    low = own.min(axis=0) - margin
+    wide, deep = (own.max(axis=0) + margin - low + 1).tolist()
+    near = np.zeros((wide, deep), np.bool_)
+    for east in range(-margin, margin + 1):
+        for north in range(-margin, margin + 1):
+            near[own[:, 0] - low[0] + east, own[:, 1] - low[1] + north] = True
+    column, row = seen.east - low[0], seen.north - low[1]
+    inside = (column >= 0) & (row >= 0) & (column < wide) & (row < deep)
+    inside[inside] = near[column[inside], row[inside]]
+    return _Seen(
+        column[inside], row[inside], seen.begin_s[inside], seen.begin_share[inside],
+        seen.end_s[inside], seen.end_share[inside],
+    )  # fmt: skip
+
+
+def _is_part(share: Floats) -> NDArray[np.bool_]:
+    return (share > PART[0]) & (share < PART[1])
+
+
+class _Registration:
+    """The shares of the first sight against those of the last."""
+
+    def __init__(self, seen: _Seen, long: NDArray[np.bool_], cell_m: float) -> None:
+        shape = int(seen.east.max()) + 2, int(seen.north.max()) + 2
+        self._first: Floats = np.full(shape, np.nan)
+        self._first[seen.east, seen.north] = seen.begin_share
+        self._at = seen.east[long].astype(np.float64), seen.north[long].astype(np.float64)
+        self._share = seen.end_share[long]
+        self.dt_s = (seen.end_s - seen.begin_s)[long]
+        self._cell_m = cell_m
+        middle = self._at[0].mean(), self._at[1].mean()
+        turn = np.arctan2(self._at[1] - middle[1], self._at[0] - middle[0])
+        self.sector = ((turn + np.pi) / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS
+
+    def squares(self, east_m_s: float, north_m_s: float) -> Floats:
+        """The square of each cell's difference, NaN where there is nothing to compare with."""
+        shape = self._first.shape
+        x = self._at[0] - east_m_s * self.dt_s / self._cell_m
+        y = self._at[1] - north_m_s * self.dt_s / self._cell_m
+        inside = (x >= 0.0) & (y >= 0.0) & (x < shape[0] - 1.0) & (y < shape[1] - 1.0)
+        i = np.where(inside, x, 0.0).astype(np.int64)
+        j = np.where(inside, y, 0.0).astype(np.int64)
+        f, g = np.where(inside, x - i, 0.0), np.where(inside, y - j, 0.0)
+        first = self._first
+        was = (1.0 - f) * ((1.0 - g) * first[i, j] + g * first[i, j + 1])
+        was += f * ((1.0 - g) * first[i + 1, j] + g * first[i + 1, j + 1])
+        off: Floats = np.minimum(np.abs(self._share - np.where(inside, was, np.nan)), _MOST_ERROR)
+        return off**2
+
+
+def _measured(seen: _Seen, long: NDArray[np.bool_], grid: Grid) -> Drift | None:
+    made = _Registration(seen, long, grid.cell_m)
+    unit_m_s = grid.cell_m / float(np.median(made.dt_s))
+    least = max(LEAST_CELLS, len(made.dt_s) // 3)
+    # without one sector after the other, and, the last one, with all
+    parts = [made.sector != k for k in range(SECTORS)] + [np.ones(len(made.dt_s), np.bool_)]
+    (step, half), *finer = _LEVELS  # the first with all cells, for each part to begin at
+    best = np.zeros((len(parts), 2))
+    best[:] = _least(made, parts[-1], best[-1], step * unit_m_s, half, least)
+    for step, half in finer:
+        for which, kept in enumerate(parts):
+            best[which] = _least(made, kept, best[which], step * unit_m_s, half, least)
+    reached_m_s = (REACH_CELLS - 0.25) * unit_m_s
+    if not np.isfinite(best).all() or np.abs(best[-1]).max() >= reached_m_s:
+        return None
+    spread = best[:-1] - best[:-1].mean(axis=0)
+    jackknife = float(((SECTORS - 1) / SECTORS * (spread**2).sum(axis=0)).sum())
+    step_m_s = _LEVELS[-1][0] * unit_m_s
+    error_m_s = math.sqrt(jackknife + step_m_s**2 + (POSITION_M / float(np.median(made.dt_s))) ** 2)
+    east_m_s, north_m_s = best[-1].tolist()
+    return Drift(
+        grid.drift_east_m_s + east_m_s,
+        grid.drift_north_m_s + north_m_s,
+        error_m_s,
+        math.hypot(east_m_s, north_m_s),
+    )
+
+
+def _least(
+    made: _Registration,
+    kept: NDArray[np.bool_],
+    around_m_s: Floats,
+    step_m_s: float,
+    half: int,
+    least: int,
+) -> tuple[float, float]:
+    """The drift of the least mean square, of a lattice around one; NaN where none can be told."""
+    found = (math.inf, math.nan, math.nan)
+    for i in range(-half, half + 1):
+        for j in range(-half, half + 1):
+            east_m_s, north_m_s = around_m_s[0] + i * step_m_s, around_m_s[1] + j * step_m_s
+            squares = made.squares(east_m_s, north_m_s)[kept]
+            known = squares[np.isfinite(squares)]
+            if len(known) >= least:
+                found = min(found, (float(known.mean()), float(east_m_s), float(north_m_s)))
+    return found[1], found[2]

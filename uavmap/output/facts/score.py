@@ -1,0 +1,134 @@
+"""How good a map is, held against the truth that only a simulation knows.
+
+Definitions, for cells of the grid and the true region in the grid's moving frame:
+
+* A cell is *truly ROI* when the region covers at least half of it; it is *missed* when it is
+  truly ROI and the map leaves it out.
+* `iou_cells` is area(map and truth) / area(map or truth), the map being its ROI cells. Of a
+  runway rotated against the grid a perfect cell map reaches 0.89 at best.
+* A detection is one verdict of the detector for one cell. It is a *false positive* when it says
+  yes while less than a tenth of the cell is region, a *false negative* when it says no while at
+  least half is. In between, at the rim, either verdict is right: the cell is both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import unary_union
+
+from missions.geo.grid import Grid
+from missions.mission.schema import Mission, positions
+from missions.units import Cell
+from uavmap.output.facts.outline import outline
+
+MISSED_SHARE = 0.5
+"""From this share on, a map must hold the cell, and a verdict of no is wrong."""
+
+CLEAR_SHARE = 0.1
+"""Below this share, a verdict of yes is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A map and its detections against the truth. Shares are 0 to 1, the rest are counts."""
+
+    iou_cells: float
+    cells_missed: int
+    detections: int
+    false_positives: int
+    false_negatives: int
+    roi_cells_true: int
+
+
+def score(
+    roi_cells: Collection[Cell],
+    truth: BaseGeometry,
+    grid: Grid,
+    detections: Iterable[tuple[Cell | None, Cell, bool]],
+) -> Score:
+    """Score a map.
+
+    Args:
+        roi_cells: the cells that the map calls ROI.
+        truth: the region, in ground metres of the grid's moving frame; valid, maybe empty.
+        grid: the grid of the cells.
+        detections: (the vantage: cell that the camera was over, None where it was taken anywhere;
+            the cell judged; the verdict).
+    """
+    verdicts = [(target, positive) for _, target, positive in detections]
+    near = cells_near(truth, grid)
+    shares = shares_of({*near, *(target for target, _ in verdicts)}, truth, grid)
+    true_cells = {cell for cell in near if shares[cell] >= MISSED_SHARE}
+    mapped = outline(roi_cells, grid)
+    union_m2 = mapped.union(truth).area
+    return Score(
+        # a map of nothing, of nothing, is right
+        iou_cells=mapped.intersection(truth).area / union_m2 if union_m2 else 1.0,
+        cells_missed=len(true_cells - set(roi_cells)),
+        detections=len(verdicts),
+        false_positives=sum(1 for cell, yes in verdicts if yes and shares[cell] < CLEAR_SHARE),
+        false_negatives=sum(
+            1 for cell, yes in verdicts if not yes and shares[cell] >= MISSED_SHARE
+        ),
+        roi_cells_true=len(true_cells),
+    )
+
+
+def cells_near(truth: BaseGeometry, grid: Grid) -> list[Cell]:
+    """Every cell of the rectangle around the region: columns from the west, each northwards."""
+    if truth.is_empty:
+        return []
+    first_east, first_north, last_east, last_north = (
+        math.floor(bound / grid.cell_m + 0.5) for bound in truth.bounds
+    )
+    return [
+        Cell(east, north)
+        for east in range(first_east, last_east + 1)
+        for north in range(first_north, last_north + 1)
+    ]
+
+
+def share_of(cell: Cell, truth: BaseGeometry, grid: Grid) -> float:
+    """The part of a cell that the region covers, 0 to 1.
+
+    >>> from missions.units import LatLon
+    >>> share_of(Cell(0, 0), shapely.box(0, -9, 9, 9), Grid.at(LatLon(48.0, 11.0), cell_m=4.0))
+    0.5
+    """
+    return shares_of([cell], truth, grid)[cell]
+
+
+def shares_of(cells: Collection[Cell], truth: BaseGeometry, grid: Grid) -> dict[Cell, float]:
+    """The part of each cell that the region covers, 0 to 1, in the order given."""
+    if not cells:
+        return {}
+    centres = grid.cell_m * np.array(list(cells), dtype=np.float64)
+    half_m = grid.cell_m / 2
+    east, north = centres[:, 0], centres[:, 1]
+    boxes = shapely.box(east - half_m, north - half_m, east + half_m, north + half_m)
+    shapely.prepare(truth)
+    # most cells lie wholly in or out: only the rim needs an intersection
+    shares = shapely.contains(truth, boxes).astype(np.float64)
+    rim = shapely.intersects(truth, boxes) & (shares == 0.0)
+    shares[rim] = shapely.area(shapely.intersection(truth, boxes[rim])) / grid.cell_m**2
+    return dict(zip(cells, shares.tolist(), strict=True))
+
+
+def true_roi(mission: Mission, grid: Grid) -> BaseGeometry:
+    """The true ROI of a mission's simulated world, in the grid's moving frame."""
+    return unary_union(
+        [
+            Polygon(
+                [grid.fixed(p) for p in positions(region.polygon)],
+                [[grid.fixed(p) for p in positions(hole)] for hole in region.holes],
+            )
+            for region in mission.sim.roi
+        ]
+    )

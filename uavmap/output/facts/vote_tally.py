@@ -1,0 +1,83 @@
+"""Votes of pictures that come in the order of their exposure, at the cost of a cell each.
+
+The rule is `missions.mapping.belief.Belief`'s: the first `frames` votes on a cell from one vantage
+count, and `positive` of them make it ROI. A belief remembers every frame, because frames of a
+flight come late, twice, and from several vehicles. Here none do, so that sums are enough: what is
+kept grows with the ground, and not with the pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.events import Vote
+from missions.mapping.evidence import Evidence
+from missions.units import Cell
+from uavmap.output.facts.cell_table import CellTable
+
+Decided = tuple[CellTable, NDArray[np.int32]]
+"""All cells, and the undecided ones of them, shape (n, 2)."""
+
+
+@dataclass(slots=True)
+class _Count:
+    """Of a ballot, or of a cell: how many votes, and how many of them yes."""
+
+    votes: int = 0
+    positive: int = 0
+
+
+@dataclass(slots=True)
+class Votes:
+    """The votes so far.
+
+    >>> votes = Votes(frames=2, positive=2)
+    >>> for _ in range(2):
+    ...     votes.add(Cell(0, 0), [Vote(Cell(1, 0), True, 0.9)])
+    >>> table, undecided = votes.counted()
+    >>> list(table), len(undecided)
+    ([CellRow(cell=Cell(east=1, north=0), state='explored', positive=2, votes=2, belief=None)], 0)
+    """
+
+    frames: int
+    positive: int
+    roi: set[Cell] = field(default_factory=set)
+    _ballots: dict[tuple[Cell, Cell], _Count] = field(default_factory=dict)
+    _cells: dict[Cell, _Count] = field(default_factory=dict)
+
+    def add(self, vantage: Cell, votes: Iterable[Vote]) -> None:
+        """The votes of the next picture."""
+        for vote in votes:
+            everything = self._cells.setdefault(vote.cell, _Count())
+            everything.votes += 1
+            everything.positive += vote.positive
+            ballot = self._ballots.setdefault((vantage, vote.cell), _Count())
+            if ballot.votes >= self.frames:
+                continue
+            ballot.votes += 1
+            ballot.positive += vote.positive
+            if ballot.positive >= self.positive:
+                self.roi.add(vote.cell)
+
+    def counted(self) -> Decided:
+        """Every cell that was voted on, sorted; and those with too few votes to be ROI, whatever
+        all of them say."""
+        found = sorted(self._cells.items())
+        cells = np.array([cell for cell, _ in found], np.int32).reshape(-1, 2)
+        roi = np.array([cell in self.roi for cell, _ in found], np.bool_)
+        positive = np.array([count.positive for _, count in found], np.int32)
+        votes = np.array([count.votes for _, count in found], np.int32)
+        return CellTable.judged(cells, roi, positive, votes, None), cells[votes < self.positive]
+
+
+def weighed(evidence: Evidence, share: float) -> Decided:
+    """Every cell that was seen, sorted; and those of which pictures say too little. A cell is
+    region that is believed to be in at least that share (`detector.share`)."""
+    found = evidence.weighings()
+    positive, pictures = (count.astype(np.int32) for count in (found.positive, found.pictures))
+    table = CellTable.judged(found.cells, found.roi(share), positive, pictures, found.belief)
+    return table, found.cells[~found.decided]

@@ -1,0 +1,172 @@
+"""What an animation shows: which cell was in which state when, and where everybody was.
+
+A simulated run and a flown mission become the same `Film`; what draws it knows neither. Places are
+in cells from the grid's origin, in the frame of the ROI; times in `unit`.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from missions.units import Cell
+from uavmap.output.facts.map_model import NOT_ROI, State
+
+FPS: Final = 20
+"""Frames a second: a GIF counts in hundredths of a second, so 20 is exact."""
+LONGEST_S: Final = 20.0
+HOLD_S: Final = 1.5
+"""How long the last frame stands."""
+_FRAMES_A_STEP: Final = 5
+_QUICKEST: Final = 30.0
+"""A flight is shown at this many times its speed, or faster where it lasts longer."""
+
+
+class Unit(StrEnum):
+    """What the times of a film are."""
+
+    STEPS = "steps"
+    SECONDS = "seconds"
+
+
+class Place(NamedTuple):
+    """A place in cells, east and north of the centre of cell (0, 0)."""
+
+    east: float
+    north: float
+
+
+class Fix(NamedTuple):
+    """Where a robot is at a time, and whether it is in the air."""
+
+    t: float
+    place: Place
+    aloft: bool = True
+
+
+class Change(NamedTuple):
+    """From `t` on a cell is in a state; a vertex of the tree hangs under `parent`."""
+
+    t: float
+    cell: Cell
+    state: State
+    parent: Cell | None = None
+
+
+_AT_REST: Final = Place(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A film of an exploration.
+
+    `roi` are the true cells, shown faintly until they are known; empty where nobody knows them.
+    `changes` are in the order of time, and so are the fixes of each robot, of which there is at
+    least one. `radius` is that of a robot's disc, in cells. `start` is where all begin, moving with
+    `start_drift` cells per unit of time. `footprint` is what a frame of a robot shows that flies
+    without stopping, in cells east and north.
+    """
+
+    title: str
+    unit: Unit
+    end_t: float
+    roi: frozenset[Cell]
+    changes: tuple[Change, ...]
+    tracks: Mapping[int, tuple[Fix, ...]]
+    start: Place
+    start_drift: Place = _AT_REST
+    radius: float = 0.3
+    footprint: Place | None = None
+
+    def fix(self, robot: int, t: float) -> Fix:
+        """Where a robot is at a time: on the straight line between two fixes."""
+        track = self.tracks[robot]
+        after = bisect_right(track, t, key=lambda fix: fix.t)
+        if after == 0:
+            return Fix(t, *track[0][1:])
+        if after == len(track):
+            return Fix(t, *track[-1][1:])
+        (t0, p0, aloft), (t1, p1, _) = track[after - 1], track[after]
+        part = (t - t0) / (t1 - t0)
+        return Fix(
+            t,
+            Place(p0.east + part * (p1.east - p0.east), p0.north + part * (p1.north - p0.north)),
+            aloft,
+        )
+
+    def trail(self, robot: int, since_t: float, t: float) -> list[Place]:
+        """Where a robot went between two times, both ends included."""
+        track = self.tracks[robot]
+        first = bisect_right(track, since_t, key=lambda fix: fix.t)
+        last = bisect_right(track, t, key=lambda fix: fix.t)
+        between = [fix.place for fix in track[first:last]]
+        return [self.fix(robot, since_t).place, *between, self.fix(robot, t).place]
+
+    def start_at(self, t: float) -> Place:
+        """Where the start is at a time, as seen from the ROI."""
+        return Place(
+            self.start.east + t * self.start_drift.east,
+            self.start.north + t * self.start_drift.north,
+        )
+
+    def bounds(self) -> tuple[int, int, int, int]:
+        """The cells to show: least east and north, greatest east and north."""
+        places: list[tuple[float, float]] = [*self.roi, self.start, self.start_at(self.end_t)]
+        places += [change.cell for change in self.changes]
+        places += [fix.place for track in self.tracks.values() for fix in track]
+        easts, norths = [p[0] for p in places], [p[1] for p in places]
+        return (
+            math.floor(min(easts) + 0.5),
+            math.floor(min(norths) + 0.5),
+            math.floor(max(easts) + 0.5),
+            math.floor(max(norths) + 0.5),
+        )
+
+    @property
+    def cells(self) -> int:
+        """How many ROI cells there are in the end, known or not."""
+        last = {change.cell: change.state for change in self.changes}
+        return len(self.roi | {cell for cell, state in last.items() if state not in NOT_ROI})
+
+    def times(self) -> list[float]:
+        """The times of the frames, evenly spaced from 0 to the end.
+
+        So many that with the hold at the end the film takes at most `LONGEST_S`.
+        """
+        pace = _FRAMES_A_STEP if self.unit is Unit.STEPS else FPS / _QUICKEST
+        most = round((LONGEST_S - HOLD_S) * FPS) - 1
+        intervals = min(max(math.ceil(self.end_t * pace), 1), most)
+        return [self.end_t * i / intervals for i in range(intervals + 1)]
+
+
+class Reel:
+    """The states of the cells as a film goes on.
+
+    >>> film = Film("", Unit.STEPS, 2.0, frozenset(), (Change(1.0, Cell(0, 0), "explored"),), {},
+    ...             Place(0.0, 0.0))
+    >>> reel = Reel(film)
+    >>> [len(list(reel.forward(t))) for t in (0.5, 1.0, 2.0)], reel.states
+    ([0, 1, 0], {Cell(east=0, north=0): 'explored'})
+    """
+
+    def __init__(self, film: Film) -> None:
+        self._left = list(reversed(film.changes))
+        self.states: dict[Cell, State] = {}
+        self.parents: dict[Cell, Cell] = {}
+
+    def forward(self, t: float) -> Iterator[Change]:
+        """Go on to `t`, change by change."""
+        while self._left and self._left[-1].t <= t:
+            change = self._left.pop()
+            self.states[change.cell] = change.state
+            if change.parent is not None:
+                self.parents[change.cell] = change.parent
+            yield change
+
+    def count(self, *states: State) -> int:
+        """How many cells are in one of these states now."""
+        return sum(state in states for state in self.states.values())

@@ -1,0 +1,249 @@
+"""A flight as a Rerun recording (.rrd): everything on one timeline, for engineers.
+
+    /region/cells, /region/tree            what is known of each cell, and the exploration tree
+    /vehicles/N, /vehicles/N/track         where a vehicle is, and was
+    /vehicles/N/battery_wh                 its charge
+    /vehicles/N/frame, .../picture         frames: pose, camera and picture
+    /vehicles/N/footprint                  what the frame shows of the ground
+    /log                                   what went wrong, and who took over
+
+Lengths are metres east, north and up from the start, in the frame of the region (which may drift);
+times are seconds of the mission. Needs rerun-sdk, the extra `rerun`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from missions.errors import OutputError
+from missions.events import (
+    Connected,
+    Crashed,
+    Event,
+    FrameLost,
+    GivenUp,
+    Guarded,
+    LinkLost,
+    OrderFailed,
+    Overridden,
+    Recalled,
+    Released,
+    Resumed,
+    Tracked,
+)
+from missions.geo.grid import Grid
+from missions.units import Cell, Pose
+from uavmap.base.extras import install_command
+from uavmap.journal.kept_frames import FRAMES, KeptFrame, read_kept
+from uavmap.output.drawing.palette import STATES, track_colour
+from uavmap.output.film.film import Change, Film
+
+SUFFIX: Final = ".rrd"
+SNAPSHOTS: Final = 300
+"""So often at most the whole map is written."""
+_TOLD: Final = (
+    Crashed, FrameLost, GivenUp, Guarded, LinkLost, OrderFailed, Overridden, Recalled, Released,
+    Resumed,
+)  # fmt: skip
+_NED_TO_ENU: Final = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def sdk() -> Any:
+    """The module `rerun`. Raises `OutputError` where it is not installed."""
+    try:
+        return importlib.import_module("rerun")
+    except ImportError:
+        raise OutputError(
+            f"a Rerun recording needs rerun-sdk: {install_command('rerun')}"
+        ) from None
+
+
+class _Recording:
+    """A recording that is being written."""
+
+    def __init__(self, path: Path, title: str, grid: Grid) -> None:
+        self._rr = rr = sdk()
+        self._grid = grid
+        self._tracks: dict[int, list[tuple[float, float, float]]] = {}
+        self._stream = rr.RecordingStream("uavmap", recording_id=title)
+        try:
+            self._stream.save(str(path))
+        except Exception as error:  # the SDK raises what its Rust part raises
+            raise OutputError(f"{path}: {error}") from None
+        self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+    def add_event(self, event: Event) -> None:
+        """Add a vehicle's position and charge, or what went wrong."""
+        rr, stream = self._rr, self._stream
+        if isinstance(event, _TOLD):
+            stream.set_time("mission", duration=event.t_s)
+            level = "ERROR" if isinstance(event, Crashed) else "WARN"
+            stream.log("/log", rr.TextLog(str(event), level=level))
+        if not isinstance(event, Tracked | Connected):
+            return
+        here = self._grid.to_moving(event.position, event.t_s)
+        place, path = (here.east_m, here.north_m, event.height_m), f"/vehicles/{event.vehicle}"
+        self._tracks.setdefault(event.vehicle, []).append(place)
+        stream.set_time("mission", duration=event.t_s)
+        colour = track_colour(event.vehicle - 1)
+        stream.log(path, rr.Points3D([place], colors=[colour], radii=[0.8]))
+        stream.log(f"{path}/battery_wh", rr.Scalars(event.remaining_wh))
+
+    def add_frame(self, frame: KeptFrame, picture: bytes) -> None:
+        """Add a picture, the file as it is, with its camera and footprint, unless it is damaged."""
+        rr, stream = self._rr, self._stream
+        try:
+            with Image.open(io.BytesIO(picture)) as opened:
+                width, height = opened.size
+        except OSError:
+            return
+        path = f"/vehicles/{frame.vehicle}/frame"
+        here = self._grid.to_moving(self._grid.fixed(frame.pose.position), frame.t_s)
+        place = np.array([here.east_m, here.north_m, frame.pose.height_m])
+        turn = turn_enu(frame.pose)
+        focal_px = 0.5 * width / math.tan(math.radians(frame.hfov_deg) / 2)
+        stream.set_time("mission", duration=frame.t_s)
+        stream.log(path, rr.Transform3D(translation=place, mat3x3=turn))
+        camera = rr.Pinhole(
+            focal_length=focal_px, width=width, height=height, image_plane_distance=3.0,
+            camera_xyz=rr.ViewCoordinates.FRD,
+        )  # fmt: skip
+        stream.log(f"{path}/picture", camera)
+        kind = "image/png" if picture.startswith(b"\x89PNG") else "image/jpeg"
+        stream.log(f"{path}/picture", rr.EncodedImage(contents=picture, media_type=kind))
+        corners = footprint_m(place, turn, (width / focal_px, height / focal_px))
+        colour = track_colour(frame.vehicle - 1)
+        outline = [] if corners is None else [np.vstack([corners, corners[:1]])]
+        stream.log(
+            f"/vehicles/{frame.vehicle}/footprint", rr.LineStrips3D(outline, colors=[colour])
+        )
+
+    def finish(self, film: Film) -> None:
+        """Add the map as it grew, the tree and the tracks, and close the file."""
+        rr, stream = self._rr, self._stream
+        stream.reset_time()
+        for number, track in sorted(self._tracks.items()):
+            line = rr.LineStrips3D([track], colors=[track_colour(number - 1)])
+            stream.log(f"/vehicles/{number}/track", line, static=True)
+        _cells(rr, stream, film, self._grid.cell_m)
+        stream.flush()
+        stream.disconnect()
+
+
+def write_recording(
+    path: Path, film: Film, events: Iterable[Event], grid: Grid, folder: Path
+) -> None:
+    """Write a flight as an .rrd file.
+
+    Args:
+        path: of the file, which is replaced.
+        film: of the flight.
+        events: its journal.
+        grid: of the mission.
+        folder: its results, in which kept frames lie, if any.
+
+    Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
+    """
+    recording = _Recording(path, film.title, grid)
+    for event in events:
+        recording.add_event(event)
+    for frame, picture in _kept_frames(folder):
+        recording.add_frame(frame, picture)
+    recording.finish(film)
+
+
+def _kept_frames(folder: Path) -> Iterator[tuple[KeptFrame, bytes]]:
+    """The frames that were kept, in the order of their times."""
+    try:
+        kept = [frame for frame in read_kept(folder) if isinstance(frame, KeptFrame)]
+    except (OSError, UnicodeDecodeError):
+        return
+    for frame in sorted(kept, key=lambda frame: (frame.t_s, frame.vehicle)):
+        with contextlib.suppress(OSError):
+            yield frame, (folder / FRAMES / frame.frame).read_bytes()
+
+
+def moments(changes: Sequence[Change], most: int = SNAPSHOTS) -> Iterator[list[Change]]:
+    """The changes of a film in order, in at most so many parts.
+
+    >>> [len(part) for part in moments([Change(float(t), Cell(t, 0), "non-roi", None)
+    ...                                 for t in range(7)], most=3)]
+    [3, 3, 1]
+    """
+    size = max(1, math.ceil(len(changes) / most))
+    for begin in range(0, len(changes), size):
+        yield list(changes[begin : begin + size])
+
+
+def _cells(rr: Any, stream: Any, film: Film, cell_m: float) -> None:
+    """The map as it grew, and the tree of it."""
+    shown: dict[Cell, Change] = {}
+    for part in moments(film.changes):
+        shown.update((change.cell, change) for change in part)
+        stream.set_time("mission", duration=part[-1].t)
+        middles = np.array([(c.east * cell_m, c.north * cell_m, 0.0) for c in shown])
+        sizes = np.tile((0.47 * cell_m, 0.47 * cell_m, 0.02), (len(shown), 1))
+        boxes = rr.Boxes3D(
+            centers=middles, half_sizes=sizes, fill_mode="solid",
+            colors=[STATES[change.state] for change in shown.values()],
+        )  # fmt: skip
+        stream.log("/region/cells", boxes)
+        edges = [
+            [(c.east * cell_m, c.north * cell_m, 0.1) for c in (change.parent, cell)]
+            for cell, change in shown.items()
+            if change.parent is not None
+        ]
+        stream.log("/region/tree", rr.LineStrips3D(edges, colors=[(60, 60, 60)]))
+
+
+def turn_enu(pose: Pose) -> NDArray[np.float64]:
+    """The rotation (3 x 3) from camera axes, forward-right-down, to east, north and up.
+
+    >>> from missions.units import LatLon, Quaternion
+    >>> down = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
+    >>> turn_enu(Pose(LatLon(0.0, 0.0), 10.0, down)).round(6)[:, 0].tolist()
+    [0.0, 0.0, -1.0]
+    """
+    w, x, y, z = pose.attitude
+    ned = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    turned: NDArray[np.float64] = _NED_TO_ENU @ ned
+    return turned
+
+
+def footprint_m(
+    place: NDArray[np.float64], turn: NDArray[np.float64], spread: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    """Where the corners of a frame meet the ground, (4, 3) in metres; None if one looks above it.
+
+    `spread` is width and height of the picture over the focal length.
+
+    >>> from missions.units import LatLon, Quaternion
+    >>> down = turn_enu(Pose(LatLon(0.0, 0.0), 10.0, Quaternion.from_euler(0.0, -math.pi / 2, 0.0)))
+    >>> footprint_m(np.array([0.0, 0.0, 10.0]), down, (2.0, 1.0)).round(6).tolist()[0]
+    [-10.0, 5.0, 0.0]
+    """
+    across, along = spread[0] / 2, spread[1] / 2
+    signs = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+    rays = np.array([(1.0, right * across, down * along) for right, down in signs])
+    aims = rays @ turn.T
+    if not (aims[:, 2] < 0.0).all():
+        return None
+    reach = -place[2] / aims[:, 2]
+    corners: NDArray[np.float64] = place + aims * reach[:, None]
+    return corners

@@ -1,0 +1,187 @@
+"""The picture of an exploration tree: on the ground, and by depth with its backbone straight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from missions.errors import OutputError
+from missions.mapping.tree import Tree
+from missions.units import Cell
+from uavmap.output.drawing import legend
+from uavmap.output.drawing.palette import (
+    FAINT,
+    INK,
+    PAPER,
+    STATE_NAMES,
+    STATES,
+    Colour,
+    Style,
+)
+from uavmap.output.drawing.raster import encode_png, picture, text_width
+from uavmap.output.drawing.scale import step_up
+from uavmap.output.drawing.scene import Box, Dot, Entry, Label, Line, Place, Shape, View
+from uavmap.output.drawing.svg import document
+from uavmap.output.film.backbone import backbone, ribs, spread
+from uavmap.output.film.film_writers import DRAWINGS, check_path, save
+
+BACKBONE: Colour = (0, 90, 200)
+RIB: Colour = (148, 158, 168)
+GROUND: Colour = (238, 240, 242)
+MARGIN_PX: Final = 24
+HEAD_PX: Final = 92
+FOOT_PX: Final = 44
+_PANEL_PX: Final = 560
+_LARGEST_PX: Final = 4000
+_GAP_PX: Final = 48
+_LABEL_PX: Final = 30
+_WIDEST_PX: Final = 34.0
+_NARROWEST_PX: Final = 4.0
+"""Between two vertices."""
+
+
+def draw_tree(tree: Tree, path: Path, *, title: str) -> None:
+    """Draw a tree into a PNG or SVG file, by the end of the name.
+
+    Left the tree on the ground, grid north up; right by depth, the backbone in a line and the ribs
+    beside it. Vertices have the colours of their states, the root is ringed. The same tree gives
+    the same bytes. Raises `OutputError`.
+    """
+    check_path(path, DRAWINGS)
+    size, shapes = tree_shapes(tree, title)
+    view = View.page(*size)
+    if path.suffix.lower() == ".svg":
+        save(path, document(view, shapes).encode())
+    else:
+        save(path, encode_png(picture(view, shapes)))
+
+
+def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
+    """The size of the picture and what is in it. Raises `OutputError` for a tree too large."""
+    spine = backbone(tree)
+    ground, ground_step = _on_ground(tree)
+    depths, depth_step = _by_depth(tree)
+    ground_size = _move(ground, (MARGIN_PX, HEAD_PX), ground_step)
+    right = MARGIN_PX + ground_size[0] + _GAP_PX
+    depth_size = _move(depths, (right, HEAD_PX + _LABEL_PX), depth_step)
+    caption = _caption(tree, spine)
+    width = max(
+        right + depth_size[0] + MARGIN_PX,
+        2 * MARGIN_PX + text_width(caption, 14),
+        2 * MARGIN_PX + text_width(title, 20),
+        2 * MARGIN_PX + legend.row_width(_legend(tree)),
+    )
+    height = HEAD_PX + max(ground_size[1], depth_size[1] + _LABEL_PX) + FOOT_PX
+    if max(width, height) > _LARGEST_PX:
+        raise OutputError(
+            f"a tree of {len(tree)} vertices and depth {tree.depth} is too large to draw"
+        )
+    shapes: list[Shape] = [
+        Label((MARGIN_PX, 29), title, 20, INK),
+        Label((MARGIN_PX, 57), caption, 14, FAINT),
+        *_tiles(ground, ground_step),
+        *_edges(tree, spine, ground, ground_step),
+        *_vertices(tree, ground, ground_step),
+        *_ruler(depths, spine, HEAD_PX + _LABEL_PX - 14),
+        *_edges(tree, spine, depths, depth_step),
+        *_vertices(tree, depths, depth_step),
+        *legend.row(_legend(tree), MARGIN_PX, height - 20),
+    ]
+    return (round(width), round(height)), shapes
+
+
+def _caption(tree: Tree, spine: tuple[Cell, ...]) -> str:
+    branches = len(ribs(tree, spine))
+    of_ribs = "1 rib" if branches == 1 else f"{branches} ribs"
+    of_vertices = "1 vertex" if len(tree) == 1 else f"{len(tree)} vertices"
+    depth = f"depth of the tree, depth_T = {tree.depth}"
+    return f"{of_vertices}   ·   {depth}   ·   backbone of {len(spine)}, {of_ribs}"
+
+
+# --- where the vertices are ------------------------------------------------------------------
+def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
+    """Every vertex at its cell, and the pixels from cell to cell."""
+    across = max(c.east for c in tree.vertices) - min(c.east for c in tree.vertices) + 1
+    up = max(c.north for c in tree.vertices) - min(c.north for c in tree.vertices) + 1
+    step = min(max(_PANEL_PX // max(across, up), _NARROWEST_PX), _WIDEST_PX)
+    return {cell: (cell.east * step, -cell.north * step) for cell in tree.vertices}, step
+
+
+def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
+    """Every vertex by depth and row, and the pixels from vertex to vertex."""
+    spots = spread(tree)
+    rows = [spot.row for spot in spots.values()]
+    tall = max(rows) - min(rows) + 1
+    step_x = min(max(_PANEL_PX * 1.4 / (tree.depth + 1), _NARROWEST_PX), _WIDEST_PX)
+    step_y = min(max(_PANEL_PX / tall, _NARROWEST_PX), 0.7 * _WIDEST_PX)
+    places = {cell: (spot.depth * step_x, spot.row * step_y) for cell, spot in spots.items()}
+    return places, min(step_x, step_y)
+
+
+def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float, float]:
+    """Move the vertices so that they have half a step of room from a corner; returns the size."""
+    xs, ys = zip(*places.values(), strict=True)
+    left, top = corner[0] + step / 2 - min(xs), corner[1] + step / 2 - min(ys)
+    for cell, (x, y) in places.items():
+        places[cell] = (x + left, y + top)
+    return max(xs) - min(xs) + step, max(ys) - min(ys) + step
+
+
+# --- what is drawn ---------------------------------------------------------------------------
+def _tiles(places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
+    side = step - (1.0 if step >= 6.0 else 0.0)
+    for x, y in places.values():
+        left, top = x - step / 2, y - step / 2
+        yield Box((left, top), (left + side, top + side), GROUND)
+
+
+def _edges(
+    tree: Tree, spine: tuple[Cell, ...], places: Mapping[Cell, Place], step: float
+) -> Iterator[Shape]:
+    """The edges of the ribs, and over them the backbone as one line."""
+    on_spine = set(spine)
+    for cell, vertex in tree.vertices.items():
+        if vertex.parent is not None and cell not in on_spine:
+            edge = places[vertex.parent], places[cell]
+            yield Line.through(edge, Style(RIB, max(0.07 * step, 1.0)))
+    if len(spine) > 1:
+        style = Style(BACKBONE, max(0.2 * step, 2.0))
+        yield Line.through((places[cell] for cell in spine), style)
+
+
+def _vertices(tree: Tree, places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
+    radius = 0.24 * step
+    for cell, place in places.items():
+        disc = (radius, STATES[tree.state(cell).value])
+        yield Dot(place, ((radius + 1.0, PAPER), disc) if step >= 8.0 else (disc,))
+    yield Dot(places[tree.root], _root(radius))
+
+
+def _root(radius: float) -> tuple[tuple[float, Colour], ...]:
+    discs = ((1.7, INK), (1.3, PAPER), (0.9, INK))
+    return tuple((max(r * radius, 4.0 * r / 1.7), colour) for r, colour in discs)
+
+
+def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> Iterator[Shape]:
+    """The depth, written above the picture by depth, as often as there is room."""
+    last = len(spine) - 1
+    room = (places[spine[-1]][0] - places[spine[0]][0]) / max(last, 1)
+    every = max(round(step_up(30.0 / room)), 1) if last else 1
+    for depth in range(0, last + 1, every):
+        text = "depth 0" if depth == 0 else str(depth)
+        x = places[spine[depth]][0]
+        if depth == 0 or x - places[spine[0]][0] > 52.0:
+            yield Label((x, y - 4.0), text, 12, FAINT, "middle" if depth else "start")
+
+
+def _legend(tree: Tree) -> Iterator[Entry]:
+    """What the colours mean, and how many vertices are in each state."""
+    states = [tree.state(cell).value for cell in tree.vertices]
+    for state, colour in STATES.items():
+        if state in states:
+            yield Entry(((5.5, colour),), f"{STATE_NAMES[state]} ({states.count(state)})")
+    yield Entry(Style(BACKBONE, 4.0), "backbone")
+    if len(tree) > tree.depth + 1:
+        yield Entry(Style(RIB, 2.0), "rib")
+    yield Entry(_root(4.0), "root")

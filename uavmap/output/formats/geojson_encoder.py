@@ -1,0 +1,195 @@
+"""GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file a layer.
+
+Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior
+rings counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
+coordinate, of tracks only, is the height above home in metres.
+
+Longitudes run on past 180 degrees where a map crosses the antimeridian, so that no polygon spans
+the globe.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import LineString, mapping
+from shapely.geometry.base import BaseGeometry
+
+from uavmap.base.atomic_write import write_parts
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import MapData
+from uavmap.output.formats.layers import (
+    DECIMALS,
+    Layer,
+    described,
+    in_degrees,
+    line_in_degrees,
+    outline_in_degrees,
+    turned,
+)
+
+
+def write(data: MapData, path: Path, utc: str | None = None) -> None:
+    """Write map.geojson to `path`; `utc` is its date, ISO 8601, if it is known."""
+    write_parts(path, (part.encode() for part in _map(data, utc)))
+
+
+def encode_map(data: MapData, utc: str | None = None) -> str:
+    """Encode map.geojson, a feature a line; `utc` is its date.
+
+    Features by their property `kind`:
+
+    * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames); of recorded
+      pictures that were weighed `belief`, 0 to 1.
+    * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`, and `utc`, its date,
+      if that is known. Its geometry is null for a map without a region.
+    * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
+    * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
+    """
+    return "".join(_map(data, utc))
+
+
+def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
+    """Encode a file a layer, by name.
+
+    Mission, version, dates, and the coordinate system of the grid, which the coordinates are not
+    in, are members beside the features.
+    """
+    return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
+
+
+def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    head = {"name": layer.name, **described(flown)}
+    box = _bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
+    written = zip(shapely.to_geojson(shapes), layer.records(), strict=True)
+    features = (
+        _feature(number, geometry or "null", values)
+        for number, (geometry, values) in enumerate(written, start=1)
+    )
+    return collection(head, box, features)
+
+
+# --- map.geojson ---------------------------------------------------------------------------------
+def _map(data: MapData, utc: str | None) -> Iterator[str]:
+    date = {} if utc is None else {"utc": utc}
+    marks = [_outline(data, date), *_tracks(data), *_unsearched(data)]
+    head = {"mission": data.mission, "t_s": round(data.t_s, 3)} | date
+
+    def features() -> Iterator[str]:
+        yield from _cells(data)
+        for name, shape, values in marks:
+            geometry = "null" if shape.is_empty else json.dumps(mapping(shape))
+            yield _feature(name, geometry, values)
+
+    return collection(head, _map_bbox(data, [shape for _, shape, _ in marks]), features())
+
+
+_Mark = tuple[str, BaseGeometry, dict[str, Any]]
+"""Id, geometry in degrees and properties of a feature."""
+
+
+def _outline(data: MapData, date: dict[str, str]) -> _Mark:
+    values = {
+        "kind": "outline",
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "cells": len(data.roi_cells),
+        "area_m2": round(data.outline.area, 3),
+        **date,
+    }
+    return "outline", outline_in_degrees(data), values
+
+
+def _tracks(data: MapData) -> Iterator[_Mark]:
+    for track in data.tracks:
+        if len(track.points) < 2:  # a LineString has two positions at least
+            continue
+        places = line_in_degrees(data, (place for _, place, _ in track.points))
+        heights_m = (round(height_m, 2) for _, _, height_m in track.points)
+        line = LineString([(*place, h) for place, h in zip(places, heights_m, strict=True)])
+        values = {
+            "kind": "track",
+            "vehicle": track.vehicle,
+            "start_s": round(track.points[0][0], 3),
+            "end_s": round(track.points[-1][0], 3),
+            "altitude": "metres above home",
+        }
+        yield f"track {track.vehicle}", line, values
+
+
+def _unsearched(data: MapData) -> Iterator[_Mark]:
+    for number, lane in enumerate(data.unsearched, start=1):
+        line = LineString(line_in_degrees(data, lane))
+        yield f"unsearched {number}", line, {"kind": "unsearched"}
+
+
+def _cells(data: MapData) -> Iterator[str]:
+    """A line for each cell. There are thousands, so they are written without a tree of their
+    parts: numbers, and names of states that need no quoting."""
+
+    def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
+        both = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
+        return [f"[{round(lon, DECIMALS)!r}, {round(lat, DECIMALS)!r}]" for lon, lat in both]
+
+    parts = zip(data.table.parts(), data.corners.written(places), strict=True)
+    for table, rings in parts:
+        for (sw, se, ne, nw), row in zip(rings, table.values(), strict=True):
+            (east, north), state, positive, votes, known = row
+            belief = "" if known is None else f', "belief": {round(known, 3)!r}'
+            yield (
+                f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": '
+                f'"Polygon", "coordinates": [[{sw}, {se}, {ne}, {nw}, {sw}]]}}, '
+                f'"properties": {{"kind": "cell", "column": {east}, "row": {north}, '
+                f'"state": "{state}", "positive": {positive}, "votes": {votes}{belief}}}}}'
+            )
+
+
+def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
+    """The box of all features; the heights are those of tracks."""
+    lons, lats = turned(data.corners.lon_deg, data.start), data.corners.lat_deg
+    places = [shapely.get_coordinates(shape) for shape in shapes]
+    if len(lons):
+        corners = [[lons.min(), lats.min()], [lons.max(), lats.max()]]
+        places.append(np.array(corners).round(DECIMALS))
+    low, high = _split(_bbox(np.concatenate(places)))
+    heights = shapely.get_coordinates([s for s in shapes if s.has_z], include_z=True)[:, 2]
+    if not len(heights):
+        return [*low, *high]
+    return [*low, float(heights.min()), *high, float(heights.max())]
+
+
+# --- parts ---------------------------------------------------------------------------------------
+def collection(head: dict[str, Any], box: list[float], features: Iterable[str]) -> Iterator[str]:
+    """Encode a FeatureCollection, a feature a line, from its members, its box and its features."""
+    members = {"type": "FeatureCollection", **head, **({"bbox": box} if box else {})}
+    yield f'{json.dumps(members, allow_nan=False)[:-1]}, "features": [\n'
+    between = ""
+    for feature in features:
+        yield f"{between}{feature}"
+        between = ",\n"
+    yield "\n]}\n"
+
+
+def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
+    properties = json.dumps(values, allow_nan=False)
+    return (
+        f'{{"type": "Feature", "id": {json.dumps(identity)}, "geometry": {geometry}, '
+        f'"properties": {properties}}}'
+    )
+
+
+def _bbox(points: NDArray[np.float64]) -> list[float]:
+    """West, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
+    return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []
+
+
+def _split(box: list[float]) -> tuple[list[float], list[float]]:
+    half = len(box) // 2
+    return box[:half], box[half:]

@@ -1,0 +1,177 @@
+"""map.gpkg: all layers in the UTM zone of the grid, with the styles of QGIS (OGC 12-128r17).
+
+It is built in memory with settings that are fixed, and with the dates of the mission in place of
+those of the computer: the same flight gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import pyproj
+import shapely
+
+from uavmap.base.version import __version__
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.formats.layers import Layer, Shapes, Value
+from uavmap.output.formats.qgis_style import qml
+
+APPLICATION_ID: Final = 0x47504B47  # GPKG
+VERSION: Final = 10300
+_NO_DATE: Final = "1970-01-01T00:00:00.000Z"
+_TYPES: Final = {
+    "text": "TEXT", "whole": "INTEGER", "number": "REAL", "yes or no": "BOOLEAN",
+    "time": "DATETIME",
+}  # fmt: skip
+_SCHEMA: Final = """
+CREATE TABLE gpkg_spatial_ref_sys (
+  srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL,
+  organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
+CREATE TABLE gpkg_contents (
+  table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
+  description TEXT DEFAULT '',
+  last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
+  min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
+  CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
+CREATE TABLE gpkg_geometry_columns (
+  table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL,
+  srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL,
+  CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name),
+  CONSTRAINT uk_gc_table_name UNIQUE (table_name),
+  CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
+  CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
+CREATE TABLE layer_styles (
+  id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256),
+  f_table_schema TEXT(256), f_table_name TEXT(256), f_geometry_column TEXT(256),
+  styleName TEXT(30), styleQML TEXT, styleSLD TEXT, useAsDefault BOOLEAN, description TEXT,
+  owner TEXT(30), ui TEXT(30),
+  update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')));
+"""
+_GEOGRAPHIC: Final = (
+    'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,'
+    'AUTHORITY["EPSG","7030"]],AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,'
+    'AUTHORITY["EPSG","8901"]],UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],'
+    'AXIS["Latitude",NORTH],AXIS["Longitude",EAST],AUTHORITY["EPSG","4326"]]'
+)
+
+
+def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+    """The file."""
+    file = sqlite3.connect(":memory:")
+    try:
+        file.execute("PRAGMA page_size = 4096")
+        file.execute("PRAGMA encoding = 'UTF-8'")
+        file.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        file.execute(f"PRAGMA user_version = {VERSION}")
+        file.executescript(_SCHEMA)
+        with file:
+            _systems(file, flown)
+            for layer in layers:
+                _layer(file, flown, layer)
+            _styles(file, flown, layers)
+        return file.serialize()
+    finally:
+        file.close()
+
+
+def _systems(file: sqlite3.Connection, flown: Flown) -> None:
+    """The coordinate systems: the three that every GeoPackage has, and that of the grid."""
+    epsg = flown.data.grid.zone.epsg
+    system = pyproj.CRS.from_epsg(epsg)
+    file.executemany(
+        "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)",
+        [
+            ("Undefined cartesian SRS", -1, "NONE", -1, "undefined", None),
+            ("Undefined geographic SRS", 0, "NONE", 0, "undefined", None),
+            ("WGS 84 geodetic", 4326, "EPSG", 4326, _GEOGRAPHIC, None),
+            (system.name, epsg, "EPSG", epsg, system.to_wkt("WKT1_GDAL"), None),
+        ],
+    )
+
+
+def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
+    """A table with its geometries, and what has to be said of it elsewhere."""
+    srs = flown.data.grid.zone.epsg
+    columns = ", ".join(f'"{field.name}" {_TYPES[field.kind]}' for field in layer.fields)
+    shape = layer.geometry.upper()
+    file.execute(
+        f'CREATE TABLE "{layer.name}" (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, '
+        f"geom {shape}, {columns})"
+    )
+    bounds = [shapely.total_bounds(shapes) for shapes, _ in layer.parts()]
+    west, south = np.fmin.reduce(bounds)[:2].tolist()
+    east, north = np.fmax.reduce(bounds)[2:].tolist()
+    box = [west, south, east, north]
+    _content(file, flown, layer.name, "features", layer.title, box, srs)
+    file.execute(
+        "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, ?, 0)",
+        (layer.name, shape, srs, int(layer.heights)),
+    )
+    marks = ", ".join("?" * (len(layer.fields) + 1))
+    names = ", ".join(f'"{field.name}"' for field in layer.fields)
+    for shapes, rows in layer.parts():
+        filled = (
+            (blob, *row)
+            for blob, row in zip(_blobs(layer, shapes, srs), _plain(layer, rows), strict=True)
+        )
+        file.executemany(f'INSERT INTO "{layer.name}" (geom, {names}) VALUES ({marks})', filled)
+
+
+def _content(
+    file: sqlite3.Connection,
+    flown: Flown,
+    name: str,
+    kind: str,
+    title: str,
+    bounds: Iterable[float | None],
+    srs: int | None,
+) -> None:
+    when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
+    told = f"{flown.data.mission}: {title.lower()}; uavmap {__version__}"
+    box = [None if value is None or np.isnan(value) else value for value in bounds]
+    file.execute(
+        "INSERT INTO gpkg_contents VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        (name, kind, title, told, when, *box, srs),
+    )
+
+
+def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> None:
+    """What QGIS looks for when a layer is opened."""
+    when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
+    _content(file, flown, "layer_styles", "attributes", "layer_styles", [None] * 4, 0)
+    file.executemany(
+        "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, "
+        "f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner, ui, "
+        "update_time) VALUES ('', '', ?, 'geom', ?, ?, '', 1, ?, '', NULL, ?)",
+        [(one.name, one.name, qml(one), f"{one.title} of uavmap", when) for one in layers],
+    )
+
+
+def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[object, ...]]:
+    """The rows as SQLite holds them."""
+    flags = [at for at, field in enumerate(layer.fields) if field.kind == "yes or no"]
+    for row in rows:
+        values = list[object](row)
+        for at in flags:
+            value = row[at]
+            values[at] = None if value is None else int(value)
+        yield tuple(values)
+
+
+def _blobs(layer: Layer, shapes: Shapes, srs: int) -> Iterator[bytes | None]:
+    """The geometries: a header, the bounds of all but points, and well-known binary."""
+    binary = shapely.to_wkb(
+        shapes, output_dimension=3 if layer.heights else 2, byte_order=1, flavor="iso"
+    )
+    point = layer.geometry == "Point"
+    head = struct.pack("<2sBBi", b"GP", 0, 0b01 if point else 0b11, srs)
+    bounds = shapely.bounds(shapes)[:, [0, 2, 1, 3]].astype("<f8")
+    for data, box in zip(binary, bounds, strict=True):
+        if data is None:
+            yield None
+        else:
+            yield head + (b"" if point else box.tobytes()) + data

@@ -1,0 +1,103 @@
+"""flight.gpx: tracks of all sorties with their times, the outline of the region, homes (GPX 1.1).
+
+Elevations are above the sea, as GPX has them, where the height of home above the sea is known;
+otherwise there are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gpxpy.gpx as gpx
+import shapely
+
+from uavmap.base.version import __version__
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.formats.layers import Layer, described, in_degrees
+from uavmap.output.formats.map_layers import track_parts
+
+
+def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+    """The file."""
+    known = {layer.name: layer for layer in layers}
+    file = gpx.GPX()
+    file.creator = f"uavmap {__version__}"
+    file.name = flown.data.mission
+    file.description = _in_words(flown)
+    file.time = _date(flown, flown.data.t_s)
+    if "places" in known:
+        file.waypoints.extend(_homes(flown, known["places"]))
+    if "tracks" in known:
+        file.tracks.extend(_tracks(flown, known["tracks"]))
+    if "region" in known:
+        file.tracks.extend(_outline(flown, known["region"]))
+    return f"{file.to_xml('1.1')}\n".encode()
+
+
+def _in_words(flown: Flown) -> str:
+    known = {name: value for name, value in described(flown).items() if value not in (None, "")}
+    return "; ".join(f"{name} {_word(value)}" for name, value in known.items())
+
+
+def _word(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)
+
+
+def _date(flown: Flown, t_s: float) -> Any:
+    """UTC; None where nobody knows it."""
+    return None if flown.calendar.utc(t_s) is None else flown.calendar.date(t_s)
+
+
+def _turned(lon_deg: float) -> float:
+    """A longitude from -180 to 180 degrees, the latter excluded: GPX knows no others.
+
+    >>> _turned(180.0), _turned(-12.5), _turned(180.25)
+    (-180.0, -12.5, -179.75)
+    """
+    return lon_deg if -180.0 <= lon_deg < 180.0 else round((lon_deg + 180.0) % 360.0 - 180.0, 7)
+
+
+def _homes(flown: Flown, layer: Layer) -> list[gpx.GPXWaypoint]:
+    names = layer.columns()["name"]
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    return [
+        gpx.GPXWaypoint(latitude=shape.y, longitude=_turned(shape.x), name=str(name))
+        for shape, name in zip(shapes, names, strict=True)
+    ]
+
+
+def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
+    """A track a vehicle, a segment a sortie."""
+    fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    columns, tracks = layer.columns(), dict[object, gpx.GPXTrack]()
+    home_m = None if flown.recorded else flown.log.amsl_m
+    for shape, vehicle, sortie in zip(shapes, columns["vehicle"], columns["sortie"], strict=True):
+        if vehicle not in tracks:
+            tracks[vehicle] = gpx.GPXTrack(name=f"vehicle {vehicle}")
+        segment = gpx.GPXTrackSegment()
+        points = shapely.get_coordinates(shape, include_z=True).tolist()
+        known = fixes[int(vehicle or 0), int(sortie or 0)]
+        for (lon, lat, height_m), fix in zip(points, known, strict=True):
+            above_m = None if home_m is None else round(home_m + height_m, 2)
+            segment.points.append(
+                gpx.GPXTrackPoint(lat, _turned(lon), elevation=above_m, time=_date(flown, fix.t_s))
+            )
+        tracks[vehicle].segments.append(segment)
+    return list(tracks.values())
+
+
+def _outline(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
+    """A segment a ring: GPX knows no areas."""
+    (shape,) = in_degrees(layer, flown.data.grid, flown.data.start)
+    if shape is None:
+        return []
+    track = gpx.GPXTrack(name="outline of the region")
+    for part in shape.geoms:
+        for ring in (part.exterior, *part.interiors):
+            points = [gpx.GPXTrackPoint(lat, _turned(lon)) for lon, lat in ring.coords]
+            track.segments.append(gpx.GPXTrackSegment(points))
+    return [track]

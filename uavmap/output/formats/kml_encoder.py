@@ -1,0 +1,285 @@
+"""KML 2.2 for Google Earth: map.kml of each flight, and the export with times and all layers.
+
+Coordinates are longitude, latitude and, of tracks, the height above the ground, which is taken to
+be level with home. Colours are written alpha, blue, green, red. The elements of a placemark come in
+the order of the schema.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import LineString
+from shapely.geometry.base import BaseGeometry
+
+from uavmap.base.atomic_write import write_parts
+from uavmap.output.drawing.palette import (
+    BOUNDARY,
+    BOX,
+    FENCE,
+    INK,
+    OUTLINE,
+    STATES,
+    UNSEARCHED,
+    Colour,
+    track_colour,
+)
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import NOT_ROI, MapData
+from uavmap.output.formats.layers import (
+    DECIMALS,
+    Layer,
+    described,
+    in_degrees,
+    line_in_degrees,
+    outline_in_degrees,
+    turned,
+)
+from uavmap.output.formats.map_layers import track_parts
+
+NAMESPACE = "http://www.opengis.net/kml/2.2"
+_EXTENSIONS = "http://www.google.com/kml/ext/2.2"
+_SHOWN = ("region", "boundary", "cells", "tracks", "unsearched", "fence", "places")
+_ABOVE_GROUND = "<altitudeMode>relativeToGround</altitudeMode>"
+
+
+def write(data: MapData, path: Path) -> None:
+    """Write map.kml to `path`."""
+    write_parts(path, (part.encode() for part in _map(data)))
+
+
+def encode_map(data: MapData) -> bytes:
+    """Encode map.kml: folders Outline, Cells (a folder a state), Tracks, and Not searched where
+    ground was left out."""
+    return "".join(_map(data)).encode()
+
+
+def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+    """Encode a flight with its times: tracks as gx:Track, a folder a layer."""
+    known = {layer.name: layer for layer in layers}
+    head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
+    vehicles = {number for number, _, _ in track_parts(flown)}
+    folders = (_layer(flown, known[name]) for name in _SHOWN if name in known)
+    parts = _document(flown.data, head, vehicles, _extended(described(flown)), folders)
+    return "".join(parts).encode()
+
+
+def _document(
+    data: MapData, head: str, vehicles: Iterable[int], tail: str, folders: Iterable[Iterator[str]]
+) -> Iterator[str]:
+    yield (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        f'<kml xmlns="{NAMESPACE}" xmlns:gx="{_EXTENSIONS}">\n'
+        f"<Document><name>{_text(data.mission)}</name>{head}\n{''.join(_styles(vehicles))}{tail}\n"
+    )
+    for folder in folders:
+        yield from folder
+    yield "</Document>\n</kml>\n"
+
+
+# --- styles --------------------------------------------------------------------------------------
+def _styles(vehicles: Iterable[int]) -> Iterator[str]:
+    for state, colour in STATES.items():
+        yield _style(_id(state), colour, 1, _abgr(colour, 90 if state in NOT_ROI else 150))
+    yield _style("region", OUTLINE, 3)
+    yield _style("boundary", BOUNDARY, 2)
+    yield _style("unsearched", UNSEARCHED, 3)
+    yield _style("fence", FENCE, 2)
+    yield _style("box", BOX, 2)
+    yield _style("places", INK, 2)
+    for vehicle in sorted(vehicles):
+        yield _style(f"track-{vehicle}", track_colour(vehicle), 2)
+
+
+def _style(name: str, line: Colour, width: int, fill: str | None = None) -> str:
+    inside = "<fill>0</fill>" if fill is None else f"<color>{fill}</color>"
+    return (
+        f"<Style id={quoteattr(name)}><LineStyle><color>{_abgr(line, 255)}</color>"
+        f"<width>{width}</width></LineStyle><PolyStyle>{inside}</PolyStyle></Style>\n"
+    )
+
+
+def _abgr(colour: Colour, alpha: int) -> str:
+    red, green, blue = colour
+    return f"{alpha:02x}{blue:02x}{green:02x}{red:02x}"
+
+
+def _id(state: str) -> str:
+    return state.replace(" ", "-")
+
+
+# --- map.kml -------------------------------------------------------------------------------------
+def _map(data: MapData) -> Iterator[str]:
+    tracks = [track for track in data.tracks if len(track.points) > 1]
+    folders = [_folder("Outline", _outline(data)), _folder("Cells", _cells(data))]
+    lines = (
+        _mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _track_line(data, track.points))
+        for track in tracks
+    )
+    folders.append(_folder("Tracks", lines))
+    if data.unsearched:
+        folders.append(_folder("Not searched", _lanes(data)))
+    yield from _document(data, "", {track.vehicle for track in tracks}, "", folders)
+
+
+def _outline(data: MapData) -> Iterator[str]:
+    shape = outline_in_degrees(data)
+    if not shape.is_empty:
+        size = f"{len(data.roi_cells)} cells, {data.outline.area:.0f} m2"
+        yield _mark("Region", "region", _geometry(shape), description=size)
+
+
+def _track_line(data: MapData, points: Iterable[tuple[float, Any, float]]) -> str:
+    line = line_in_degrees(data, (place for _, place, _ in points))
+    heights_m = [height_m for _, _, height_m in points]
+    return _line((lon, lat, height_m) for (lon, lat), height_m in zip(line, heights_m, strict=True))
+
+
+def _lanes(data: MapData) -> Iterator[str]:
+    for number, lane in enumerate(data.unsearched, start=1):
+        line = LineString(line_in_degrees(data, lane))
+        yield _mark(f"Lane {number}, without a judged frame", "unsearched", _geometry(line))
+
+
+# --- layers --------------------------------------------------------------------------------------
+def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
+    if layer.name == "cells":
+        return _folder(layer.title, _cells(flown.data))
+    marks = _tracks(flown, layer) if layer.name == "tracks" else _marks(flown, layer)
+    return _folder(layer.title, marks)
+
+
+def _cells(data: MapData) -> Iterator[str]:
+    """A folder a state. There are thousands of cells: `AT_ONCE` of them are text at a time."""
+
+    def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
+        points = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
+        return [_place(point) for point in points]
+
+    for state in STATES:
+        there = data.table.are(state)
+        if not there.any():
+            continue
+        yield f"<Folder><name>{state}</name>\n"
+        some, corners = data.table.which(there), data.corners.which(there)
+        for table, rings in zip(some.parts(), corners.written(places), strict=True):
+            for ring, row in zip(rings, table.values(), strict=True):
+                (east, north), _, positive, votes, belief = row
+                frames = f"{positive} of {votes} frames positive"
+                frames += "" if belief is None else f", belief {belief:.3f}"
+                square = (
+                    f"<Polygon>{_ring('outerBoundaryIs', ' '.join([*ring, ring[0]]))}</Polygon>"
+                )
+                yield _mark(f"{east}, {north}", _id(state), square, description=frames)
+        yield "</Folder>\n"
+
+
+def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    stamp = flown.calendar.utc(flown.data.t_s)
+    dated = layer.name in ("region", "boundary") and stamp is not None
+    when = f"<TimeStamp><when>{stamp}</when></TimeStamp>" if dated else ""
+    for shape, values in zip(shapes, layer.records(), strict=True):
+        style = str(values["kind"]) if layer.name == "fence" else layer.name
+        yield _mark(values["name"], style, _geometry(shape), when=when, values=values)
+
+
+def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
+    """Lines in time; without dates plain lines."""
+    fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
+    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    for shape, values in zip(shapes, layer.records(), strict=True):
+        vehicle, sortie = values["vehicle"], values["sortie"]
+        times = [flown.calendar.utc(fix.t_s) for fix in fixes[int(vehicle or 0), int(sortie or 0)]]
+        points = shapely.get_coordinates(shape, include_z=True).tolist()
+        if None in times:
+            geometry = _line(points)
+        else:
+            whens = "".join(f"<when>{time}</when>" for time in times)
+            coords = "".join(f"<gx:coord>{x} {y} {z:.2f}</gx:coord>" for x, y, z in points)
+            geometry = f"<gx:Track>{_ABOVE_GROUND}\n{whens}\n{coords}</gx:Track>"
+        yield _mark(values["name"], f"track-{vehicle}", geometry, values=values)
+
+
+# --- parts ---------------------------------------------------------------------------------------
+def _folder(title: str, marks: Iterable[str]) -> Iterator[str]:
+    yield f"<Folder><name>{_text(title)}</name>\n"
+    yield from marks
+    yield "</Folder>\n"
+
+
+def _mark(
+    title: object,
+    style: str,
+    geometry: str,
+    *,
+    description: str = "",
+    when: str = "",
+    values: Mapping[str, Any] | None = None,
+) -> str:
+    about = f"<description>{_text(description)}</description>" if description else ""
+    return (
+        f"<Placemark><name>{_text(title)}</name>{about}{when}<styleUrl>#{style}</styleUrl>"
+        f"{_extended(values or {})}{geometry}</Placemark>\n"
+    )
+
+
+def _geometry(shape: BaseGeometry | None) -> str:
+    match shape:
+        case None:
+            return ""
+        case shapely.Point():
+            return f"<Point>{_coordinates(shape.coords)}</Point>"
+        case shapely.LineString():
+            return (
+                f"<LineString><tessellate>1</tessellate>{_coordinates(shape.coords)}</LineString>"
+            )
+        case shapely.Polygon():
+            outer = _ring("outerBoundaryIs", _places(shape.exterior.coords))
+            holes = (_ring("innerBoundaryIs", _places(hole.coords)) for hole in shape.interiors)
+            return f"<Polygon>{outer}{''.join(holes)}</Polygon>"
+    parts = "".join(map(_geometry, shapely.get_parts(shape)))
+    return f"<MultiGeometry>{parts}</MultiGeometry>"
+
+
+def _line(points: Iterable[Sequence[float]]) -> str:
+    """A line above the ground."""
+    return f"<LineString>{_ABOVE_GROUND}{_coordinates(points)}</LineString>"
+
+
+def _ring(tag: str, places: str) -> str:
+    return f"<{tag}><LinearRing><coordinates>{places}</coordinates></LinearRing></{tag}>"
+
+
+def _coordinates(points: Iterable[Sequence[float]]) -> str:
+    return f"<coordinates>{_places(points)}</coordinates>"
+
+
+def _places(points: Iterable[Sequence[float]]) -> str:
+    return " ".join(map(_place, points))
+
+
+def _place(point: Sequence[float]) -> str:
+    return ",".join(f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".") for value in point)
+
+
+def _extended(values: Mapping[str, Any]) -> str:
+    data = "".join(
+        f"<Data name={quoteattr(name)}><value>{_text(value)}</value></Data>"
+        for name, value in values.items()
+        if value is not None and name != "name"
+    )
+    return f"<ExtendedData>{data}</ExtendedData>" if data else ""
+
+
+def _text(value: object) -> str:
+    """A value without the characters that XML cannot hold at all."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return escape("".join(c for c in str(value) if c >= " " and c not in "\ufffe\uffff"))

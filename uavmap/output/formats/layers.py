@@ -1,0 +1,150 @@
+"""A map as layers of geometries with columns: what every file for a GIS is written from.
+
+Geometries are in the UTM zone of the grid, in metres of the projection; `in_degrees` turns them
+into WGS84. Names of columns have at most ten letters, for a Shapefile holds no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
+
+from missions.geo.grid import Grid
+from missions.units import GridPoint, LatLon
+from uavmap.base.printable import printable
+from uavmap.base.version import __version__
+from uavmap.output.facts.cell_table import AT_ONCE
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import MapData
+
+DECIMALS: Final = 7
+"""Of a degree: about a centimetre."""
+
+Value = str | int | float | bool | None
+Shapes = NDArray[np.object_]
+Geometry = Literal["Point", "LineString", "Polygon", "MultiPolygon"]
+
+
+class Field(NamedTuple):
+    """A column; its name has at most ten letters."""
+
+    name: str
+    kind: Literal["text", "whole", "number", "yes or no", "time"]
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Geometries of one kind, each with a row.
+
+    Attributes:
+        name: Of a table, or a file.
+        title: For people.
+        geometry: Of all of them.
+        heights: Whether points have a third coordinate: metres above home.
+        fields: The columns.
+        made: The geometries, in metres of the projection; None for a row without a place. Where
+            there are many, what makes those of a part.
+        rows: As many values as fields.
+    """
+
+    name: str
+    title: str
+    geometry: Geometry
+    heights: bool
+    fields: tuple[Field, ...]
+    made: Shapes | Callable[[slice], Shapes]
+    rows: Sequence[tuple[Value, ...]]
+
+    @property
+    def shapes(self) -> Shapes:
+        """All geometries."""
+        return self._part(slice(0, len(self.rows)))
+
+    def parts(self) -> Iterator[tuple[Shapes, Sequence[tuple[Value, ...]]]]:
+        """Geometries and rows, at most `AT_ONCE` at a time."""
+        for first in range(0, len(self.rows), AT_ONCE):
+            part = slice(first, min(first + AT_ONCE, len(self.rows)))
+            yield self._part(part), self.rows[part]
+
+    def _part(self, part: slice) -> Shapes:
+        return self.made(part) if callable(self.made) else self.made[part]
+
+    def column(self, name: str) -> Iterator[Value]:
+        """The values of a column."""
+        at = [field.name for field in self.fields].index(name)
+        return (row[at] for row in self.rows)
+
+    def columns(self) -> dict[str, list[Value]]:
+        """The values by column."""
+        return {field.name: list(self.column(field.name)) for field in self.fields}
+
+    def records(self) -> Iterator[dict[str, Value]]:
+        """The rows, each value by its column."""
+        names = [field.name for field in self.fields]
+        return (dict(zip(names, row, strict=True)) for row in self.rows)
+
+
+# --- in degrees ----------------------------------------------------------------------------------
+def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
+    """The geometries in WGS84, longitude first, rounded to `DECIMALS`, in the turn of the start."""
+
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        there = grid.zone.lon_lat(points[:, :2])
+        there[:, 0] = turned(there[:, 0], start)
+        return np.column_stack([there.round(DECIMALS), points[:, 2:]])
+
+    shapes: Shapes = shapely.transform(layer.shapes, placed, include_z=layer.heights)
+    return shapes
+
+
+def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
+    """The outline of a map's region in WGS84, as `in_degrees`."""
+
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        places = (data.place(GridPoint(east, north)) for east, north in points.tolist())
+        return np.array(line_in_degrees(data, places))
+
+    shape: Polygon | MultiPolygon = shapely.transform(data.outline, placed)
+    return shape
+
+
+def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float, float]]:
+    """Longitudes and latitudes of places, as `in_degrees`."""
+    known = list(places)
+    lons = turned(np.array([place.lon_deg for place in known]), data.start).tolist()
+    return [
+        (round(lon, DECIMALS), round(place.lat_deg, DECIMALS))
+        for lon, place in zip(lons, known, strict=True)
+    ]
+
+
+def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
+    """Longitudes in the turn of the start's, so that no polygon spans the globe."""
+    return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
+
+
+# --- what a file is of ---------------------------------------------------------------------------
+def described(flown: Flown) -> dict[str, Any]:
+    """Mission, version, dates, coordinate system and extent, by name."""
+    data, found = flown.data, flown.extent
+    return {
+        "mission": data.mission,
+        "completed": flown.completed,
+        "finding": printable(str(flown.values.get("finding", ""))),
+        "version": __version__,
+        "begun_utc": flown.calendar.utc(0.0),
+        "map_utc": flown.calendar.utc(data.t_s),
+        "t_s": round(data.t_s, 3),
+        "simulated": flown.simulated,
+        "computed_in": flown.crs,
+        "area_m2": round(found.area_m2, 1),
+        "area_low_m2": round(found.low_m2, 1),
+        "area_high_m2": round(found.high_m2, 1),
+        "perimeter_m": round(found.perimeter_m, 1),
+    }

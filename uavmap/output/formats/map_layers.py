@@ -1,0 +1,334 @@
+"""The layers of a map: what was found, who was where, what was planned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any, Final, overload
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Point, Polygon
+from shapely.geometry.polygon import orient
+
+from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
+from missions.geo.grid import Grid
+from missions.mission.launch_pads import homes
+from missions.units import GridPoint, LatLon
+from uavmap.base.printable import printable
+from uavmap.base.version import __version__
+from uavmap.journal.kept_frames import KeptFrame, read_kept
+from uavmap.output.facts.boundary_summary import BoundaryTold
+from uavmap.output.facts.cell_table import CellTable
+from uavmap.output.facts.flight_log import Fix
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.formats.layers import Field, Layer, Shapes, Value
+
+
+def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
+    """Every layer of a map; one without a row is left out, but the region always is there."""
+    found = [
+        _region(flown),
+        *([] if boundary is None else [_boundary(flown, boundary)]),
+        _cells(flown),
+        _tracks(flown),
+        _track_points(flown),
+        _frames(flown),
+        _unsearched(flown),
+        _fence(flown),
+        _places(flown),
+    ]
+    return [layer for layer in found if layer.rows]
+
+
+# --- the ground ----------------------------------------------------------------------------------
+def _projected(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Metres of the projection of points of the fixed frame; a height stays."""
+    origin = np.array([grid.origin.east_m, grid.origin.north_m])
+    return np.column_stack([(origin + points[:, :2] * grid.scale).round(3), points[:, 2:]])
+
+
+def _drifted(flown: Flown) -> NDArray[np.float64]:
+    """How far the moving frame is from the fixed one at the time of the map."""
+    grid = flown.data.grid
+    return np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * flown.data.t_s
+
+
+def _of_region(flown: Flown, shapes: Any) -> Shapes:
+    """Shapes of the moving frame, where they are at the time of the map, as an array."""
+    grid, drift = flown.data.grid, _drifted(flown)
+    moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
+    return np.atleast_1d(np.array(moved, dtype=object))
+
+
+def _ring(flown: Flown, places: Iterable[LatLon]) -> list[GridPoint]:
+    return [flown.data.grid.fixed(place) for place in places]
+
+
+def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
+    """Shapes of the fixed frame, as an array."""
+    grid = flown.data.grid
+    if not shapes:
+        return np.array([], dtype=object)
+    array = np.empty(len(shapes), dtype=object)
+    array[:] = shapes
+    moved: Shapes = shapely.transform(
+        array, lambda points: _projected(grid, points), include_z=heights
+    )
+    return moved
+
+
+def _points(flown: Flown, points: Sequence[tuple[float, ...]]) -> Shapes:
+    if not points:
+        return np.array([], dtype=object)
+    places = np.array(points, dtype=np.float64)
+    return np.array(shapely.points(_projected(flown.data.grid, places)), dtype=object)
+
+
+def _whole(shape: Polygon | MultiPolygon) -> MultiPolygon:
+    return shape if isinstance(shape, MultiPolygon) else MultiPolygon([shape])
+
+
+# --- what was found ------------------------------------------------------------------------------
+_ABOUT: Final = (
+    Field("t_s", "number"), Field("utc", "time"), Field("crs", "text"), Field("version", "text"),
+)  # fmt: skip
+
+
+def _about(flown: Flown) -> tuple[Value, ...]:
+    t_s = flown.data.t_s
+    return (round(t_s, 3), flown.calendar.utc(t_s), flown.crs, __version__)
+
+
+def _region(flown: Flown) -> Layer:
+    data, found = flown.data, flown.extent
+    shape = found.outline
+    shapes = np.array([None], dtype=object)
+    if not shape.is_empty:
+        shapes = _of_region(flown, _whole(shape))
+    row: tuple[Value, ...] = (
+        "region", data.mission, flown.completed, printable(str(flown.values.get("finding", ""))),
+        int(np.count_nonzero(data.table.roi)), round(found.area_m2, 1), round(found.low_m2, 1),
+        round(found.high_m2, 1), round(found.perimeter_m, 1), found.parts, found.holes,
+        found.open_cells, flown.calendar.utc(0.0), flown.simulated,
+    )  # fmt: skip
+    fields = (
+        Field("name", "text"), Field("mission", "text"), Field("completed", "yes or no"),
+        Field("finding", "text"), Field("cells", "whole"), Field("area_m2", "number"),
+        Field("area_low", "number"), Field("area_high", "number"), Field("perim_m", "number"),
+        Field("parts", "whole"), Field("holes", "whole"), Field("open_cells", "whole"),
+        Field("begun_utc", "time"), Field("simulated", "yes or no"),
+    )  # fmt: skip
+    rows = [(*row, *_about(flown))]
+    return Layer("region", "Region", "MultiPolygon", False, (*fields, *_ABOUT), shapes, rows)
+
+
+def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
+    shapes = np.array([None], dtype=object)
+    if not told.region.is_empty:
+        shapes = _of_ground(flown, [_whole(told.region)])
+    fields = (
+        Field("name", "text"), Field("area_m2", "number"), Field("area_low", "number"),
+        Field("area_high", "number"), Field("perim_m", "number"), Field("uncert_m", "number"),
+        Field("open_m", "number"),
+    )  # fmt: skip
+    row: tuple[Value, ...] = (
+        "boundary", told.area_m2, told.low_m2, told.high_m2, told.length_m, told.uncertainty_m,
+        told.open_m,
+    )  # fmt: skip
+    title = "Boundary by pixels"
+    rows = [(*row, *_about(flown))]
+    return Layer("boundary", title, "MultiPolygon", False, (*fields, *_ABOUT), shapes, rows)
+
+
+def _cells(flown: Flown) -> Layer:
+    data = flown.data
+    fields = (
+        Field("column", "whole"), Field("row", "whole"), Field("state", "text"),
+        Field("region", "yes or no"), Field("positive", "whole"), Field("votes", "whole"),
+        Field("belief", "number"),
+    )  # fmt: skip
+    half_m = data.grid.cell_m / 2.0
+
+    def squares(part: slice) -> Shapes:
+        middle = data.grid.cell_m * data.table.cells[part].astype(np.float64)
+        drift = _drifted(flown)
+        # the axes of the grid are those of the projection
+        low, high = (_projected(data.grid, middle + more_m + drift) for more_m in (-half_m, half_m))
+        return np.array(shapely.box(*low.T, *high.T), dtype=object)
+
+    return Layer("cells", "Cells", "Polygon", False, fields, squares, _CellValues(data.table))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CellValues(Sequence[tuple[Value, ...]]):
+    """A row of values for each cell, which are made where they are asked for."""
+
+    table: CellTable
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @overload
+    def __getitem__(self, at: int) -> tuple[Value, ...]: ...
+    @overload
+    def __getitem__(self, at: slice) -> _CellValues: ...
+    def __getitem__(self, at: int | slice) -> tuple[Value, ...] | _CellValues:
+        if isinstance(at, slice):
+            return _CellValues(self.table[at])
+        return next(iter(_CellValues(self.table.which([range(len(self))[at]]))))
+
+    def __iter__(self) -> Iterator[tuple[Value, ...]]:
+        for part in self.table.parts():
+            for values, roi in zip(part.values(), part.roi.tolist(), strict=True):
+                (east, north), state, positive, votes, belief = values
+                told = None if belief is None else round(belief, 3)
+                yield (east, north, state, roi, positive, votes, told)
+
+
+# --- who was where -------------------------------------------------------------------------------
+def _tracks(flown: Flown) -> Layer:
+    fields = (
+        Field("name", "text"), Field("vehicle", "whole"), Field("sortie", "whole"),
+        Field("start_s", "number"), Field("end_s", "number"), Field("start_utc", "time"),
+        Field("end_utc", "time"), Field("length_m", "number"),
+    )  # fmt: skip
+    lines, rows = [], list[tuple[Value, ...]]()
+    for vehicle, sortie, points in track_parts(flown):
+        if len(points) < 2:
+            continue
+        there = np.array([(*fix.place, fix.height_m) for fix in points])
+        length_m = float(np.hypot(*np.diff(there[:, :2], axis=0).T).sum())
+        start_s, end_s = points[0].t_s, points[-1].t_s
+        lines.append(shapely.linestrings(there))
+        rows.append((
+            f"vehicle {vehicle}, sortie {sortie}", vehicle, sortie, round(start_s, 3),
+            round(end_s, 3), flown.calendar.utc(start_s), flown.calendar.utc(end_s),
+            round(length_m, 1),
+        ))  # fmt: skip
+    shapes = _of_ground(flown, lines, heights=True)
+    return Layer("tracks", "Tracks", "LineString", True, fields, shapes, rows)
+
+
+def track_parts(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
+    """Vehicle, number of the sortie, and places in the air; of recorded pictures all places."""
+    fixes = flown.log.fixes
+    if flown.recorded:
+        return [(vehicle, 1, list(found)) for vehicle, found in sorted(fixes.items())]
+    return [
+        (
+            sortie.vehicle,
+            sortie.number,
+            [f for f in fixes[sortie.vehicle] if sortie.start_s <= f.t_s <= sortie.end_s],
+        )
+        for sortie in flown.log.sorties()
+    ]
+
+
+def _track_points(flown: Flown) -> Layer:
+    fields = (
+        Field("vehicle", "whole"), Field("sortie", "whole"), Field("t_s", "number"),
+        Field("utc", "time"), Field("height_m", "number"), Field("charge_wh", "number"),
+    )  # fmt: skip
+    points, rows = list[tuple[float, ...]](), list[tuple[Value, ...]]()
+    for vehicle, sortie, fixes in track_parts(flown):
+        for fix in fixes:
+            points.append((*fix.place, fix.height_m))
+            charge: Value = None if flown.recorded else round(fix.remaining_wh, 2)
+            utc = flown.calendar.utc(fix.t_s)
+            rows.append((vehicle, sortie, round(fix.t_s, 3), utc, round(fix.height_m, 2), charge))
+    shapes = _points(flown, points)
+    return Layer("track_points", "Track points", "Point", True, fields, shapes, rows)
+
+
+def _frames(flown: Flown) -> Layer:
+    """Where frames were judged: by their own pose where they were kept, else by telemetry."""
+    fields = (
+        Field("vehicle", "whole"), Field("t_s", "number"), Field("utc", "time"),
+        Field("height_m", "number"), Field("cells", "whole"), Field("positive", "whole"),
+        Field("picture", "text"), Field("place_by", "text"),
+    )  # fmt: skip
+    kept = kept_by_time(flown)
+    by_telemetry = "picture" if flown.recorded else "telemetry"
+    courses = {
+        vehicle: np.array([(f.t_s, *f.place, f.height_m) for f in fixes]).T
+        for vehicle, fixes in flown.log.fixes.items()
+    }
+    points, rows = list[tuple[float, ...]](), list[tuple[Value, ...]]()
+    for frame in flown.log.frames:
+        own = kept.get((frame.vehicle, round(frame.t_s, 3)))
+        if own is not None:
+            place = flown.data.grid.fixed(own.pose.position)
+            point, by, name = (*place, own.pose.height_m), "pose", PurePath(own.frame).name
+        elif (course := courses.get(frame.vehicle)) is not None:
+            times, *parts = course
+            east_m, north_m, height_m = (float(np.interp(frame.t_s, times, p)) for p in parts)
+            point, by, name = (east_m, north_m, height_m), by_telemetry, ""
+        else:
+            continue
+        points.append(point)
+        rows.append((
+            frame.vehicle, round(frame.t_s, 3), flown.calendar.utc(frame.t_s), round(point[2], 2),
+            frame.cells, frame.positive, printable(name) or None, by,
+        ))  # fmt: skip
+    return Layer("frames", "Judged frames", "Point", True, fields, _points(flown, points), rows)
+
+
+def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
+    """The frames that a flight has kept, by vehicle and time; none where they cannot be read.
+
+    One whose place is none, in a file that somebody has changed, is left out.
+    """
+    if flown.recorded:
+        return {}
+    try:
+        frames = [kept for kept in read_kept(flown.folder) if not isinstance(kept, str)]
+    except (OSError, UnicodeDecodeError):  # without them places come from telemetry
+        return {}
+    return {(kept.vehicle, round(kept.t_s, 3)): kept for kept in frames if _is_somewhere(kept)}
+
+
+def _is_somewhere(kept: KeptFrame) -> bool:
+    lat_deg, lon_deg = kept.pose.position.lat_deg, kept.pose.position.lon_deg
+    finite = all(map(math.isfinite, (kept.t_s, kept.pose.height_m)))
+    return finite and SOUTH_LIMIT_DEG <= lat_deg <= NORTH_LIMIT_DEG and abs(lon_deg) <= 360.0
+
+
+# --- what was planned ----------------------------------------------------------------------------
+def _unsearched(flown: Flown) -> Layer:
+    lines = [shapely.linestrings(_ring(flown, lane)) for lane in flown.data.unsearched]
+    rows: list[tuple[Value, ...]] = [
+        (f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)
+    ]
+    shapes = _of_ground(flown, lines)
+    fields = (Field("name", "text"),)
+    return Layer("unsearched", "Not searched", "LineString", False, fields, shapes, rows)
+
+
+def _fence(flown: Flown) -> Layer:
+    data = flown.data
+    fence = orient(Polygon(_ring(flown, data.fence), [_ring(flown, h) for h in data.fence_holes]))
+    box = orient(Polygon(_ring(flown, data.box)))
+    rows: list[tuple[Value, ...]] = [("geofence", "fence"), ("search box", "box")]
+    fields = (Field("name", "text"), Field("kind", "text"))
+    shapes = _of_ground(flown, [fence, box])
+    return Layer("fence", "Geofence and search box", "Polygon", False, fields, shapes, rows)
+
+
+def _places(flown: Flown) -> Layer:
+    """The start of recorded pictures; of a flight the homes, as they were told last."""
+    grid, planned = flown.data.grid, homes(flown.setting.mission)
+    fields = (Field("name", "text"), Field("vehicle", "whole"))
+    if flown.recorded:
+        start = Point(grid.fixed(flown.data.start))
+        return Layer(
+            "places", "Start", "Point", False, fields, _of_ground(flown, [start]), [("start", None)]
+        )
+    shown = {number: grid.fixed(place) for number, place in enumerate(planned, start=1)}
+    shown |= flown.log.homes
+    points = [Point(place) for place in shown.values()]
+    rows: list[tuple[Value, ...]] = [(f"home of vehicle {number}", number) for number in shown]
+    return Layer("places", "Homes", "Point", False, fields, _of_ground(flown, points), rows)

@@ -1,0 +1,151 @@
+"""How QGIS draws the layers: QML in the colours of our own picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+from uavmap.output.drawing.palette import (
+    BOUNDARY,
+    BOX,
+    FENCE,
+    INK,
+    OUTLINE,
+    STATE_NAMES,
+    STATES,
+    UNSEARCHED,
+    Colour,
+    track_colour,
+)
+from uavmap.output.formats.layers import Layer
+
+_KINDS = {
+    "Point": ("marker", "SimpleMarker"),
+    "LineString": ("line", "SimpleLine"),
+    "Polygon": ("fill", "SimpleFill"),
+    "MultiPolygon": ("fill", "SimpleFill"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """How something is drawn; sizes in millimetres of the screen or the paper."""
+
+    line: Colour
+    width_mm: float
+    fill: Colour | None = None
+    opaque: int = 255
+    """Of the fill, 0 to 255."""
+    dashed: bool = False
+    size_mm: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Category:
+    value: str
+    label: str
+    symbol: Symbol
+
+
+def qml(layer: Layer) -> str:
+    """The style of a layer, as QGIS 3 reads it."""
+    column, categories = _categories(layer)
+    kind = "singleSymbol" if column is None else "categorizedSymbol"
+    symbols = "".join(_symbol(str(i), layer, c.symbol) for i, c in enumerate(categories))
+    listed = "" if column is None else _listed(categories)
+    attribute = "" if column is None else f" attr={quoteattr(column)}"
+    return (
+        "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+        '<qgis version="3.22" styleCategories="Symbology">'
+        f'<renderer-v2 type="{kind}"{attribute} forceraster="0" symbollevels="0" '
+        f'enableorderby="0">{listed}<symbols>{symbols}</symbols></renderer-v2>'
+        "<blendMode>0</blendMode><layerOpacity>1</layerOpacity></qgis>\n"
+    )
+
+
+def _listed(categories: Sequence[_Category]) -> str:
+    lines = (
+        f'<category value={quoteattr(c.value)} label={quoteattr(c.label)} symbol="{i}" '
+        'render="true"/>'
+        for i, c in enumerate(categories)
+    )
+    return f"<categories>{''.join(lines)}</categories>"
+
+
+def _categories(layer: Layer) -> tuple[str | None, Sequence[_Category]]:
+    """The column by which a layer is drawn, and its values; no column: one symbol for all."""
+    match layer.name:
+        case "cells":
+            there = set(layer.column("state"))
+            return "state", [
+                _Category(state, STATE_NAMES[state], Symbol(_seam(colour), 0.1, colour, 200))
+                for state, colour in STATES.items()
+                if state in there
+            ]
+        case "tracks":
+            return "vehicle", list(_by_vehicle(layer.column("vehicle"), Symbol(INK, 0.4)))
+        case "track_points":
+            return "vehicle", list(
+                _by_vehicle(layer.column("vehicle"), Symbol(INK, 0.0, size_mm=0.8))
+            )
+        case "fence":
+            return "kind", [
+                _Category("fence", "geofence", Symbol(FENCE, 0.4, dashed=True)),
+                _Category("box", "search box", Symbol(BOX, 0.4, dashed=True)),
+            ]
+    single = {
+        "region": Symbol(OUTLINE, 0.7),
+        "boundary": Symbol(BOUNDARY, 0.5),
+        "frames": Symbol(INK, 0.1, (255, 255, 255), size_mm=1.0),
+        "unsearched": Symbol(UNSEARCHED, 0.8),
+        "places": Symbol(INK, 0.6, (255, 255, 255), size_mm=3.0),
+    }
+    return None, [_Category("", layer.title, single[layer.name])]
+
+
+def _by_vehicle(numbers: Iterable[object], like: Symbol) -> Iterable[_Category]:
+    for number in sorted({int(str(n)) for n in numbers}):
+        colour = track_colour(number)
+        symbol = Symbol(colour, like.width_mm, colour, 255, like.dashed, like.size_mm)
+        yield _Category(str(number), f"vehicle {number}", symbol)
+
+
+def _seam(colour: Colour) -> Colour:
+    red, green, blue = (round(0.9 * channel + 0.1 * 255) for channel in colour)
+    return red, green, blue
+
+
+def _symbol(name: str, layer: Layer, symbol: Symbol) -> str:
+    kind, drawn = _KINDS[layer.geometry]
+    options = "".join(
+        f'<Option name="{key}" value={quoteattr(value)} type="QString"/>'
+        for key, value in _options(drawn, symbol).items()
+    )
+    return (
+        f'<symbol type="{kind}" name="{name}" alpha="1" clip_to_extent="1" force_rhr="0">'
+        f'<layer class="{drawn}" enabled="1" locked="0" pass="0"><Option type="Map">{options}'
+        "</Option></layer></symbol>"
+    )
+
+
+def _options(drawn: str, symbol: Symbol) -> dict[str, str]:
+    line, width = _rgba(symbol.line, 255), f"{symbol.width_mm:g}"
+    pen = "dash" if symbol.dashed else "solid"
+    fill = _rgba(symbol.fill or (0, 0, 0), symbol.opaque if symbol.fill else 0)
+    if drawn == "SimpleLine":
+        return {
+            "line_color": line, "line_width": width, "line_width_unit": "MM", "line_style": pen,
+            "joinstyle": "round", "capstyle": "round",
+        }  # fmt: skip
+    outline = {
+        "color": fill, "outline_color": line, "outline_width": width, "outline_width_unit": "MM",
+        "outline_style": pen if symbol.width_mm else "no",
+    }  # fmt: skip
+    if drawn == "SimpleMarker":
+        return {**outline, "name": "circle", "size": f"{symbol.size_mm:g}", "size_unit": "MM"}
+    return {**outline, "style": "solid" if symbol.fill else "no", "joinstyle": "miter"}
+
+
+def _rgba(colour: Colour, opaque: int) -> str:
+    return ",".join(map(str, (*colour, opaque)))

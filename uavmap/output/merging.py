@@ -1,0 +1,214 @@
+"""One map of several journals: of a fleet whose members each kept one, or of several flights.
+
+Every event stays what it is, with who it is of. Of a member whose journal is not there, or lacks
+its end, the frames count that others have heard of, so what was confirmed anywhere is on the map.
+The journals may be given in any order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from hashlib import blake2s
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import JournalError, OutputError
+from missions.events import Continued, Event, FrameSeen, Paused, Recalled, Resumed, Tracked, to_json
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.flight.joined_map import Facts
+from missions.flight.team.knowledge import Knowledge
+from missions.mission.fleet_checks import with_vehicles
+from uavmap.fleet.fleet_key import meaning_of
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.journal.recovery import read_journal
+from uavmap.output.documents import with_documents
+from uavmap.output.facts.score import true_roi
+from uavmap.output.write_results import write_results
+
+MERGED: Final = "merged"
+"""In the journal's meta: the folders whose journals it was made of."""
+NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A journal that is merged."""
+
+    folder: Path
+    plan: FlightPlan
+    events: tuple[Event, ...]
+
+    @classmethod
+    def read(cls, folder: Path, say: Callable[[str], None] = lambda text: None) -> Source:
+        """That of a folder of results, which is left as it is. Raises `JournalError`.
+
+        Of a damaged one its good beginning, of one under way what there is by now; says so.
+        """
+        found = read_journal(folder / JOURNAL)
+        if "replay" in found.meta:
+            raise JournalError(f"{folder}: is a replay of pictures; only flights are merged")
+        if found.trouble is not None:
+            last_s = found.events[-1].t_s if found.events else 0.0
+            say(
+                f"{folder}: {found.trouble}; {len(found.events)} events are merged, the last of "
+                f"{last_s:.0f} s"
+            )
+        plan = FlightPlan.read(found)
+        return cls(folder, plan, found.events)
+
+    @property
+    def digest(self) -> bytes:
+        """Of all that it holds: no two flights have the same."""
+        told = blake2s(repr(self.plan).encode())
+        for event in self.events:
+            told.update(to_json(event).encode())
+        return told.digest()
+
+
+def merged_results(
+    folders: Sequence[Path],
+    out: Path,
+    say: Callable[[str], None],
+    truth: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Write one map of the journals of some folders into another; returns the summary.
+
+    `truth` is what the simulator watched. Raises `JournalError`, naming the folder, for journals
+    that make no map together, and where `out` holds a journal already; `OutputError`.
+    """
+    if (out / JOURNAL).exists():
+        raise JournalError(f"--out {out}: holds a journal already; choose a new folder")
+    sources = [Source.read(folder, say) for folder in folders]
+    plan, events = merged(sources)
+    setting = plan.known_setting()
+    names = sorted(folder.name for folder in folders)
+    with Journal.create(out / JOURNAL, {"plan": plan.as_json(), MERGED: names}) as journal:
+        journal.append_all(events)
+        if truth is not None:
+            journal.put_meta("truth", dict(truth))
+    simulated = plan.simulated and bool(setting.mission.sim.roi)
+    roi = true_roi(setting.mission, setting.grid) if simulated else None
+    calendar, also = with_documents(out, plan, setting, events, say)
+    seed = plan.seed if plan.simulated else None
+    try:
+        return write_results(out, setting, events, seed, truth, roi, calendar, also)
+    except OSError as error:
+        raise OutputError(f"{out}: the results cannot be written ({error.strerror})") from None
+
+
+def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
+    """The plan and the events of several journals as those of one. Raises `JournalError`."""
+    sources = sorted(sources, key=_place)
+    first = sources[0]
+    _refuse_strangers(sources)
+    fleet = first.plan.member is not None
+    if fleet:
+        numbers = {id(source): 0 for source in sources}
+        plan = replace(first.plan, member=0, comms=None)
+    else:
+        numbers, count = _renumbered(sources)
+        mission = with_vehicles(first.plan.mission, count)
+        plan = replace(first.plan, vehicles=count, mission=mission).as_member(0)
+    zero_s = min(source.plan.epoch_utc_s for source in sources)
+    dated: list[tuple[float, int, int, Event]] = []
+    for place, source in enumerate(sources):
+        later_s = 0.0 if fleet else source.plan.epoch_utc_s - zero_s
+        own = [event for event in source.events if not isinstance(event, NOT_OWN)]
+        last_s = -math.inf
+        for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
+            moved = _moved(event, numbers[id(source)], later_s)
+            last_s = max(last_s, moved.t_s)
+            dated.append((last_s, place, k, moved))
+    if fleet:
+        only_heard = _only_heard(sources)
+        dated.extend((event.t_s, len(sources), k, event) for k, event in enumerate(only_heard))
+    dated.sort(key=lambda item: item[:3])
+    return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
+
+
+def _place(source: Source) -> tuple[int, float, bytes]:
+    """Where a journal stands among others, whatever its folder is called."""
+    return source.plan.member or 0, source.plan.epoch_utc_s, source.digest
+
+
+def _only_heard(sources: Sequence[Source]) -> list[Shared]:
+    """Facts of members whose journal is not there, or lacks its end, as others have heard them."""
+    known, counted = Knowledge(), dict[int, int]()
+    for source in sources:
+        own = Facts(source.plan.known_setting())
+        for event in source.events:
+            if isinstance(event, Shared):
+                known.take(event.vehicle, event.first, event.frames)
+            elif isinstance(event, FrameSeen | Tracked) and event.vehicle == source.plan.member:
+                number = event.vehicle
+                counted[number] = counted.get(number, 0) + len(own.take(event))
+    heard = []
+    for origin in sorted(known.facts):
+        for first, facts in known.runs(origin, counted.get(origin, 0)):
+            heard.append(Shared(origin, facts[-1].t_s, first, facts))
+    return heard
+
+
+def _refuse_strangers(sources: Sequence[Source]) -> None:
+    """Raise `JournalError` for journals that make no map together."""
+    first = sources[0]
+    members = [source.plan.member for source in sources]
+    for source in sources[1:]:
+        if (source.plan.member is None) != (first.plan.member is None):
+            raise JournalError(
+                f"{source.folder}: only one of it and {first.folder} is of a fleet; merge the "
+                "members of a fleet by themselves"
+            )
+        one, other = first.plan.known_setting(), source.plan.known_setting()
+        if one.grid != other.grid:
+            raise JournalError(
+                f"{source.folder}: its grid is another than that of {first.folder}; [start], "
+                "[grid] and [drift] have to be the same"
+            )
+        fleet = first.plan.member is not None
+        if fleet and meaning_of(one.mission) != meaning_of(other.mission):
+            raise JournalError(
+                f"{source.folder}: its mission is another than that of {first.folder}; the members "
+                "of a fleet fly the same file; merge those that did"
+            )
+        if source.digest == first.digest:
+            raise JournalError(f"{source.folder}: holds the same flight as {first.folder}")
+        apart_s = abs(source.plan.epoch_utc_s - first.plan.epoch_utc_s)
+        if first.plan.member is None and one.grid.drift_speed_m_s > 0.0 and apart_s > 0.0:
+            raise JournalError(
+                f"{source.folder}: it began {apart_s:.0f} s from {first.folder}, and the region "
+                "drifts: their cells are not the same ground"
+            )
+    for place, source in enumerate(sources):
+        number = source.plan.member
+        if number == 0:
+            raise JournalError(
+                f"{source.folder}: it is merged already; give the journals it is made of"
+            )
+        if number is not None and number in members[:place]:
+            other_folder = sources[members.index(number)].folder
+            raise JournalError(
+                f"{source.folder}: is of vehicle {number}, as is {other_folder}; give one of them "
+                "(a flight that was gone on with has one folder)"
+            )
+
+
+def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
+    """By how much the vehicles of each flight are numbered higher, and how many there are."""
+    numbers, count = {}, 0
+    for source in sources:
+        numbers[id(source)] = count
+        count += len(source.plan.mission.vehicles)
+    return numbers, count
+
+
+def _moved(event: Event, higher: int, later_s: float) -> Event:
+    """An event of a vehicle that is numbered higher, and of a flight that began later."""
+    if later_s:
+        event = replace(event, t_s=round(event.t_s + later_s, 3))
+    if higher and not isinstance(event, Recalled | Paused | Continued | Resumed):
+        event = replace(event, vehicle=event.vehicle + higher)
+    return event

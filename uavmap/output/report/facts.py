@@ -1,0 +1,296 @@
+"""What a report says in words and numbers."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from uavmap.base.printable import printable
+from uavmap.output.facts.boundary_summary import BoundaryTold
+from uavmap.output.facts.flight_log import Sortie
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.navigation_error import in_words
+from uavmap.output.report.timeline import minutes
+
+Facts = list[tuple[str, str]]
+
+_MOST_TROUBLES: Final = 200
+_MOST_LETTERS: Final = 300
+_PASSWORD: Final = re.compile(r"//[^/@\s]*@")
+"""Of an address, which a page that is handed on does not tell."""
+
+
+class SortieRow(NamedTuple):
+    """A sortie, as the page tells it."""
+
+    vehicle: int
+    number: int
+    begun: str
+    ended: str
+    lasted: str
+    distance: str
+    charge: str
+
+
+class TroubleRow(NamedTuple):
+    """A trouble, as the page tells it."""
+
+    when: str
+    who: str
+    what: str
+
+
+class Setting(NamedTuple):
+    """A key of the mission; `given` where the file named it."""
+
+    key: str
+    value: str
+    given: bool
+
+
+# --- what was found ------------------------------------------------------------------------------
+def extent_facts(flown: Flown, boundary: BoundaryTold | None) -> Facts:
+    """Area and perimeter, and how far they may be wrong."""
+    found, data = flown.extent, flown.data
+    cells = f"{np.count_nonzero(data.table.roi):,} cells of {data.grid.cell_m:g} m"
+    share = flown.setting.mission.detector.share
+    facts = [
+        (
+            "Area by cells",
+            f"{_m2(found.area_m2)} ({cells}); between {_m2(found.low_m2)} and "
+            f"{_m2(found.high_m2)}, for a cell counts from {share:.0%} region on",
+        ),
+        (
+            "Perimeter by cells",
+            f"{found.perimeter_m:,.0f} m along the sides of cells; a smooth outline through them "
+            f"has {found.shortest_m:,.0f} to {found.perimeter_m:,.0f} m",
+        ),
+        ("Parts, holes", f"{found.parts}, {found.holes}"),
+    ]
+    if boundary is not None:
+        how = ""
+        if boundary.uncertainty_m is not None:
+            how = f"; half of it is known to ±{boundary.uncertainty_m:.2f} m"
+        facts[:0] = [
+            (
+                "Area by pixels",
+                f"{_m2(boundary.area_m2)}, between {_m2(boundary.low_m2)} (P at least 0.9) and "
+                f"{_m2(boundary.high_m2)} (P at least 0.1)",
+            ),
+            ("Boundary by pixels", f"{boundary.length_m:,.1f} m long{how}"),
+        ]
+        if boundary.open_m:
+            facts.append(("Open boundary", f"{boundary.open_m:,.1f} m at the end of the pictures"))
+    facts.append(("Position", _position(flown, boundary)))
+    return facts
+
+
+def _position(flown: Flown, boundary: BoundaryTold | None) -> str:
+    """How well the places of pictures are known, and what follows."""
+    shared = "an error that all pictures share shifts the whole map"
+    if boundary is not None:
+        return f"standard deviation of a picture's place {boundary.position_m:.2g} m; {shared}"
+    error_m = flown.setting.mission.camera.pose_error_m
+    return (
+        f"a picture's place is taken to be right to {error_m:g} m (camera.pose_error_m); {shared}"
+    )
+
+
+def certificate(flown: Flown, boundary: BoundaryTold | None) -> tuple[Facts, Facts]:
+    """What was judged, and what was not."""
+    values, cells = flown.values, Counter(flown.data.table.counts())
+    region = np.count_nonzero(flown.data.table.roi)
+    lost = sum(trouble.kind == "frame" for trouble in flown.log.troubles)
+    judged = [
+        ("Frames judged", f"{int(_number(values, 'frames_judged') or 0):,}"),
+        ("Cells decided", f"{region:,} region, {cells['non-roi']:,} not region"),
+    ]
+    judged += list(_bounds(values))
+    open_cells = flown.extent.open_cells
+    provisional = cells["provisional"] + cells["provisional non-roi"]
+    rows = [
+        ("Frames lost", lost, "frames lost, or no evidence"),
+        ("Cells without a verdict", provisional, "cells that frames show, and too few of them"),
+        ("Open cells", open_cells, "cells of the region beside which nobody has judged"),
+        (
+            "Cells not looked from",
+            _number(values, "cells_abandoned"),
+            "out of reach, or fenced off",
+        ),
+        ("Cells that lack votes", _number(values, "cells_undecided"), "looked at, undecided"),
+        ("Cells skipped", _number(values, "cells_skipped"), "by the operator"),
+        ("Pictures refused", _number(values, "photographs_refused"), "pictures.csv says why"),
+    ]
+    missing = [(name, f"{int(count):,} ({why})") for name, count, why in rows if count]
+    lanes_m = _number(values, "unsearched_m")
+    if lanes_m:
+        missing.append(("Search lanes", f"{lanes_m:,.0f} m without a judged frame"))
+    if boundary is not None and boundary.open_m:
+        missing.append(("Boundary", f"{boundary.open_m:,.1f} m end with the pictures"))
+    return judged, missing
+
+
+def _bounds(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    took_s, lower_s = _number(values, "exploration_s"), _number(values, "lower_bound_s")
+    if took_s and lower_s:
+        yield (
+            "Exploration",
+            f"{took_s:,.1f} s; no team could have taken less than {lower_s:,.1f} s for the same "
+            f"cells, a ratio of {took_s / lower_s:.2f}",
+        )
+    bound_s = _number(values, "bound_makespan_s")
+    if bound_s is not None and took_s:
+        kept = "kept" if took_s <= bound_s else "not kept"
+        yield "Bound of the strategy", f"{bound_s:,.1f} s, {kept}"
+
+
+def truth_facts(flown: Flown) -> Facts:
+    """The map against the truth, where it is known: in simulation."""
+    values = flown.values
+    named = (
+        ("iou_cells", "IoU of the map with the truth", "{:.4f}"),
+        ("cells_missed", "Cells missed", "{:.0f}"),
+        ("detections", "Detections", "{:.0f}"),
+        ("false_positives", "of these false positives", "{:.0f}"),
+        ("false_negatives", "of these false negatives", "{:.0f}"),
+        ("min_separation_m", "Least distance of two vehicles", "{:.2f} m"),
+        ("fence_breaches", "Breaches of the fence", "{:.0f}"),
+        ("reserve_violations", "Violations of the reserve", "{:.0f}"),
+    )
+    if _number(values, "iou_cells") is None:
+        return []
+    found = ((label, form, _number(values, key)) for key, label, form in named)
+    return [(label, form.format(value)) for label, form, value in found if value is not None]
+
+
+def flight_facts(flown: Flown) -> Facts:
+    """How long it took, and how far it was."""
+    values = flown.values
+    named = (
+        ("flight_time_s", "Flight time of all vehicles"),
+        ("makespan_s", "First lift-off to last touch-down"),
+    )
+    facts = [
+        (label, f"{minutes(value)} min") for key, label in named if (value := _number(values, key))
+    ]
+    distance_m = _number(values, "distance_m")
+    if distance_m:
+        facts.append(("Distance", f"{distance_m:,.0f} m"))
+    for key, label in (("sorties", "Sorties"), ("battery_swaps", "Battery swaps")):
+        value = _number(values, key)
+        if value is not None:
+            facts.append((label, f"{value:.0f}"))
+    return facts
+
+
+# --- the flight ----------------------------------------------------------------------------------
+def sortie_rows(flown: Flown) -> list[SortieRow]:
+    """A row a sortie; none of a replay."""
+    return [] if flown.recorded else [_row(flown, sortie) for sortie in flown.log.sorties()]
+
+
+def _row(flown: Flown, sortie: Sortie) -> SortieRow:
+    fixes = [
+        fix for fix in flown.log.fixes[sortie.vehicle] if sortie.start_s <= fix.t_s <= sortie.end_s
+    ]
+    places = np.array([fix.place for fix in fixes], dtype=np.float64).reshape(-1, 2)
+    distance_m = float(np.hypot(*np.diff(places, axis=0).T).sum())
+    first, last = fixes[0].remaining_wh, fixes[-1].remaining_wh
+    full = flown.setting.mission.battery.capacity_wh
+    return SortieRow(
+        sortie.vehicle,
+        sortie.number,
+        flown.calendar.told(sortie.start_s),
+        flown.calendar.told(sortie.end_s) if sortie.ended else "no landing known",
+        minutes(sortie.end_s - sortie.start_s),
+        f"{distance_m:,.0f}",
+        f"{first:.1f} to {last:.1f} ({first / full:.0%} to {last / full:.0%})",
+    )
+
+
+def trouble_rows(flown: Flown) -> tuple[list[TroubleRow], int]:
+    """What went wrong, and how much of it is left out; frames that were lost for one reason are a
+    row."""
+    lost: dict[tuple[int, str], list[float]] = {}
+    for trouble in flown.log.troubles:
+        if trouble.kind == "frame":
+            lost.setdefault((trouble.vehicle, trouble.text), []).append(trouble.t_s)
+    told = [(t.t_s, t.vehicle, t.text) for t in flown.log.troubles if t.kind != "frame"]
+    told += [
+        (
+            times[0],
+            vehicle,
+            f"{len(times)} frames lost: {reason}" if len(times) > 1 else f"frame lost: {reason}",
+        )
+        for (vehicle, reason), times in lost.items()
+    ]
+    told.sort()
+    rows = [
+        TroubleRow(minutes(t_s), f"vehicle {who}" if who and not flown.recorded else "", what)
+        for t_s, who, what in told[:_MOST_TROUBLES]
+    ]
+    return rows, max(0, len(told) - _MOST_TROUBLES)
+
+
+def notes(flown: Flown) -> list[str]:
+    """What the summary says of aircraft: those that are down, and why others came home."""
+    values, found = flown.values, list[str]()
+    down = values.get("aircraft_down")
+    if isinstance(down, Sequence) and not isinstance(down, str):
+        found += [printable(str(line)) for line in down]
+    said = values.get("notes")
+    if isinstance(said, Mapping):
+        found += [printable(f"vehicle {number}: {note}") for number, note in said.items()]
+    known = values.get("navigation")
+    if isinstance(known, Mapping):
+        found += [f"vehicle {number}: {in_words(figures)}" for number, figures in known.items()]
+    return found
+
+
+# --- how it was set up ---------------------------------------------------------------------------
+def settings(flown: Flown) -> list[Setting]:
+    """Every key of the mission with its value, those of its sections as `section.key`."""
+    return list(_settings("", flown.setting.mission))
+
+
+def _settings(above: str, section: Any) -> Iterator[Setting]:
+    for name in type(section).model_fields:
+        value, key = getattr(section, name), f"{above}{name}"
+        if hasattr(type(value), "model_fields"):
+            yield from _settings(f"{key}.", value)
+        elif isinstance(value, tuple) and value and hasattr(type(value[0]), "model_fields"):
+            for number, one in enumerate(value, start=1):
+                yield from _settings(f"{key}[{number}].", one)
+        else:
+            yield Setting(key, _shown(value), name in section.model_fields_set)
+
+
+def _shown(value: object) -> str:
+    """A value as the mission file would have it, cut where it is long, without passwords.
+
+    >>> _shown("rtsp://me:secret@10.0.0.5/main"), _shown((True, None))
+    ('rtsp://***@10.0.0.5/main', '[true, -]')
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "-"
+    if isinstance(value, tuple | list):
+        return printable(f"[{', '.join(map(_shown, value))}]", _MOST_LETTERS)
+    return printable(_PASSWORD.sub("//***@", str(value)), _MOST_LETTERS)
+
+
+def _number(values: Mapping[str, Any], key: str) -> float | None:
+    """A figure of a summary, which may come from a file that anybody can have changed."""
+    value = values.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if np.isfinite(value) else None
+
+
+def _m2(area_m2: float) -> str:
+    return f"{area_m2:,.0f} m²"

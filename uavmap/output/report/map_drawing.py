@@ -1,0 +1,125 @@
+"""The map of a report as SVG, with a graticule in degrees and its corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+import shapely
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from missions.units import GridPoint
+from uavmap.output.drawing import svg
+from uavmap.output.drawing.map_scene import map_scene
+from uavmap.output.drawing.palette import FAINT, INK, Style
+from uavmap.output.drawing.scale import step_up
+from uavmap.output.drawing.scene import Label, Line, View
+from uavmap.output.facts.boundary_summary import BoundaryTold
+from uavmap.output.facts.flown_mission import Flown
+
+_LINES: Final = 4
+"""Number of graticule lines that cross a map, about."""
+_LEAST_DEG: Final = 1e-9
+_LABEL_PX: Final = 12.0
+_STYLE: Final = Style(FAINT, 0.6)
+
+
+class Sample(NamedTuple):
+    """A line of the legend: a sample, and what it stands for."""
+
+    sample: Markup
+    text: str
+
+
+class Corner(NamedTuple):
+    """A corner of the map."""
+
+    name: str
+    lat_deg: float
+    lon_deg: float
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """The map and what belongs beside it."""
+
+    svg: Markup
+    legend: tuple[Sample, ...]
+    corners: tuple[Corner, ...]
+    true_north_deg: float
+    """From the map's upward direction to true north, clockwise."""
+
+
+def draw_map(flown: Flown, boundary: BoundaryTold | None) -> Drawing:
+    """Draw the map, with the boundary at pixel level if there is one."""
+    data = flown.data
+    if boundary is not None:
+        drift_m = np.array(data.grid.to_fixed(GridPoint(0.0, 0.0), data.t_s))
+        region = shapely.transform(boundary.region, lambda points: points - drift_m)
+        data = data.with_boundary(region)
+    scene = map_scene(data)
+    corners = tuple(_corners(flown, scene.view))
+    lines, labels = _graticule(flown, scene.view, corners)
+    drawing = svg.map_drawing(scene, lines, labels)
+    legend = tuple(Sample(svg.sample(entry), entry.text) for entry in scene.legend)
+    return Drawing(drawing, legend, corners, -math.degrees(data.grid.convergence_rad))
+
+
+def _graticule(
+    flown: Flown, view: View, corners: tuple[Corner, ...]
+) -> tuple[list[Line], list[Label]]:
+    """Draw lines of equal longitude and latitude, with their degrees at the rim."""
+    lats, lons = [c.lat_deg for c in corners], [c.lon_deg for c in corners]
+    grid = flown.data.grid
+    origin = np.array([grid.origin.east_m, grid.origin.north_m])
+    lines: list[Line] = []
+    labels: list[Label] = []
+    for along, across, letters in ((lons, lats, "EW"), (lats, lons, "NS")):
+        step = step_up(max((max(along) - min(along)) / _LINES, _LEAST_DEG))
+        digits = max(0, -math.floor(math.log10(step) + 1e-9))
+        other = np.linspace(min(across), max(across), 5)
+        for k in range(math.ceil(min(along) / step), math.floor(max(along) / step) + 1):
+            same = np.full_like(other, k * step)
+            places = np.column_stack([same, other] if letters == "EW" else [other, same])
+            line = Line((grid.zone.utm(places) - origin) / grid.scale, _STYLE)
+            lines.append(line)
+            labels += _degrees(view.pixels(line.places), view, k * step, digits, letters)
+    return lines, labels
+
+
+def _degrees(
+    pixels: NDArray[np.float64], view: View, value: float, digits: int, letters: str
+) -> Iterator[Label]:
+    """Label a line where it meets the lower or the left rim."""
+    turned = (value + 180.0) % 360.0 - 180.0 if letters == "EW" else value
+    text = f"{abs(turned):.{digits}f}° {letters[turned < 0]}"
+    anchor: Literal["middle", "end"]
+    if letters == "EW":
+        x = float(np.interp(view.height_px, pixels[::-1, 1], pixels[::-1, 0]))
+        place, inside, anchor = (x, view.height_px + 12.0), 0 <= x <= view.width_px, "middle"
+    else:
+        y = float(np.interp(0.0, pixels[:, 0], pixels[:, 1]))
+        place, inside, anchor = (-6.0, y), 0 <= y <= view.height_px, "end"
+    if inside:
+        yield Label(place, text, _LABEL_PX, INK, anchor)
+
+
+def _corners(flown: Flown, view: View) -> Iterator[Corner]:
+    """Yield the corners in degrees, in the turn of the start's, and in metres of the projection."""
+    grid, start = flown.data.grid, flown.data.start
+    east = (view.left_m, view.left_m + view.width_px / view.px_per_m)
+    north = (view.top_m, view.top_m - view.height_px / view.px_per_m)
+    named = (("NW", 0, 0), ("NE", 1, 0), ("SE", 1, 1), ("SW", 0, 1))
+    for name, i, k in named:
+        utm = np.array([[
+            grid.origin.east_m + east[i] * grid.scale, grid.origin.north_m + north[k] * grid.scale
+        ]])  # fmt: skip
+        ((lon, lat),) = grid.zone.lon_lat(utm).tolist()
+        lon += 360.0 * round((start.lon_deg - lon) / 360.0)
+        yield Corner(name, lat, lon, *utm[0].tolist())

@@ -1,0 +1,129 @@
+"""After a flight that kept its pictures: the boundary at pixel level, and the ground on the map.
+
+The pictures are judged once more, with the poses that they were judged with in the air. The map of
+cells stays as it was flown.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from missions.errors import UavmapError
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from uavmap.base.messages import muted
+from uavmap.journal.event_log import JournalReader
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.journal.kept_frames import FRAMES, POSES
+from uavmap.output.documents import write_documents
+from uavmap.output.drawing.map_scene import map_scene, map_view
+from uavmap.output.drawing.sheet import write_sheet
+from uavmap.output.facts import boundary_file
+from uavmap.output.facts.boundary_summary import FILE
+from uavmap.output.facts.figures import figures
+from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import flown_from
+from uavmap.output.facts.score import true_roi
+from uavmap.output.write_results import flight_values, map_data
+from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
+from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
+from uavmap.photos.ground.surface import Footing
+from uavmap.photos.picture_replay import Looked, Options, look_at_all
+from uavmap.photos.sources.flight_frames import FlightFrames
+from uavmap.photos.sources.inventory import gather
+from uavmap.photos.verdict_spool import Spool
+
+_LOG: Final = logging.getLogger("uavmap.photos")
+
+
+def kept_frames(folder: Path) -> bool:
+    """Whether the flight in a folder kept its pictures."""
+    return (folder / FRAMES / POSES).is_file()
+
+
+def draw_boundary(
+    folder: Path,
+    complain: Callable[[str], None],
+    wishes: Wishes | None = None,
+) -> None:
+    """Write boundary.geojson, the GeoTIFFs, and map.png anew, of a flight that is over.
+
+    Whatever goes wrong is told in a line: the other results are there already. So is Ctrl-C.
+    """
+    try:
+        with Spool() as spool:
+            _draw(folder, spool, wishes or Wishes())
+    except UavmapError as error:
+        complain(f"{error}; all other results are complete")
+    except OSError as error:
+        complain(
+            f"{FILE} is not written ({error.strerror}); all other results are "
+            f"complete, and `uavmap replay {folder}` makes it anew"
+        )
+    except KeyboardInterrupt:
+        complain(
+            f"interrupted: not all of {FILE}, {ORTHO} is there; all other results "
+            f"are complete, and `uavmap replay {folder}` makes these anew"
+        )
+
+
+def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
+    journal = JournalReader(folder / JOURNAL)
+    plan = FlightPlan.read(journal)
+    setting = plan.setting(lambda _: None)
+    events, simulated = list(journal.events()), journal.meta.get("truth")
+    state, found = figures(setting, events)
+    gathered = gather(FlightFrames(folder))
+    _LOG.info(
+        f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "
+        "there (Ctrl-C leaves it out)"
+    )
+    with muted():
+        looked = look_at_all(gathered, setting, spool, Options())
+    scene = scene_of(setting, _footings(looked))
+    if scene is None:
+        return
+    fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
+    told = _told(fine, looked, state)
+    boundary_file.write(told, folder / FILE)
+    truth = _truth(setting) if plan.simulated else None
+    cells = map_data(setting, state, found, truth)
+    data = replace(cells, boundary=fine.boundary.region)
+    ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
+    write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))
+    seed = plan.seed if plan.simulated else None
+    values = flight_values(setting, state, found, seed, simulated, truth)
+    flown = flown_from(folder, plan, setting, cells, values, FlightLog.of(events))
+    write_documents(flown, _LOG.info)
+    placed = [shot.placed for shot in looked.shots]
+    rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
+    rasters.write(folder, wishes)
+
+
+def _footings(looked: Looked) -> list[Footing]:
+    """The used pictures, at the mission times of their exposures: the region may drift."""
+    return [
+        replace(footing, t_s=looked.shots[footing.number].placed.picture.taken_s or 0.0)
+        for footing in looked.footings()
+    ]
+
+
+def _told(fine: FineMap, looked: Looked, state: State) -> boundary_file.BoundaryMap:
+    belief = state.belief
+    seen = sorted(belief.cells())
+    undecided = [cell for cell in seen if belief.verdict(cell) is None and cell not in belief.roi]
+    sigmas_m = [shot.placed.picture.position_sigma_m for shot in looked.shots if not shot.reason]
+    cells, without = (np.array(some, np.int32).reshape(-1, 2) for some in (seen, undecided))
+    return fine.told(state.t_s, sigmas_m, cells, without)
+
+
+def _truth(setting: Setting) -> BaseGeometry | None:
+    mission = setting.mission
+    return true_roi(mission, setting.grid) if mission.sim.roi else None

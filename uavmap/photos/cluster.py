@@ -1,0 +1,194 @@
+"""Pictures that are looked at on a Dask cluster instead of on this computer's cores.
+
+A picture's bytes travel with it, so that workers need neither the files nor the detector's; what
+they need is the same version of uavmap. Pictures are handed out a few at a time and taken back in
+their order, so the map is the same, byte for byte, and memory does not grow with the archive. What
+a worker had when it died Dask gives to another one.
+"""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from types import TracebackType
+from typing import Any, Final, NamedTuple, Self, TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError, StudyError, UavmapError
+from uavmap.base.dask_client import dask_client
+from uavmap.base.version import __version__
+from uavmap.photos.sources.photo_file import FileContent, decoded
+from uavmap.photos.sources.picture_record import Picture
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
+MOST_WAITING: Final = 64
+"""So many pictures at most are under way, however large the cluster."""
+NO_WORKER_S: Final = 60.0
+"""A cluster that has lost its last worker gets so long to bring another."""
+_ASK_S: Final = 2.0
+
+
+class Travelling(NamedTuple):
+    """The content of a picture on its way: the bytes of its file, its pixels, or why it has none.
+
+    See `uavmap.photos.sources.picture_record.Content`.
+    """
+
+    data: bytes | NDArray[np.uint8] | NDArray[np.uint16]
+    size_bytes: int
+    sha256: str = ""
+    fault: str = ""
+
+    def digest(self) -> str:
+        """Nobody asks for it on a worker: which pictures differ is known before they leave."""
+        return self.sha256
+
+    def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """See `Content.decode`. Pixels that travel are of the size that was asked for."""
+        if self.fault:
+            raise ImageError(self.fault)
+        return decoded(self.data, max_width_px) if isinstance(self.data, bytes) else self.data
+
+
+@dataclass(slots=True)
+class Cluster:
+    """A Dask cluster that looks at pictures; to be used in a `with`.
+
+    Raises `StudyError`, in a line, where it cannot be reached or has no worker, where a worker has
+    another version of uavmap, and when its scheduler or its last worker goes away.
+    """
+
+    address: str
+    _client: Any = field(default=None, repr=False)
+    _distributed: Any = field(default=None, repr=False)
+
+    def __enter__(self) -> Self:
+        self._client = dask_client(self.address)
+        import distributed  # noqa: PLC0415 - an extra, which is there: a client was made
+
+        self._distributed = distributed
+        try:
+            self._check_workers()
+        except BaseException:
+            self._client.close()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._client.close()
+
+    def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
+        """`work` of every item, in their order; both have to survive a journey (pickle)."""
+        packed = pickle.dumps(work)
+        waiting: deque[Any] = deque()
+        most = min(2 * self._threads() + 1, MOST_WAITING)
+        import dask  # noqa: PLC0415 - an extra
+
+        quiet = {"distributed.admin.large-graph-warning-threshold": "1GB"}
+        try:
+            with dask.config.set(quiet):
+                for item in items:
+                    waiting.append(self._client.submit(_worked, packed, item, pure=False))
+                    if len(waiting) >= most:
+                        yield self._answer(waiting.popleft())
+                while waiting:
+                    yield self._answer(waiting.popleft())
+        finally:
+            for future in waiting:
+                future.release()
+
+    def sent(self, picture: Picture, max_width_px: int) -> Picture:
+        """See `Crew.sent`: files go as they are, frames of videos decoded."""
+        content = picture.content
+        try:
+            data = (
+                content.read() if isinstance(content, FileContent) else content.decode(max_width_px)
+            )
+            going = Travelling(data, content.size_bytes)
+        except ImageError as error:
+            going = Travelling(b"", content.size_bytes, fault=str(error))
+        return replace(picture, content=going)
+
+    def _answer(self, future: Any) -> Any:
+        lonely_s: float | None = None
+        while True:
+            try:
+                return future.result(timeout=_ASK_S)
+            except UavmapError:
+                raise
+            except self._distributed.KilledWorker:
+                raise StudyError(
+                    f"--scheduler {self.address}: a picture has ended several workers; is their "
+                    "memory enough? Replay without --scheduler shows which"
+                ) from None
+            except TimeoutError:
+                if self._client.status == "closed":
+                    raise self._gone() from None
+                now_s = time.monotonic()
+                lonely_s = None if self._threads() else (lonely_s or now_s)
+                if lonely_s is not None and now_s - lonely_s > NO_WORKER_S:
+                    raise StudyError(
+                        f"--scheduler {self.address}: it has lost its last worker; start some: "
+                        f"dask worker {self.address}"
+                    ) from None
+            except (self._distributed.CancelledError, OSError):
+                raise self._gone() from None
+
+    def _gone(self) -> StudyError:
+        return StudyError(f"--scheduler {self.address}: the scheduler has gone away")
+
+    def _threads(self) -> int:
+        try:
+            return int(sum(self._client.nthreads().values()))
+        except (OSError, TimeoutError):
+            raise self._gone() from None
+
+    def _check_workers(self) -> None:
+        if not self._threads():
+            raise StudyError(
+                f"--scheduler {self.address}: it has no worker; start some: "
+                f"dask worker {self.address}"
+            )
+        try:
+            versions = self._client.run(_version)
+        except Exception as error:  # whatever comes back from over there
+            raise StudyError(
+                f"--scheduler {self.address}: its workers cannot run uavmap "
+                f"({type(error).__name__}: {error}); install uavmap {__version__} there"
+            ) from None
+        for worker, version in sorted(versions.items()):
+            if version != __version__:
+                raise StudyError(
+                    f"--scheduler {self.address}: {worker} has uavmap {version}, and here is "
+                    f"{__version__}; install one version everywhere"
+                )
+
+
+# --- on a worker ---------------------------------------------------------------------------------
+def _version() -> str:
+    return __version__
+
+
+@lru_cache(maxsize=4)
+def _unpacked(packed: bytes) -> Callable[[Any], Any]:
+    """The same object for all pictures of a replay: what it has reckoned once it keeps."""
+    cv2.setNumThreads(1)
+    work: Callable[[Any], Any] = pickle.loads(packed)
+    return work
+
+
+def _worked(packed: bytes, item: Any) -> Any:
+    return _unpacked(packed)(item)

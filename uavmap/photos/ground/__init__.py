@@ -1,0 +1,1 @@
+"""Recorded pictures on the ground: projection, surface, mosaic, boundary."""

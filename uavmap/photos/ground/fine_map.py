@@ -1,0 +1,135 @@
+"""What a replay tells beside its cells: the boundary at pixel level, and the ground itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.flight.setting import Setting
+from missions.geo.grid import Grid
+from missions.mission.schema import positions
+from uavmap.output.drawing.scene import View
+from uavmap.output.facts.boundary_file import BoundaryMap
+from uavmap.output.facts.boundary_model import Boundary
+from uavmap.photos.ground.judging import Judge
+from uavmap.photos.ground.mosaic import Tile, mosaic
+from uavmap.photos.ground.pixel_boundary import HALF, boundary_of
+from uavmap.photos.ground.surface import Footing, Scene, Shown, Surface, fused, pitch_m
+from uavmap.photos.verdict_spool import Spool
+from uavmap.photos.workers import GoOn
+from vision.overlay import framed
+from vision.raster import Raster
+
+
+@dataclass(frozen=True, slots=True)
+class FineMap:
+    """The region at pixel level.
+
+    Attributes:
+        setting: What was to be mapped.
+        scene: The used pictures over a raster.
+        surface: The probabilities on it.
+        boundary: The region's.
+        spool: What the pictures say, and small ones of them.
+        workers: How many threads.
+    """
+
+    setting: Setting
+    scene: Scene
+    surface: Surface
+    boundary: Boundary
+    spool: Spool
+    workers: int
+
+    @classmethod
+    def of(
+        cls,
+        setting: Setting,
+        judge: Judge,
+        scene: Scene,
+        spool: Spool,
+        workers: int,
+        go_on: GoOn = lambda: None,
+    ) -> FineMap:
+        """Of the pictures of a scene; `go_on` is asked before each picture."""
+        shrinks_px = int(getattr(judge.detector, "shrinks_px", 0))
+        surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive, go_on)
+        level = setting.mission.detector.share if judge.detector.calibrated else HALF
+        boundary = boundary_of(surface, setting.grid.cell_m, level)
+        return cls(setting, scene, surface, boundary, spool, workers)
+
+    def told(
+        self,
+        t_s: float,
+        positions_m: Sequence[float],
+        seen: NDArray[np.int32],
+        undecided: NDArray[np.int32],
+    ) -> BoundaryMap:
+        """What boundary.geojson tells, for the mission time of a map.
+
+        Args:
+            t_s: That time.
+            positions_m: How well the place of each picture is known.
+            seen: The cells on which pictures were asked, sorted; shape (n, 2).
+            undecided: Those that too few of them show.
+        """
+        mission = self.setting.mission
+        return BoundaryMap(
+            mission.name,
+            self.setting.grid,
+            t_s,
+            mission.home,
+            positions(mission.search.box),
+            self.boundary,
+            median(positions_m),
+            seen,
+            undecided,
+        )
+
+
+def scene_of(setting: Setting, used: Sequence[Footing]) -> Scene | None:
+    """The used pictures over a raster; None where they show nothing."""
+    if not used:
+        return None
+    grid = setting.grid
+    scene = Scene.of(used, grid, setting.mission.ground, pitch_m(used, grid.cell_m))
+    return None if scene is None or not scene.shown else scene
+
+
+def beneath(
+    scene: Scene, spool: Spool, grid: Grid, workers: int, t_s: float
+) -> Callable[[View], NDArray[np.uint8] | None]:
+    """The mosaic beneath a map's picture: as `uavmap.photos.ground.mosaic.mosaic` gives it."""
+
+    def laid(view: View) -> NDArray[np.uint8] | None:
+        raster = Raster(
+            view.left_m - grid.drift_east_m_s * t_s,
+            view.top_m - grid.drift_north_m_s * t_s,
+            1.0 / view.px_per_m,
+            view.width_px,
+            view.height_px,
+        )
+        tiles = (Tile(entry, _small(entry, spool)) for entry in scene.shown)
+        return mosaic(raster, raster.whole, tiles, workers)
+
+    return laid
+
+
+def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]:
+    data = spool.get(entry.footing.number).small
+
+    def decoded() -> NDArray[np.uint8] | None:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        return framed(upright(np.asarray(image, np.uint8), turned=entry.footing.turned))
+
+    return decoded
+
+
+def upright(image: NDArray[np.uint8], *, turned: bool) -> NDArray[np.uint8]:
+    """An image the right way up, which was stored turned by 180 degrees, or not."""
+    return np.ascontiguousarray(image[::-1, ::-1]) if turned else image

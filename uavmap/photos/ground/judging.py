@@ -1,0 +1,249 @@
+"""What one recorded picture says: decoded, held against what no camera gives, and judged.
+
+A `Judge` knows no order and keeps nothing, so that any number of threads may use it at once. What
+depends on the other pictures (the same picture twice, upside down, blurred beside the others) is
+told as numbers, for whoever sees all of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zlib
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from missions.geo.grid import Grid
+from missions.mission.schema import Mission
+from missions.units import Cell
+from uavmap.aircraft.imaging.classifier import detector_of
+from uavmap.photos.ground.projection import Cells, Laid
+from uavmap.photos.registration.lenses import Lenses
+from uavmap.photos.sources.pixels import eight_bits
+from uavmap.photos.sources.tag_validation import Placed
+from uavmap.photos.verdict_spool import Said
+from vision.camera import Camera
+from vision.detectors import Detector
+from vision.detectors.interface import Marks
+from vision.look import Frame, marks_of
+from vision.plausible import implausible
+from vision.upright import Patch, UprightSearch
+
+LEAST_WIDTH_PX: Final = 64
+LEAST_PIXELS_A_CELL: Final = 8.0
+"""A cell's edge with fewer has no share that is worth a vote."""
+WHITE_SHARE: Final = 0.6
+"""A picture with more of it at the upper end of the levels is over-exposed."""
+DARK_SHARE: Final = 0.95
+_WHITE, _DARK = 250, 12
+_EVERY = 12  # what is asked of all of a picture is asked of every so many rows
+
+MINIATURE_PX: Final = 250
+"""Columns of the picture that is kept for the background of the map."""
+
+WHOLE_AREA: Final = Cell(0, 0)
+"""The vantage of all pictures under the view "all": one look over the whole area."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What a picture says as it is stored.
+
+    Attributes:
+        vantage: The cell over which its votes count.
+        cells: Shape (n, 2): columns and rows of the cells that it shows.
+        shares: Shape (n,): how much of each is ROI; -1 where it is not in the picture.
+        weights: Shape (n,): what that weighs, 0 to 1; 1 where votes are counted.
+        camera: The pinhole that it was judged with.
+        marks: The detector's, as `packed`.
+        patch: What is compared to find pictures upside down.
+        fingerprint: Of its pixels; equal for equal pictures.
+        sharpness: Of its finest detail beside its contrast, at the size that was looked at.
+        small: The picture itself, as `miniature`.
+    """
+
+    vantage: Cell
+    cells: Cells
+    shares: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    camera: Camera
+    marks: bytes
+    patch: Patch | None
+    fingerprint: bytes
+    sharpness: float
+    small: bytes
+
+
+class Task(NamedTuple):
+    """A picture to be judged, and the mission time at which it was taken."""
+
+    placed: Placed
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """How the pictures of a replay are judged.
+
+    `compare`: whether pictures upside down are looked for; registration has found them already
+    where it has placed all.
+    """
+
+    mission: Mission
+    grid: Grid
+    detector: Detector
+    search: UprightSearch
+    lenses: Lenses = field(default_factory=Lenses)
+    compare: bool = True
+
+    @classmethod
+    def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lenses: Lenses) -> Judge:
+        """The judge that a mission file describes."""
+        return cls(mission, grid, detector_of(mission), search, lenses)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """What it is made of travels to a worker, and not what was seen so far."""
+        search = UprightSearch(self.grid, self.search.pitch_m)
+        lenses = Lenses(self.lenses.given)
+        made = (self.mission, self.grid, self.detector, search, lenses, self.compare)
+        return Judge, made
+
+    def said(self, task: Task) -> Judged | str:
+        """What a picture says, or why it is no evidence."""
+        try:
+            return self.judged(*task)
+        except ImageError as error:
+            return str(error)
+
+    def judged(self, placed: Placed, t_s: float) -> Judged:
+        """What a picture says. Raises `ImageError`: why it is no evidence."""
+        frame = self.frame(placed, t_s)
+        vantage, cells = self._asked(frame.camera, placed, t_s)
+        some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
+        self._refuse_implausible(some)
+        marks = marks_of(self.detector, frame.image)
+        shares, weights = self._weighed(self.laid(frame.camera, placed, t_s), marks, cells)
+        return Judged(
+            vantage,
+            cells,
+            shares,
+            weights,
+            frame.camera,
+            packed(marks),
+            self.search.patch(frame) if self.compare else None,
+            hashlib.blake2b(some.data, digest_size=16).digest(),
+            sharpness(frame.image),
+            miniature(frame.image),
+        )
+
+    def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> NDArray[np.float64]:
+        """The shares of a picture that turns out to be stored upside down; its weights stay."""
+        upright = unpacked(said.marks, camera.height_px, camera.width_px, upside_down=True)
+        laid = self.laid(camera, placed, t_s)
+        if self.mission.by_evidence:
+            return laid.shares_of(upright, said.cells, said.weights)
+        return laid.shares(upright, said.cells)
+
+    def _weighed(
+        self, laid: Laid, marks: Marks, cells: Cells
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if self.mission.by_evidence:
+            return laid.weighed(marks, cells)
+        return laid.shares(marks, cells), np.ones(len(cells))
+
+    def laid(self, camera: Camera, placed: Placed, t_s: float) -> Laid:
+        """The picture on the mission's ground."""
+        return Laid(camera, placed.pose, t_s, self.grid, self.mission.ground)
+
+    def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
+        """A picture at the size that the mission works with, as a pinhole shows it.
+
+        Or at a width of its own; never larger than it is.
+        """
+        picture, width_px = placed.picture, most_width_px or self.mission.camera.width_px
+        if min(picture.width_px, picture.height_px) < LEAST_WIDTH_PX // 2 or (
+            picture.width_px < LEAST_WIDTH_PX
+        ):
+            raise ImageError(f"{picture.width_px} x {picture.height_px} px are too few")
+        image = eight_bits(picture.decode(width_px))
+        image, camera = self.lenses.straightened(image, picture, self.mission)
+        return Frame(image, placed.pose, t_s, camera)
+
+    def _asked(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
+        """The vantage, and the cells that the picture shows."""
+        cell_px = camera.pixels_per_cell(placed.pose.height_m, self.grid.cell_m)
+        if cell_px < LEAST_PIXELS_A_CELL:
+            raise ImageError(
+                f"a cell of {self.grid.cell_m:g} m has {cell_px:.1f} px from "
+                f"{placed.pose.height_m:.0f} m; {LEAST_PIXELS_A_CELL:g} are needed"
+            )
+        view, margin_m = self.mission.detector.view, self.mission.camera.pose_error_m
+        cells = self.laid(camera, placed, t_s).cells(
+            view, margin_m, partly=self.mission.by_evidence
+        )
+        vantage = WHOLE_AREA
+        if view == "cross":
+            vantage = self.grid.cell_at(placed.pose.position, t_s)
+        if not len(cells):
+            raise ImageError("shows no cell whole within three heights")
+        return vantage, cells
+
+    def _refuse_implausible(self, image: NDArray[np.uint8]) -> None:
+        if reason := implausible(image, noiseless=self.mission.camera.noiseless):
+            raise ImageError(reason)
+        if self.mission.camera.noiseless:
+            return
+        gray = cv2.extractChannel(image, 1)
+        white = float(np.count_nonzero(gray >= _WHITE)) / gray.size
+        if white > WHITE_SHARE:
+            raise ImageError(f"over-exposed: {white:.0%} of it are white")
+        dark = float(np.count_nonzero(gray <= _DARK)) / gray.size
+        if dark > DARK_SHARE:
+            raise ImageError(f"under-exposed: {dark:.0%} of it are black")
+
+
+def sharpness(image: NDArray[np.uint8]) -> float:
+    """How much of the contrast in a picture's middle is detail of a pixel or two."""
+    rows, columns = image.shape[:2]
+    middle = image[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
+    gray = cv2.cvtColor(middle, cv2.COLOR_BGR2GRAY)
+    _, spread = cv2.meanStdDev(gray)
+    _, detail = cv2.meanStdDev(cv2.Laplacian(gray, cv2.CV_16S, ksize=1))
+    return float(detail[0, 0]) / max(float(spread[0, 0]), 1.0)
+
+
+def miniature(image: NDArray[np.uint8]) -> bytes:
+    """A picture for the background of a map: a JPEG of at most some `MINIATURE_PX` columns."""
+    factor = max(1, image.shape[1] // MINIATURE_PX)
+    rows, columns = (max(1, side // factor) for side in image.shape[:2])
+    small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+
+
+def packed(marks: Marks) -> bytes:
+    """Marks in a few kilobytes: a mask as a bit a pixel, a probability in 255 steps, squeezed."""
+    if marks.dtype == np.uint8:
+        return b"m" + zlib.compress(np.packbits(marks > 0).tobytes(), 1)
+    return b"p" + zlib.compress(np.round(marks * 255.0).astype(np.uint8).tobytes(), 1)
+
+
+def unpacked(data: bytes, rows: int, columns: int, *, upside_down: bool = False) -> Marks:
+    """The inverse of `packed`; turned by 180 degrees if they are `upside_down`.
+
+    >>> mask = np.array([[255, 0, 255]], np.uint8)
+    >>> unpacked(packed(mask), 1, 3).tolist()
+    [[255, 0, 255]]
+    >>> unpacked(packed(np.array([[0.0, 0.2, 1.0]], np.float32)), 1, 3).round(3).tolist()
+    [[0.0, 0.20000000298023224, 1.0]]
+    """
+    kind, levels = data[:1], np.frombuffer(zlib.decompress(data[1:]), np.uint8)
+    if kind == b"m":
+        levels = np.unpackbits(levels, count=rows * columns) * np.uint8(255)
+    levels = (levels[::-1] if upside_down else levels).reshape(rows, columns)
+    if kind == b"m":
+        return np.ascontiguousarray(levels)
+    return levels.astype(np.float32) / np.float32(255.0)

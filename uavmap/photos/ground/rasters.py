@@ -1,0 +1,184 @@
+"""ortho.tif and probability.tif: what a geographic information system opens."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from uavmap.base.extras import install_command
+from uavmap.photos.ground.fine_map import FineMap, upright
+from uavmap.photos.ground.geotiff import (
+    COLOURS,
+    PROBABILITIES,
+    need_rasterio,
+    probability_blocks,
+    there,
+    write_cog,
+)
+from uavmap.photos.ground.judging import Judge
+from uavmap.photos.ground.mosaic import Colours, Tile, mosaic
+from uavmap.photos.ground.picture_cache import Recent
+from uavmap.photos.ground.surface import Shown, aligned
+from uavmap.photos.sources.tag_validation import Placed
+from vision.fusion import MOST, UNSEEN
+from vision.overlay import framed
+from vision.raster import Raster, Window
+
+_LOG: Final = logging.getLogger("uavmap.photos")
+ORTHO: Final = "ortho.tif"
+PROBABILITY: Final = "probability.tif"
+FINEST_M: Final = 0.05
+"""Edge of a pixel of the mosaic, where the user names none: that of the pictures, at least this."""
+MOST_PX: Final = 1_500_000_000
+MOST_LEVELS_PX: Final = 8_000_000_000
+"""Of the probabilities; where nothing is shown they take no room, but GDAL looks at each pixel."""
+APART: Final = 0.5
+"""Pictures of which all together show less than this part of the raster lie apart."""
+_SIDE: Final = 2048
+_RECENT_BYTES: Final = 96 * 1024 * 1024  # of decoded pictures that the next block may show, too
+_MINUTES: Final = 200  # pictures from which on it is said that the mosaic is being made
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """Which rasters are wanted.
+
+    Attributes:
+        ortho: Whether the mosaic is; None: if rasterio is there.
+        gsd_m: Edge of a pixel of it; None: as finely as the pictures show it, at most `FINEST_M`.
+    """
+
+    ortho: bool | None = None
+    gsd_m: float | None = None
+
+    def check(self) -> None:
+        """Raise `UavmapError` for what was asked for and cannot be had."""
+        if self.ortho or (self.gsd_m is not None and self.ortho is None):
+            need_rasterio("--gsd" if self.ortho is None else "--ortho")
+
+
+@dataclass(frozen=True, slots=True)
+class Rasters:
+    """What the rasters of a replay are made of.
+
+    Attributes:
+        fine: The region at pixel level.
+        judge: Decodes pictures.
+        placed: The pictures, by `Footing.number`.
+        t_s: The mission time that the map is of.
+        workers: How many threads.
+    """
+
+    fine: FineMap
+    judge: Judge
+    placed: Sequence[Placed]
+    t_s: float
+    workers: int
+
+    def write(self, folder: Path, wishes: Wishes) -> bool:
+        """Write the files, if rasterio is there; returns whether it is.
+
+        Raises `OutputError` when the disk refuses.
+        """
+        wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
+        if not there():
+            _LOG.info(
+                f"{' and '.join(wanted)}: not written without rasterio: {install_command('geo')}"
+            )
+            return False
+        self._write_probability(folder / PROBABILITY)
+        if ORTHO in wanted:
+            self._write_ortho(folder / ORTHO, wishes.gsd_m)
+        return True
+
+    def _write_probability(self, path: Path) -> None:
+        surface, grid = self.fine.surface, self.fine.setting.grid
+        raster = surface.raster
+        if raster.rows * raster.columns > MOST_LEVELS_PX:
+            _LOG.info(
+                f"{PROBABILITY}: not written: it would have {raster.columns:,} x {raster.rows:,} "
+                f"pixels of {raster.pitch_m:.2g} m, and at most {MOST_LEVELS_PX:,} are written; "
+                f"boundary.geojson says where the region is{self._remedy()}"
+            )
+            return
+        blocks = probability_blocks(surface.seen(), MOST, UNSEEN)
+        write_cog(path, surface.raster, grid, self.t_s, PROBABILITIES, blocks)
+
+    def _remedy(self) -> str:
+        """What helps where a raster is large, and most of it empty; nothing where it is full."""
+        raster = self.fine.scene.raster
+        shown_px = sum(math.prod(entry.window.shape) for entry in self.fine.scene.shown)
+        if shown_px > APART * raster.rows * raster.columns:
+            return ""
+        return "; most of that is ground between the pictures: replay each site by itself"
+
+    def _write_ortho(self, path: Path, gsd_m: float | None) -> None:
+        grid, scene = self.fine.setting.grid, self.fine.scene
+        low = np.min([entry.bounds[0] for entry in scene.shown], axis=0)
+        high = np.max([entry.bounds[1] for entry in scene.shown], axis=0)
+        step = gsd_m or max(FINEST_M, round(median(self._gsd_m(e) for e in scene.shown), 2))
+        least = math.sqrt(float(np.prod(high - low)) / MOST_PX)
+        if step < least:
+            step = math.ceil(100.0 * least) / 100.0
+            _LOG.info(
+                f"{ORTHO}: {step:g} m a pixel, or it would have more than {MOST_PX:,}"
+                f"{self._remedy()}"
+            )
+        if len(scene.shown) >= _MINUTES:
+            _LOG.info(
+                f"{ORTHO}: laying {len(scene.shown)} pictures, {step:g} m a pixel; all else is "
+                "written (Ctrl-C leaves it out)"
+            )
+        raster, unread = aligned(grid, low, high, step), set[str]()
+        blocks = self._blocks(raster, step, unread, Recent(_RECENT_BYTES))
+        write_cog(path, raster, grid, self.t_s, COLOURS, blocks)
+        for name in sorted(unread):
+            _LOG.info(f"{ORTHO}: without {name}, which cannot be read any more")
+
+    def _blocks(
+        self, raster: Raster, step_m: float, unread: set[str], recent: Recent
+    ) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
+        shown = self.fine.scene.shown
+        blocks = raster.shared((raster.around(*entry.bounds) for entry in shown), _SIDE)
+        last = {number: block for block, numbers in blocks.items() for number in numbers}
+        for block, numbers in blocks.items():
+            tiles = (
+                Tile(shown[n], self._pixels(shown[n], step_m, unread, recent)) for n in numbers
+            )
+            found = mosaic(raster, block, tiles, self.workers)
+            # what no block asks for any more
+            recent.forget(shown[n].footing.number for n in numbers if last[n] == block)
+            if found is not None:
+                yield block, np.ascontiguousarray(found.transpose(2, 0, 1))
+
+    def _pixels(
+        self, entry: Shown, step_m: float, unread: set[str], recent: Recent
+    ) -> Callable[[], Colours | None]:
+        """A picture as finely as the mosaic takes it; its next block may want it, too."""
+        footing, placed = entry.footing, self.placed[entry.footing.number]
+        width_px = math.ceil(placed.picture.width_px * min(1.0, self._gsd_m(entry) / step_m))
+
+        def decoded() -> Colours | None:
+            try:
+                frame = self.judge.frame(placed, footing.t_s, max(1, width_px))
+            except ImageError:
+                unread.add(placed.picture.name)
+                return None
+            return framed(upright(frame.image, turned=footing.turned))
+
+        return lambda: recent.get(footing.number, decoded)
+
+    def _gsd_m(self, entry: Shown) -> float:
+        """Ground sample distance of a picture at its full size."""
+        footing = entry.footing
+        whole_px = self.placed[footing.number].picture.width_px
+        return footing.gsd_m * footing.camera.width_px / whole_px

@@ -1,0 +1,426 @@
+"""Recorded pictures to a map, through the same detector and the same votes as a flight.
+
+    source -> tags of all pictures -> credible -> decoded and judged one by one -> votes -> map
+
+The first pass reads tags only, and decides which pictures can be used. The second decodes each
+picture once, at the size that the mission works with, on all cores. What a picture says about
+cells waits on disk until all were seen: which are upside down, or blurred, shows beside the others
+only. What decides on a cell is the weighed mean of what all pictures say (`votes.recorded`,
+`missions.mapping.evidence`), or as in a flight the count of the first `votes.frames` that show it,
+in the order in which they were taken.
+
+A bad picture is refused with its reason, and never ends the run.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+
+from missions.errors import ImageError
+from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
+from missions.flight.setting import Setting
+from missions.mapping.evidence import Evidence
+from missions.units import Cell, GridPoint
+from uavmap.base.printable import printable
+from uavmap.base.terminal import LINE_LIMIT
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.output.documents import write_documents
+from uavmap.output.facts.boundary_file import BoundaryMap
+from uavmap.output.facts.calendar import TAKEN, Calendar, taken_meta
+from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.vote_tally import Votes, weighed
+from uavmap.output.replay_results import Replayed, Written, write_replay
+from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
+from uavmap.photos.ground.judging import Judge, Task
+from uavmap.photos.ground.rasters import Rasters, Wishes
+from uavmap.photos.ground.surface import Footing, Scene
+from uavmap.photos.height_above_ground import above_ground
+from uavmap.photos.memory import set_apart
+from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
+from uavmap.photos.registration.lenses import Lenses
+from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.sources.inventory import Gathered, gather
+from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.verdict_spool import Said, Spool
+from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
+from vision.camera import Camera
+from vision.lens import Lens
+from vision.upright import UprightSearch
+
+_LOG: Final = logging.getLogger("uavmap.photos")
+VEHICLE: Final = 1
+BLURRED: Final = 0.2
+"""A picture with less than this part of the others' usual sharpness is blurred."""
+_LEAST_SHARP: Final = 4  # so many pictures say what is usual
+_LINES: Final = 20
+
+
+@dataclass(slots=True)
+class Shot:
+    """A picture that was looked at, in the order in which they were taken."""
+
+    placed: Placed
+    t_s: float
+    reason: str = ""
+    """Why it is not used."""
+    sharpness: float = 0.0
+    turned: bool = False
+    cells: int = 0
+    camera: Camera | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a replay is done.
+
+    Attributes:
+        crew: Who looks at the pictures. The results are the same.
+        lens: A calibration of the camera, instead of what tags say.
+        any_day: Whether pictures of other days than most are used.
+        refine: Whether poses are refined where pictures overlap.
+    """
+
+    crew: Crew = field(default_factory=Threads)
+    lens: Lens | None = None
+    any_day: bool = False
+    refine: bool = False
+
+
+def replay(
+    images: Path,
+    setting: Setting,
+    journal: Journal,
+    folder: Path,
+    options: Options | None = None,
+) -> dict[str, Any]:
+    """Map what the pictures at a path show; returns the summary.
+
+    Raises `ImageError` where there is no picture that can be used.
+    """
+    options = options or Options()
+    gathered = gather(open_source(images))
+    if options.refine:
+        better = refined(gathered, setting.mission, lens=options.lens, crew=options.crew)
+        if better is not None:
+            better.write(folder)
+            gathered = better.gathered
+    with Spool() as spool:
+        looked = look_at_all(gathered, setting, spool, options)
+        return looked.written(journal, folder)
+
+
+@dataclass(slots=True)
+class Looked:
+    """All pictures of a replay, judged; nothing is written yet."""
+
+    setting: Setting
+    gathered: Gathered
+    refused: Mapping[str, str]
+    """Why pictures are not used that were not decoded, by name."""
+    shots: Sequence[Shot]
+    spool: Spool
+    judge: Judge
+    workers: int
+    fine: FineMap | None = None
+    """The region at pixel level, once the results are written."""
+
+    def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
+        """Journal, map and figures of the replay; returns the summary."""
+        scene = scene_of(self.setting, self.footings())
+        with set_apart(), beside(partial(self._drawn, scene)) as fine:
+            return self._written(journal, folder, scene, fine)
+
+    def _drawn(self, scene: Scene | None, go_on: GoOn) -> FineMap | None:
+        """The region at pixel level: of what the pictures say, which waits on the spool."""
+        if scene is None:
+            return None
+        return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
+
+    def _written(
+        self,
+        journal: Journal,
+        folder: Path,
+        scene: Scene | None,
+        fine: Future[FineMap | None],
+    ) -> dict[str, Any]:
+        mission = self.setting.mission
+        votes = Votes(mission.votes.frames, mission.votes.positive)
+        evidence = Evidence() if mission.by_evidence else None
+        log = FlightLog()
+        journal.append_all(log.noting(self._events(votes, evidence)))
+        share = mission.detector.share
+        table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
+        mapped = Replayed(
+            table,
+            undecided,
+            [(s.t_s, s.placed.pose.position, s.placed.pose.height_m) for s in self._used],
+            len(self._rows()) - len(self._used) - self.gathered.copies,
+            self.gathered.copies,
+        )
+        calendar = Calendar.of_replay(journal.meta.get(TAKEN))
+        plan = FlightPlan.read(journal)
+
+        said: list[str] = []
+
+        def also(done: Written) -> None:
+            made = (folder, plan, self.setting, done.data, done.values, log, calendar)
+            flown = Flown(*made, recorded=True).knowing(done.size, done.boundary)
+            write_documents(flown, said.append)
+
+        def boundary() -> BoundaryMap | None:
+            self.fine = fine.result()
+            if self.fine is None:
+                return None
+            positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
+            return self.fine.told(mapped.end_s, positions_m, table.cells, undecided)
+
+        ground = None
+        if scene is not None:
+            grid = self.setting.grid
+            ground = beneath(scene, self.spool, grid, self.workers, mapped.end_s)
+        summary = write_replay(folder, self.setting, mapped, boundary, ground, calendar, also)
+        for line in said:
+            _LOG.info(line)
+        write_pictures(self._rows(), folder / FILE)
+        self._log()
+        return summary
+
+    def taken(self) -> dict[str, Any]:
+        """When the first picture was taken, and by which clock, for the journal's meta."""
+        pictures = [shot.placed.picture for shot in self.shots]
+        times = [picture.taken_s for picture in pictures if picture.taken_s is not None]
+        clocks = {picture.clock for picture in pictures if picture.taken_s is not None}
+        if not times or not clocks <= {"utc", "camera"}:
+            return {}
+        return taken_meta(min(times), "utc" if clocks == {"utc"} else "camera")
+
+    def write_rasters(self, folder: Path, wishes: Wishes) -> bool:
+        """ortho.tif and probability.tif, after all else; returns whether any was written.
+
+        Raises `OutputError` where the disk refuses.
+        """
+        if self.fine is None:
+            return False
+        placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
+        rasters = Rasters(self.fine, self.judge, placed, t_s, self.workers)
+        return rasters.write(folder, wishes)
+
+    def refuse_empty(self) -> None:
+        """Raise `ImageError` where no picture at all is used."""
+        if not self._used:
+            reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
+            raise ImageError(none_usable(self.gathered, {**reasons, **self.refused}))
+
+    def footings(self) -> list[Footing]:
+        """The used pictures, where they were taken."""
+        return [
+            Footing(number, shot.camera, shot.placed.pose, shot.t_s, shot.turned)
+            for number, shot in enumerate(self.shots)
+            if not shot.reason and shot.camera is not None
+        ]
+
+    @property
+    def _used(self) -> list[Shot]:
+        return [shot for shot in self.shots if not shot.reason]
+
+    def _events(
+        self, votes: Votes, evidence: Evidence | None
+    ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
+        """What happened, as a journal tells it; the votes are counted, or weighed, on the way."""
+        grid, share = self.setting.grid, self.setting.mission.detector.share
+        for number, shot in enumerate(self.shots):
+            point = grid.fixed(shot.placed.pose.position)
+            place = GridPoint(round(point.east_m, 2), round(point.north_m, 2))
+            height_m = round(shot.placed.pose.height_m, 2)
+            yield Tracked(VEHICLE, shot.t_s, place, height_m, 0.0)
+            if shot.reason:
+                yield FrameLost(VEHICLE, shot.t_s, shot.reason)
+                continue
+            kept = self.spool.get(number)
+            rated = kept.shares >= 0.0
+            cells, positive = kept.cells[rated].astype(np.int32), kept.shares[rated] >= share
+            shares = kept.shares[rated].round(3)
+            told = zip(cells.tolist(), positive.tolist(), shares.tolist(), strict=True)
+            said = tuple(Vote(Cell(*cell), yes, part) for cell, yes, part in told)
+            shot.cells = len(said)
+            yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said)
+            if evidence is None:
+                votes.add(kept.vantage, said)
+                continue
+            weights = kept.weights[rated].round(3)
+            evidence.add_columns(cells, positive, shares, weights)
+            yield Weighed(VEHICLE, shot.t_s, tuple(weights.tolist()))
+
+    def _rows(self) -> list[PictureRow]:
+        """A row for each picture and each file that is none, by name."""
+        better = self.gathered.refined
+        tagged = {picture.name: picture for picture in self.gathered.pictures}
+        rows = [
+            PictureRow(
+                tagged[name],
+                name,
+                s.reason,
+                s.cells,
+                s.turned or name in self.gathered.upside_down,
+                better.get(name),
+            )
+            for s in self.shots
+            for name in (s.placed.picture.name,)
+        ]
+        shown = {row.name for row in rows}
+        rows += [
+            PictureRow(
+                picture,
+                picture.name,
+                self.refused[picture.name],
+                0,
+                False,
+                better.get(picture.name),
+            )
+            for picture in self.gathered.pictures
+            if picture.name not in shown
+        ]
+        rows += [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
+        return sorted(rows, key=lambda row: row.name)
+
+    def _log(self) -> None:
+        """Who is not used and why; what was mended; what was not read."""
+        lines = [f"{row.name}: {row.reason}; not judged" for row in self._rows() if row.reason]
+        lines += [
+            f"{s.placed.picture.name}: stored upside down (it overlaps its neighbours only when "
+            "turned by 180 degrees); turned"
+            for s in self._used
+            if s.turned
+        ]
+        for line in lines[:_LINES]:
+            _LOG.info(printable(line, LINE_LIMIT))  # a name may hold a line break
+        if len(lines) > _LINES:
+            _LOG.info(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
+        for line in self.gathered.left_out:
+            _LOG.info(f"{self.gathered.source}: not read: {line}")
+        fence, grid = self.setting.fence, self.setting.grid
+        outside = sum(not fence.contains(grid.fixed(s.placed.pose.position)) for s in self._used)
+        if outside:
+            count = len(self._used)
+            _LOG.info(f"{outside} of {count} photographs were taken outside of the fence")
+
+
+# --- the two passes ------------------------------------------------------------------------------
+def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Options) -> Looked:
+    """Both passes over the pictures. Raises `ImageError` where no tags allow to use one."""
+    verdicts = credible(gathered.posed, setting.mission, any_day=options.any_day)
+    placed = [
+        replace(verdict, pose=above_ground(verdict.pose, setting))
+        for verdict in verdicts
+        if isinstance(verdict, Placed)
+    ]
+    refused = {
+        picture.name: verdict
+        for picture, verdict in zip(gathered.pictures, verdicts, strict=True)
+        if isinstance(verdict, str)
+    }
+    if not placed:
+        raise ImageError(none_usable(gathered, refused))
+    shots = _timed(placed)
+    search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
+    judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
+    placed_all = all(entry.picture.name in gathered.refined for entry in placed)
+    judge = replace(judge, compare=not placed_all)
+    _judge_all(judge, shots, spool, options.crew)
+    _refuse_blurred(shots)
+    _turn(judge, shots, spool)
+    # what was compared is not needed any more
+    judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
+    # marks and pictures that were judged elsewhere are laid on the ground here
+    workers = options.crew.count if isinstance(options.crew, Threads) else None
+    return Looked(setting, gathered, refused, shots, spool, judge, workers or worker_count())
+
+
+def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
+    """Judge anew what is stored upside down: its mask, the other way round."""
+    for number, (shot, turned) in enumerate(zip(shots, judge.search.turned(), strict=True)):
+        if shot.reason or not turned or shot.camera is None:
+            continue
+        said = spool.get(number)
+        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said)
+        spool.put(number, said._replace(shares=shares))
+        shot.turned = True
+
+
+def none_usable(gathered: Gathered, refused: Mapping[str, str]) -> str:
+    """A line for a set of which no picture can be used."""
+    name, reason = next(iter(refused.items()))
+    more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+    return f"{gathered.source}: no picture can be used: {name}: {reason}{more}"
+
+
+def _timed(placed: Sequence[Placed]) -> list[Shot]:
+    """The pictures with times that differ, also within a second, and where nothing says when."""
+    shots, last_s = [], 0.0
+    for number, entry in enumerate(placed, start=1):
+        last_s = last_s if entry.taken_s is None else max(last_s, entry.taken_s)
+        shots.append(Shot(entry, round(last_s + 1e-3 * number, 3)))
+    return shots
+
+
+def _judge_all(judge: Judge, shots: Sequence[Shot], spool: Spool, crew: Crew) -> None:
+    """Decode and judge every picture; what each says is put on the spool."""
+    seen: dict[bytes, int] = {}
+    every = max(1, len(shots) // 10)
+    tasks = (_task(shot, judge, crew) for shot in shots)
+    answers = crew.in_order(judge.said, tasks)
+    for number, (shot, said) in enumerate(zip(shots, answers, strict=True)):
+        if isinstance(said, str):
+            shot.reason = said
+        else:
+            same = seen.setdefault(said.fingerprint, number)
+            if not judge.mission.camera.noiseless:
+                shot.reason = _repeats(same, number, shots)
+            shot.sharpness = said.sharpness
+        if isinstance(said, str) or shot.reason:
+            judge.search.add(None)
+        else:
+            judge.search.add(said.patch)
+            shot.camera = said.camera
+            what = Said(said.vantage, said.cells, said.shares, said.marks, said.weights, said.small)
+            spool.put(number, what)
+        if number % every == every - 1 or number + 1 == len(shots):
+            name = printable(shot.placed.picture.name)
+            _LOG.info(f"looked at {number + 1} of {len(shots)}: {name}")
+
+
+def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:
+    picture = crew.sent(shot.placed.picture, judge.mission.camera.width_px)
+    return Task(replace(shot.placed, picture=picture), shot.t_s)
+
+
+def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:
+    if same == number:
+        return ""
+    if same == number - 1:
+        return "the picture repeats the last one in every pixel: the camera has stalled"
+    return f"the picture is {shots[same].placed.picture.name} again, in every pixel"
+
+
+def _refuse_blurred(shots: Sequence[Shot]) -> None:
+    """A camera that shook, or was out of focus, shows beside the other pictures of the set."""
+    known = [shot.sharpness for shot in shots if not shot.reason]
+    if len(known) < _LEAST_SHARP:
+        return
+    usual = median(known)
+    for shot in shots:
+        if not shot.reason and shot.sharpness < BLURRED * usual:
+            share = shot.sharpness / usual
+            shot.reason = f"blurred: {share:.0%} of the sharpness that the others have"

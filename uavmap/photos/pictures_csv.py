@@ -1,0 +1,112 @@
+"""pictures.csv: what became of each picture of a replay."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from uavmap.base.atomic_write import write_text
+from uavmap.base.printable import printable
+from uavmap.photos.sources.picture_record import Measured, Picture
+
+FILE: Final = "pictures.csv"
+COLUMNS: Final = (
+    "picture",
+    "used",
+    "reason",
+    "cells",
+    "upside_down",
+    "taken_s",
+    "lat_deg",
+    "lon_deg",
+    "height_m",
+    "amsl_m",
+    "yaw_deg",
+    "pitch_deg",
+    "roll_deg",
+    "hfov_deg",
+    "refined_lat_deg",
+    "refined_lon_deg",
+    "refined_height_m",
+    "refined_yaw_deg",
+    "refined_pitch_deg",
+    "refined_roll_deg",
+    "refined_sigma_m",
+    "notes",
+)
+"""The pose as tagged; the refined one is empty where none was estimated."""
+
+
+class PictureRow(NamedTuple):
+    """A picture as tagged, or a file that is none; `reason` says why it is not used.
+
+    `refined` is the picture with the pose that its overlaps give it, None where they do not.
+    """
+
+    picture: Picture | None
+    name: str
+    reason: str
+    cells: int
+    turned: bool
+    refined: Picture | None = None
+
+
+def write_pictures(rows: Iterable[PictureRow], path: Path) -> None:
+    """Write a line for each picture."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow(_values(row))
+    write_text(path, text.getvalue())
+
+
+def _values(row: PictureRow) -> dict[str, str | int]:
+    values: dict[str, str | int] = {
+        "picture": _cell(row.name),
+        "used": "no" if row.reason else "yes",
+        "reason": _cell(row.reason),
+        "cells": row.cells,
+        "upside_down": "yes" if row.turned else "",
+    }
+    picture = row.picture
+    if picture is None:
+        return values
+    place = picture.position
+    values |= {
+        "taken_s": "" if picture.taken_s is None else f"{picture.taken_s:.3f}",
+        "lat_deg": "" if place is None else f"{place.lat_deg:.8f}",
+        "lon_deg": "" if place is None else f"{place.lon_deg:.8f}",
+        "height_m": _number(picture.height_m),
+        "amsl_m": _number(picture.amsl_m),
+        "yaw_deg": _number(picture.yaw_deg),
+        "pitch_deg": _number(picture.pitch_deg),
+        "roll_deg": _number(picture.roll_deg),
+        "hfov_deg": "" if picture.lens is None else f"{picture.lens.hfov_deg:.2f}",
+        "notes": _cell("; ".join(picture.notes)),
+    }
+    if row.refined is not None and row.refined.position is not None:
+        better = row.refined.position
+        values |= {
+            "refined_lat_deg": f"{better.lat_deg:.8f}",
+            "refined_lon_deg": f"{better.lon_deg:.8f}",
+            "refined_height_m": _number(row.refined.height_m),
+            "refined_yaw_deg": _number(row.refined.yaw_deg),
+            "refined_pitch_deg": _number(row.refined.pitch_deg),
+            "refined_roll_deg": _number(row.refined.roll_deg),
+            "refined_sigma_m": f"{row.refined.position_sigma_m:.2f}",
+        }
+    return values
+
+
+def _number(measured: Measured | None) -> str:
+    return "" if measured is None else f"{measured.value:.2f}"
+
+
+def _cell(text: str) -> str:
+    """Text from outside, harmless also where a spreadsheet takes it for a formula."""
+    clean = printable(text)
+    return f"'{clean}" if clean[:1] in ("=", "+", "-", "@") else clean

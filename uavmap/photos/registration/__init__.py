@@ -1,0 +1,1 @@
+"""Poses of recorded pictures, refined by their overlaps."""

@@ -1,0 +1,162 @@
+"""A camera's calibration from a file: OpenCV's YAML or XML, or JSON with the same words.
+
+Read are `camera_matrix` (or `cameraMatrix`, `K`), `distortion_coefficients` (or `dist_coeffs`,
+`distCoeffs`, `D`), the size (`image_width` and `image_height`, or `width` and `height`), and
+`camera_model` or `distortion_model`, which is a fisheye's where it says "fisheye" or "equidistant".
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from missions.errors import ImageError
+from missions.mission.schema import Mission
+from uavmap.base.text_files import read_text
+from vision.lens import Lens, Model
+
+_LARGEST_BYTES: Final = 2**20
+_MATRIX: Final = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")
+_DISTORTION: Final = (
+    "distortion_coefficients",
+    "Distortion_Coefficients",
+    "dist_coeffs",
+    "dist_coeff",
+    "distCoeffs",
+    "D",
+    "D1",
+)
+_WIDTH: Final = ("image_width", "image_Width", "width")
+_HEIGHT: Final = ("image_height", "image_Height", "height")
+_MODEL: Final = ("camera_model", "distortion_model", "model", "fisheye_model")
+
+
+def calibration_of(
+    given: str | None, mission: Mission | None, mission_file: str | None
+) -> Lens | None:
+    """The lens of --calibration, else of a mission's `camera.calibration`; None without either.
+
+    Raises `ImageError` as `read_calibration` does.
+    """
+    if given is not None:
+        return read_calibration(Path(given))
+    if mission is None or mission.camera.calibration is None:
+        return None
+    beside = Path(mission_file or ".").parent
+    return read_calibration(beside / mission.camera.calibration)
+
+
+def read_calibration(path: Path) -> Lens:
+    """The lens in a calibration file. Raises `ImageError`: names the file, the key, the remedy."""
+    try:
+        text = read_text(path, _LARGEST_BYTES)
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise ImageError(f"{path}: not a text file in UTF-8") from None
+    values = _of_json(text, path) if text.lstrip().startswith("{") else _of_opencv(text, path)
+    matrix, size = values.get("matrix"), (values.get("width"), values.get("height"))
+    if matrix is None or len(matrix) != 9:
+        raise ImageError(f"{path}: camera_matrix: expected 3 x 3 numbers")
+    if not all(isinstance(side, (int, float)) and side >= 1 for side in size):
+        raise ImageError(f"{path}: image_width and image_height: expected the size in pixels")
+    said = str(values.get("model", "")).lower()
+    model: Model = "fisheye" if "fisheye" in said or "equidistant" in said else "brown"
+    distortion = tuple(values.get("distortion") or ())
+    if model == "brown" and len(distortion) > 8:
+        if any(distortion[8:]):
+            raise ImageError(
+                f"{path}: distortion_coefficients: {len(distortion)} numbers; thin prisms and "
+                "tilted sensors are not known here: calibrate with 4, 5 or 8"
+            )
+        distortion = distortion[:8]
+    fx, _, cx, _, fy, cy = matrix[:6]
+    try:
+        return Lens(int(size[0]), int(size[1]), fx, fy, cx, cy, model, distortion)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ImageError(f"{path}: {error}") from None
+
+
+def _of_json(text: str, path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except ValueError as error:
+        raise ImageError(f"{path}: not a JSON file ({error})") from None
+
+    def first(keys: Iterable[str]) -> Any:
+        return next((found[key] for key in keys if key in found), None)
+
+    values = {
+        "matrix": _numbers(first(_MATRIX), path, "camera_matrix"),
+        "distortion": _numbers(first(_DISTORTION), path, "distortion_coefficients"),
+        "width": first(_WIDTH),
+        "height": first(_HEIGHT),
+    }
+    size = found.get("image_size", found.get("img_size"))
+    if values["width"] is None and isinstance(size, list) and len(size) == 2:
+        values["width"], values["height"] = size
+    return values | {"model": first(_MODEL) or ""}
+
+
+def _numbers(value: Any, path: Path, key: str) -> list[float] | None:
+    if isinstance(value, dict):  # as OpenCV writes matrices into JSON
+        value = value.get("data")
+    if value is None:
+        return None
+    try:
+        return [float(x) for x in np.asarray(value, dtype=np.float64).ravel()]
+    except (TypeError, ValueError):
+        raise ImageError(f"{path}: {key}: expected numbers") from None
+
+
+def _of_opencv(text: str, path: Path) -> dict[str, Any]:
+    flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY
+    try:
+        storage = cv2.FileStorage(_with_directive(text), flags)
+        opened = storage.isOpened()
+    except (cv2.error, SystemError):  # the binding's own: a constructor that failed
+        opened = False
+    if not opened:
+        raise ImageError(f"{path}: not a YAML, XML or JSON file of OpenCV's calibration")
+
+    def matrix(keys: Iterable[str]) -> list[float] | None:
+        for key in keys:
+            node = storage.getNode(key)
+            if not node.empty():
+                found = node.mat()
+                if found is not None:
+                    return [float(x) for x in np.asarray(found, dtype=np.float64).ravel()]
+        return None
+
+    def number(keys: Iterable[str]) -> float | None:
+        nodes = (storage.getNode(key) for key in keys)
+        return next((node.real() for node in nodes if node.isInt() or node.isReal()), None)
+
+    def word(keys: Iterable[str]) -> str:
+        nodes = (storage.getNode(key) for key in keys)
+        return next((node.string() for node in nodes if node.isString()), "")
+
+    try:
+        return {
+            "matrix": matrix(_MATRIX),
+            "distortion": matrix(_DISTORTION),
+            "width": number(_WIDTH),
+            "height": number(_HEIGHT),
+            "model": word(_MODEL),
+        }
+    except cv2.error as error:
+        raise ImageError(f"{path}: not OpenCV's: {error.err}") from None
+    finally:
+        storage.release()
+
+
+def _with_directive(text: str) -> str:
+    """OpenCV knows YAML by its first line only."""
+    if text.lstrip().startswith(("<?xml", "%YAML", "<")):
+        return text.lstrip()
+    return "%YAML:1.0\n---\n" + text.removeprefix("---\n")

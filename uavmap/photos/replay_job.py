@@ -1,0 +1,185 @@
+"""A whole replay, from what is asked for to the files in its folder."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import OutputError, UavmapError
+from missions.flight.setting import Setting
+from missions.mission.schema import Mission
+from missions.mission.terrain_checks import refuse_unknown_ground
+from uavmap.base.atomic_write import write_text
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.results_folder import make_folder, refuse_unwritable, results_folder
+from uavmap.load.detector_source import detector_text
+from uavmap.load.kept_detector import keep_detector, with_relative_model
+from uavmap.load.mission_source import load, mission_of_text
+from uavmap.output import documents
+from uavmap.photos.ground.rasters import ORTHO, Wishes
+from uavmap.photos.memory import give_back
+from uavmap.photos.memory_limit import memory_told
+from uavmap.photos.mission_from_photos import DETECTOR, derived
+from uavmap.photos.picture_replay import Looked, Options, look_at_all
+from uavmap.photos.registration.calibration import calibration_of
+from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.verdict_spool import Spool
+from uavmap.photos.workers import Crew, beside
+
+_LOG: Final = logging.getLogger("uavmap.photos")
+MEMORY_HELPS: Final = (
+    "end other programs, or replay with --workers 1, fewer pictures at a time, or larger cells "
+    "(grid.cell_m of a mission file)"
+)
+MISSION_FILE = "mission.toml"
+"""In the results, of a replay without --mission: what was derived from the pictures."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A replay as its user asks for it; the fields are the options of `uavmap replay`.
+
+    Attributes:
+        path: A folder of pictures, or one file.
+        mission: A mission file, or the name of a shipped one; None: derived from the pictures.
+        video_start: When a video with a .tlog beside it begins, in seconds since 1970.
+        refine: Whether poses are refined where pictures overlap.
+        rasters: Which GeoTIFFs are written.
+    """
+
+    path: str
+    mission: str | None = None
+    detector: str | None = None
+    out: str | None = None
+    calibration: str | None = None
+    any_day: bool = False
+    video_start: float | None = None
+    refine: bool = True
+    rasters: Wishes = field(default_factory=Wishes)
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A replay that is over. `interrupted`: all but the GeoTIFFs is complete."""
+
+    folder: Path
+    summary: dict[str, Any]
+    interrupted: bool = False
+
+
+def replay_pictures(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
+    """Map what pictures show, into a folder.
+
+    `crew` looks at them; `complain` is told what went wrong with the GeoTIFFs, without which the
+    results are complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`,
+    and `UavmapError` where memory runs out.
+    """
+    with memory_told(f"{wanted.path} is not mapped", MEMORY_HELPS):
+        return _replayed(wanted, crew, complain)
+
+
+def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
+    wanted.rasters.check()
+    # faults of the mission and the detector are reported before pictures are read
+    given = None if wanted.mission is None else load(wanted.mission, wanted.detector)
+    detector = DETECTOR
+    if given is None and wanted.detector is not None:
+        detector = detector_text(Path(wanted.detector))
+    lens = calibration_of(wanted.calibration, given, wanted.mission)
+    if wanted.out is not None:  # said before pictures are read, which may take long
+        refuse_unwritable(results_folder(wanted.out, ""))
+    gathered = gather(open_source(Path(wanted.path), wanted.video_start))
+    better = None
+    if wanted.refine:
+        better = refined(gathered, given, lens=lens, crew=crew)
+        gathered = gathered if better is None else better.gathered
+    text, source = "", wanted.mission or "derived from the pictures"
+    mission = given
+    if mission is None:
+        text = derived(gathered, lens, any_day=wanted.any_day, detector=detector)
+        mission = mission_of_text(text, source)
+    refuse_unknown_ground(mission, source)
+    folder = results_folder(wanted.out, mission.name)
+    for line in _shown(text):
+        _LOG.info(line)
+    with Spool() as spool:
+        how = Options(crew, lens, wanted.any_day, refine=better is not None)
+        with beside(lambda _: documents.load()):
+            looked = look_at_all(gathered, Setting.of(mission), spool, how)
+        looked.refuse_empty()
+        make_folder(folder)
+        keep_detector(mission.detector, folder)
+        try:
+            if better is not None:
+                better.write(folder)
+            if given is None:
+                write_text(folder / MISSION_FILE, with_relative_model(text))
+                _LOG.info(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
+            began_s = time.perf_counter()
+            meta = journal_meta(mission, source, wanted.path) | looked.taken()
+            with Journal.create(folder / JOURNAL, meta) as journal:
+                summary = looked.written(journal, folder)
+            _LOG.info(f"results written in {time.perf_counter() - began_s:.2f} s")
+        except OSError as error:
+            raise OutputError(_unwritten(folder, error)) from None
+        interrupted = _rasters(looked, folder, wanted.rasters, complain)
+    return Done(folder, summary, interrupted)
+
+
+def _unwritten(folder: Path, error: OSError) -> str:
+    """A line for results that the disk refuses: which file, why, and what helps."""
+    told = error.filename2 or error.filename  # the second one where a file takes its name
+    name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
+    helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
+    return (
+        f"{folder}: the results cannot be written ({name}{error.strerror}); {helps} replay into "
+        "another folder"
+    )
+
+
+def _rasters(
+    looked: Looked,
+    folder: Path,
+    wishes: Wishes,
+    complain: Callable[[str], None],
+) -> bool:
+    """The GeoTIFFs, without which the results are complete; whether they were interrupted."""
+    began_s = time.perf_counter()
+    give_back()
+    try:
+        with memory_told("not all GeoTIFFs are written", "try a coarser --gsd, or --no-ortho"):
+            if looked.write_rasters(folder, wishes):
+                _LOG.info(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
+    except UavmapError as error:
+        complain(f"{error}; all other results are complete")
+    except KeyboardInterrupt:
+        complain(f"interrupted: {ORTHO} is not written; all other results are complete")
+        return True
+    return False
+
+
+def _shown(text: str) -> list[str]:
+    """The lines of a derived mission that a user may want to change; none without one."""
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return lines and ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
+
+
+def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:
+    """What the journal of a replay begins with: its mission, and where the pictures lie."""
+    plan = FlightPlan(
+        mission_source=source,
+        simulated=True,
+        seed=0,
+        mission=mission,
+        epoch_utc_s=SIM_EPOCH_UTC_S,
+    )
+    return {"plan": plan.as_json(), "replay": path}

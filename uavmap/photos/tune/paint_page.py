@@ -1,0 +1,209 @@
+"""A page to paint examples on, served to this computer only.
+
+The address holds a secret, so that neither another user of the computer nor a page from elsewhere
+that is open in the same browser can read pictures or write masks. Nothing is loaded from elsewhere.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+
+from missions.errors import ImageError, LinkError, OutputError
+from uavmap.base.atomic_write import write_bytes
+from uavmap.base.image_files import read_image
+from uavmap.photos.tune.examples import file_bytes, list_pictures, read_picture, refuse_same_folder
+
+HOST: Final = "127.0.0.1"
+MOST_BYTES: Final = 16_000_000
+_PAGE: Final = "paint.html"
+_POLICY: Final = (
+    "default-src 'none'; img-src 'self' blob:; connect-src 'self'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+class Easel:
+    """The pictures that are painted, and where their masks go."""
+
+    def __init__(self, images: Path, masks: Path, width_px: int) -> None:
+        """Raises `ImageError` for a folder without pictures, and for masks among pictures."""
+        refuse_same_folder(images, masks)
+        self.pictures: Final = list_pictures(images)
+        self.masks: Final = masks
+        self.width_px: Final = width_px
+        self.done: Final = threading.Event()
+
+    def told(self) -> list[dict[str, Any]]:
+        """The names, and which of them are painted."""
+        return [{"name": p.stem, "painted": self._mask(p).exists()} for p in self.pictures]
+
+    def picture(self, index: int) -> bytes:
+        """A picture at the working width, as JPEG. Raises `ImageError`."""
+        _, data = cv2.imencode(".jpg", read_picture(self.pictures[index], self.width_px))
+        return bytes(data)
+
+    def mask(self, index: int) -> bytes | None:
+        """What was painted on it before. Raises `ImageError`."""
+        path = self._mask(self.pictures[index])
+        return file_bytes(path) if path.exists() else None
+
+    def keep(self, index: int, data: bytes) -> str:
+        """Write a mask as a grey PNG; returns what to say. Raises `ImageError`, `OSError`."""
+        path = self._mask(self.pictures[index])
+        grey = cv2.cvtColor(read_image(data, path.name), cv2.COLOR_BGR2GRAY)
+        _, encoded = cv2.imencode(".png", grey)
+        write_bytes(path, bytes(encoded))
+        return f"saved {path.name}"
+
+    def _mask(self, picture: Path) -> Path:
+        return self.masks / f"{picture.stem}.png"
+
+
+class _Server(ThreadingHTTPServer):
+    """A thread a request."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that goes away in the middle of an answer is no error of ours."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One request."""
+
+    server_version = "uavmap"
+    sys_version = ""
+
+    def __init__(self, easel: Easel, token: str, *args: Any) -> None:
+        self._easel, self._token = easel, token
+        super().__init__(*args)
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the base class's name
+        """Say nothing of each request: the address holds the secret."""
+
+    def do_GET(self) -> None:
+        """The page, the list, a picture or a mask."""
+        try:
+            self._told(*self._asked())
+        except ImageError as error:
+            self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+
+    def _told(self, what: str | None, index: int | None) -> None:
+        if what == "":
+            page = (resources.files("uavmap.photos.tune") / _PAGE).read_bytes()
+            self._answer(HTTPStatus.OK, page, "text/html; charset=utf-8")
+        elif what == "pictures":
+            self._answer(HTTPStatus.OK, json.dumps(self._easel.told()).encode(), "application/json")
+        elif what == "picture" and index is not None:
+            self._answer(HTTPStatus.OK, self._easel.picture(index), "image/jpeg")
+        elif what == "mask" and index is not None and (data := self._easel.mask(index)):
+            self._answer(HTTPStatus.OK, data, "image/png")
+        else:
+            self._say(HTTPStatus.NOT_FOUND, "not found")
+
+    def do_PUT(self) -> None:
+        """Keep a mask."""
+        what, index = self._asked()
+        length = self.headers.get("Content-Length", "")
+        if what != "mask" or index is None:
+            self._say(HTTPStatus.NOT_FOUND, "not found")
+        elif not length.isascii() or not length.isdigit() or int(length) > MOST_BYTES:
+            self._say(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "a mask of a length that makes no sense")
+        else:
+            try:
+                self._say(HTTPStatus.OK, self._easel.keep(index, self.rfile.read(int(length))))
+            except ImageError as error:
+                self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+            except OSError as error:
+                self._say(HTTPStatus.INSUFFICIENT_STORAGE, f"not saved: {error.strerror}")
+
+    def do_POST(self) -> None:
+        """The painter is done."""
+        what, _ = self._asked()
+        if what == "done":
+            self._say(HTTPStatus.OK, "done")
+            self._easel.done.set()
+        else:
+            self._say(HTTPStatus.NOT_FOUND, "not found")
+
+    def _asked(self) -> tuple[str | None, int | None]:
+        """What is asked for, behind the secret, and of which picture; None where it is not for us.
+
+        A page from elsewhere may have its own name lead to this address: the host must be ours.
+        """
+        port = self.connection.getsockname()[1]
+        host, token = self.headers.get("Host", ""), self.path.split("/")[1:2]
+        if host not in (f"{HOST}:{port}", f"localhost:{port}"):
+            return None, None
+        if not token or not secrets.compare_digest(token[0].encode(), self._token.encode()):
+            return None, None
+        what, _, number = "/".join(self.path.split("/")[2:]).partition("/")
+        known = number.isascii() and number.isdigit() and len(number) < 9
+        index = int(number) if known else -1
+        return what, index if 0 <= index < len(self._easel.pictures) else None
+
+    def _say(self, status: HTTPStatus, text: str) -> None:
+        self._answer(status, text.encode(), "text/plain; charset=utf-8")
+
+    def _answer(self, status: HTTPStatus, data: bytes, kind: str) -> None:
+        self.send_response(status)
+        for key, value in (
+            ("Content-Type", kind),
+            ("Content-Length", str(len(data))),
+            ("Content-Security-Policy", _POLICY),
+            ("Referrer-Policy", "no-referrer"),
+            ("X-Content-Type-Options", "nosniff"),
+            ("Cache-Control", "no-store"),
+        ):
+            self.send_header(key, value)
+        self.end_headers()
+        self.wfile.write(data)
+
+
+@contextmanager
+def served(easel: Easel, port: int = 0) -> Iterator[str]:
+    """Serve the page; yields its address. Raises `LinkError` where the port is taken."""
+    token = secrets.token_urlsafe(24)
+    try:
+        server = _Server((HOST, port), partial(_Handler, easel, token))
+    except OSError as error:
+        raise LinkError(f"port {port} of {HOST} cannot be opened: {error.strerror}") from None
+    thread = threading.Thread(target=server.serve_forever, name="paint", daemon=True)
+    thread.start()
+    try:
+        yield f"http://{HOST}:{server.server_address[1]}/{token}/"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def paint(images: Path, masks: Path, width_px: int, say: Callable[[str], None]) -> None:
+    """Serve the page until the painter is done (or Ctrl-C, which raises `KeyboardInterrupt`).
+
+    Raises `ImageError` for a folder without pictures, `OutputError` where masks cannot be kept.
+    """
+    easel = Easel(images, masks, width_px)
+    try:
+        masks.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"--examples {masks} cannot be made: {error.strerror}") from None
+    with served(easel) as address:
+        say(f"paint at {address} ; masks go into {masks}; end with the button, or Ctrl-C")
+        while not easel.done.wait(0.5):
+            pass

@@ -1,0 +1,326 @@
+"""Which model and which features, and where to set its thresholds: by cross-validation by picture.
+
+Each picture is judged by a model that has seen none of its pixels, neither as it is nor in a
+variant. What is chosen, calibrated and reported comes from these judgements alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.errors import ImageError
+from uavmap.photos.tune.metrics import Counts, cell_counts, total
+from uavmap.photos.tune.samples import Described, clear, training_set
+from uavmap.photos.tune.training import Scale, fit_logistic, fit_trees
+from vision.detectors.learned_model import Logistic, Model, Scorer, Trees
+from vision.detectors.pixel_features import FEATURES, GROUPS, STRIDE
+
+Array = NDArray[np.float32]
+
+SETS: Final[Mapping[str, tuple[str, ...]]] = {
+    "color and texture": GROUPS["color"] + GROUPS["texture"],
+    "color": GROUPS["color"],
+    "color, texture and context": FEATURES,
+}
+"""Sets of features; the first is the default."""
+KINDS: Final = ("both", "logistic", "trees")
+"""`both`: the mean of the other two; it is the default."""
+_BETTER: Final = 0.02  # of IoU: what a candidate must be better by than the default
+_ERRORS: Final = 2.0  # and by so many standard errors over the pictures, for few can mislead
+_PLATEAU: Final = 0.012  # thresholds that are as good as the best by this; the lowest is taken
+_FOLDS: Final = 5
+_LIMITS: Final = (0.1, 0.8)
+_SLOPES: Final = (0.3, 1.5)
+_LEAST_KIND: Final = 0.01  # a picture with less of a kind says nothing of how sure to be
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A painted picture, described, and its variants."""
+
+    plain: Described
+    variants: tuple[Described, ...]
+
+    @property
+    def versions(self) -> tuple[Described, ...]:
+        """All of it."""
+        return (self.plain, *self.variants)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What cross-validation has chosen, and how each picture was judged by it.
+
+    `shares` are the probabilities of each picture's places by the model that has not seen it.
+    """
+
+    kind: str
+    features: str
+    slope: float
+    offset: float
+    threshold: float
+    share: float
+    shares: tuple[Array, ...]
+    tried: Mapping[str, float]
+    """The IoU of places of each candidate."""
+
+
+def folds(count: int) -> list[tuple[list[int], list[int]]]:
+    """Learned from, judged: each picture is judged once; up to five parts.
+
+    >>> folds(3)
+    [([1, 2], [0]), ([0, 2], [1]), ([0, 1], [2])]
+    """
+    parts = min(count, _FOLDS)
+    judged = [list(range(part, count, parts)) for part in range(parts)]
+    return [([i for i in range(count) if i not in out], out) for out in judged]
+
+
+def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
+    """`folds` of pictures, such that no part holds all that show region, or all that show surround.
+
+    Those with region come before those without, and those with surround after those without; two
+    neighbours are never judged together.
+    """
+
+    def kinds(number: int) -> tuple[bool, bool, bool]:
+        region, surround = (bool(places.any()) for places in clear(pictures[number].plain))
+        return not (region or surround), surround, not region
+
+    order = sorted(range(len(pictures)), key=kinds)
+    return [
+        (sorted(order[i] for i in some), sorted(order[i] for i in out))
+        for some, out in folds(len(pictures))
+    ]
+
+
+def fitted(
+    pictures: Sequence[Picture], names: Sequence[str], scale: Scale, kinds: str, seed: int
+) -> tuple[Logistic | Trees, ...]:
+    """The parts of a model of some kind from some pictures.
+
+    Raises `ImageError` where hardly anything of one kind is painted.
+    """
+    rows = [FEATURES.index(name) for name in names]
+    rng = np.random.default_rng([seed, len(rows)])
+    values, labels = training_set([picture.versions for picture in pictures], rng)
+    if labels.all() or not labels.any():
+        kind = "surround" if labels.any() else "region"
+        raise ImageError(f"too little {kind} is painted to learn from; paint more of it")
+    values = values[:, rows]
+    part = (scale[0][rows], scale[1][rows])
+    parts: list[Logistic | Trees] = []
+    if kinds in ("both", "logistic"):
+        parts.append(fit_logistic(values, labels, part))
+    if kinds in ("both", "trees"):
+        parts.append(fit_trees(values, labels, seed))
+    return tuple(parts)
+
+
+def choose(
+    pictures: Sequence[Picture],
+    scale: Scale,
+    cell: float,
+    seed: int,
+    say: Callable[[str], None],
+    kinds: Sequence[str] = KINDS,
+    sets: Sequence[str] = tuple(SETS),
+) -> Choice:
+    """Kind, features, calibration and thresholds.
+
+    Args:
+        pictures: At least two, of which each part that is learned from has both kinds.
+        scale: Mean and standard deviation of all features.
+        cell: Side of a cell in places.
+        seed: Of the samples and the trees.
+        say: Told what is tried.
+        kinds: Which kinds of model to try, of `KINDS`.
+        sets: Which sets of features to try, of `SETS`.
+    """
+    best: Choice | None = None
+    tried: dict[str, float] = {}
+    for features in sets:
+        logits = _judged(pictures, features, scale, seed, kinds)
+        for kind in kinds:
+            found = _calibrated(pictures, logits[kind], kind, features, cell)
+            iou = _iou(pictures, found.shares, found.threshold)
+            tried[f"{kind}, {features}"] = round(iou, 4)
+            say(f"{kind} on {features}: IoU {iou:.3f}")
+            if best is None or _clearly_better(pictures, found, best):
+                best = found
+    assert best is not None
+    return Choice(
+        best.kind, best.features, best.slope, best.offset, best.threshold, best.share,
+        best.shares, tried,
+    )  # fmt: skip
+
+
+def _judged(
+    pictures: Sequence[Picture], features: str, scale: Scale, seed: int, kinds: Sequence[str]
+) -> dict[str, list[list[Array]]]:
+    """By kind, the logits of each version of each picture, by a model that has not seen it."""
+    names = SETS[features]
+    rows = [FEATURES.index(name) for name in names]
+    found: dict[str, list[list[Array]]] = {kind: [[] for _ in pictures] for kind in KINDS}
+    for learned_from, judged in dealt(pictures):
+        kind = kinds[0] if len(kinds) == 1 else "both"
+        parts = fitted([pictures[i] for i in learned_from], names, scale, kind, seed)
+        halves = {"both": parts, "logistic": parts[:1], "trees": parts[1:]}
+        by_kind = {kind: parts} if len(kinds) == 1 else halves
+        for kind, some in by_kind.items():
+            scorer = Scorer(Model(features=names, parts=some))
+            for i in judged:
+                found[kind][i] = [
+                    scorer.logit(np.ascontiguousarray(one.values[rows]))
+                    for one in pictures[i].versions
+                ]
+    return found
+
+
+def _calibrated(
+    pictures: Sequence[Picture], logits: list[list[Array]], kind: str, features: str, cell: float
+) -> Choice:
+    """A candidate with its calibration, and the thresholds that suit the pictures best."""
+    slope, offset = calibration(pictures, logits)
+    by_picture = [
+        [
+            (one, _probability(logit, slope, offset))
+            for one, logit in zip(picture.versions, some, strict=True)
+        ]
+        for picture, some in zip(pictures, logits, strict=True)
+    ]
+    told = [versions for versions in by_picture if _tells(versions)] or by_picture
+
+    def usual(counts: Callable[[Described, Array, float], Counts]) -> float:
+        """The median of what suits each picture: one that the others have not taught is one."""
+        return float(np.median([_suiting(versions, counts) for versions in told]))
+
+    places = usual(_counts)
+    cells = usual(lambda one, share, least: _cells(one, share, cell, least))
+    plain = tuple(_probability(some[0], slope, offset) for some in logits)
+    return Choice(
+        kind, features, slope, offset, round(places, 2), round(cells, 2), plain, {}
+    )  # fmt: skip
+
+
+def calibration(
+    pictures: Sequence[Picture], logits: Sequence[Sequence[Array]]
+) -> tuple[float, float]:
+    """Slope and offset that make logits of unseen places tell frequencies (Platt, 1999).
+
+    Slope and offset are the medians of those of the pictures one by one: of three pictures one
+    may show what the two others have not taught, and all that it has wrong would shift the rest.
+    Pictures that do not show both kinds tell neither. The slope is kept within limits.
+    """
+    told = []
+    for picture, some in zip(pictures, logits, strict=True):
+        x = np.concatenate([v[one.known] for one, v in zip(picture.versions, some, strict=True)])
+        y = np.concatenate([one.region[one.known] for one in picture.versions])
+        if _both_kinds(y):
+            told.append((x.astype(np.float64), y.astype(np.float64)))
+    if not told:
+        return 1.0, 0.0
+    slope = float(np.median([_platt(x, y)[0] for x, y in told]))
+    slope = round(float(np.clip(slope, *_SLOPES)), 5)
+    offsets = [_platt(slope * x, y, tilts=False)[1] for x, y in told]
+    return slope, round(float(np.median(offsets)), 5)
+
+
+def _tells(versions: Sequence[tuple[Described, Array]]) -> bool:
+    """Whether a picture shows both kinds."""
+    return _both_kinds(np.concatenate([one.region[one.known] for one, _ in versions]))
+
+
+def _both_kinds(region: NDArray[np.float32]) -> bool:
+    return bool(region.size) and _LEAST_KIND < float(region.mean()) < 1.0 - _LEAST_KIND
+
+
+def _platt(
+    x: NDArray[np.float64], y: NDArray[np.float64], *, tilts: bool = True
+) -> tuple[float, float]:
+    """Slope and offset of a logistic regression of `y` on `x`; of slope 1 unless it `tilts`."""
+    slope, offset, w = 1.0, 0.0, 1.0 / len(x)
+    for _ in range(30):  # Newton's steps, with a weak pull towards slope 1
+        p = 1.0 / (1.0 + np.exp(-np.clip(slope * x + offset, -30.0, 30.0)))
+        q = w * np.maximum(p * (1.0 - p), 1e-6)
+        pull = 0.01 if tilts else 1e6
+        gradient = np.array([w * ((p - y) @ x) + pull * (slope - 1.0), w * (p - y).sum()])
+        cross = q @ x
+        hessian = np.array([[q @ (x * x) + pull, cross], [cross, q.sum() + 1e-6]])
+        step = np.linalg.solve(hessian, gradient)
+        step /= max(1.0, float(np.abs(step).max()))
+        slope, offset = slope - step[0], offset - step[1]
+        if np.abs(step).max() < 1e-6:
+            break
+    return slope, offset
+
+
+def _probability(logit: Array, slope: float, offset: float) -> Array:
+    away = np.clip(slope * logit + offset, -30.0, 30.0)
+    return np.asarray(1.0 / (1.0 + np.exp(-away)), np.float32)
+
+
+def _suiting(
+    versions: Sequence[tuple[Described, Array]],
+    counts: Callable[[Described, Array, float], Counts],
+) -> float:
+    """The threshold that suits a picture in all its versions."""
+    return _lowest(lambda least: total([counts(one, share, least) for one, share in versions]).iou)
+
+
+def _lowest(score: Callable[[float], float]) -> float:
+    """The lowest of the thresholds that are about as good as the best one.
+
+    In pictures that nobody has painted a model is less sure of the region than in painted ones,
+    whose ground and light it knows; that it marks more elsewhere is rarer.
+    """
+    at = np.round(np.arange(_LIMITS[0], _LIMITS[1] + 1e-9, 0.02), 2)
+    scores = np.array([score(float(least)) for least in at])
+    good = at[scores >= scores.max() - _PLATEAU]
+    return round(float(good[0]), 2)
+
+
+def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
+    pairs = zip(pictures, shares, strict=True)
+    return total([_counts(picture.plain, share, least) for picture, share in pairs]).iou
+
+
+def _clearly_better(pictures: Sequence[Picture], one: Choice, other: Choice) -> bool:
+    """Whether the gain over the pictures is larger than what their differences explain."""
+    gains = np.array(
+        [
+            _counts(p.plain, a, one.threshold).iou - _counts(p.plain, b, other.threshold).iou
+            for p, a, b in zip(pictures, one.shares, other.shares, strict=True)
+        ]
+    )
+    error = float(gains.std(ddof=1)) / math.sqrt(len(gains))
+    return float(gains.mean()) > max(_BETTER, _ERRORS * error)
+
+
+def _counts(one: Described, share: Array, least: float) -> Counts:
+    return Counts.of(share >= least, one.region >= 0.5, one.known)
+
+
+def _cells(one: Described, share: Array, cell: float, least: float) -> Counts:
+    shape = (one.rows, one.columns)
+    return cell_counts(
+        share.reshape(shape), one.region.reshape(shape), one.known.reshape(shape), cell, least
+    )
+
+
+def picture_counts(
+    one: Described, share: Array, cell: float, threshold: float, least: float
+) -> tuple[Counts, Counts]:
+    """Of places and of cells of a picture."""
+    return _counts(one, share, threshold), _cells(one, share, cell, least)
+
+
+def places_of_cell(cell_px: float) -> float:
+    """The side of a cell in described places."""
+    return cell_px / STRIDE

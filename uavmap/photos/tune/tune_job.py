@@ -1,0 +1,265 @@
+"""From examples to a detector's folder: `detector.toml`, its model, overlays and a report."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from missions.errors import ImageError, OutputError
+from uavmap.base.atomic_write import umask, write_bytes, write_text
+from uavmap.output.summary import encode
+from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
+from uavmap.photos.tune.metrics import Counts, total
+from uavmap.photos.tune.samples import described, variants
+from uavmap.photos.tune.selection import (
+    KINDS,
+    SETS,
+    Choice,
+    Picture,
+    choose,
+    fitted,
+    picture_counts,
+    places_of_cell,
+)
+from uavmap.photos.tune.training import Scale, need_learner
+from vision.detectors.learned import LearnedDetector
+from vision.detectors.learned_model import Model, model_bytes
+from vision.detectors.pixel_features import described_shape, features
+
+MODEL: Final = "model.json"
+DETECTOR: Final = "detector.toml"
+REPORT: Final = "report.json"
+OVERLAYS: Final = "overlays"
+FILES: Final = (MODEL, REPORT, OVERLAYS, DETECTOR)
+_OTHERS: Final = 24  # pictures without examples that the features are normalised by
+_SHOWN: Final = 12  # of those, so many are drawn
+_LEAST_SPREAD: Final = 1e-3
+_RED: Final = (0, 0, 255)
+_GREEN: Final = (0, 255, 0)
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What is asked of a training."""
+
+    seed: int = 0
+    width_px: int = 1000
+    cell_px: float = 25.0
+    """The side of a cell of the map in a picture at the working width."""
+    kinds: tuple[str, ...] = KINDS
+    sets: tuple[str, ...] = tuple(SETS)
+
+
+def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict[str, Any]:
+    """Learn a detector; returns the report.
+
+    `out` is made once all that belongs into it is: an interruption, or a full disk, leaves nothing.
+    Raises `ImageError` for what is wrong with pictures or examples, `UavmapError` without
+    scikit-learn, `OutputError` when the disk refuses.
+    """
+    need_learner()
+    examples = load_examples(images, where, wishes.width_px, say)
+    others = _others(images, {example.name for example in examples}, wishes, say)
+    say(f"{len(examples)} painted, {len(others)} others to normalise features by")
+    model, choice, pictures = learned(examples, [picture for _, picture in others], wishes, say)
+    report = _report(pictures, choice, wishes)
+    try:
+        with _whole(out) as folder:
+            write_bytes(folder / MODEL, model_bytes(model))
+            write_text(folder / DETECTOR, _detector_toml(choice, report))
+            write_text(folder / REPORT, encode(report) + "\n")
+            _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, model)
+    except OSError as error:
+        raise OutputError(f"--out {out} cannot be written: {error.strerror}") from None
+    return report
+
+
+@contextmanager
+def _whole(out: Path) -> Iterator[Path]:
+    """A folder beside `out` that takes its name, or its content, once it is complete."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    try:
+        yield folder
+        folder.chmod(0o777 & ~umask())
+        if not out.exists():
+            folder.rename(out)
+            return
+        for name in FILES:  # among what lies there already; what names the model comes last
+            (folder / name).rename(out / name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def learned(
+    examples: Sequence[Example], others: Sequence[NDArray[np.uint8]], wishes: Wishes, say: Say
+) -> tuple[Model, Choice, list[Picture]]:
+    """The model, what cross-validation has chosen, and the examples described.
+
+    Raises `ImageError` where fewer than two pictures are painted, or where one of them holds all
+    that is region or all that is not.
+    """
+    _check_spread(examples)
+    pictures = []
+    for number, example in enumerate(examples):
+        rng = np.random.default_rng([wishes.seed, number])
+        versions = tuple(described(one) for one in variants(example, rng))
+        pictures.append(Picture(described(example), versions))
+    scale = _scale(pictures, others)
+    cell = places_of_cell(wishes.cell_px)
+    choice = choose(pictures, scale, cell, wishes.seed, say, wishes.kinds, wishes.sets)
+    names = SETS[choice.features]
+    model = Model(
+        features=names,
+        working_width_px=wishes.width_px,
+        parts=fitted(pictures, names, scale, choice.kind, wishes.seed),
+        slope=choice.slope,
+        offset=choice.offset,
+        threshold=choice.threshold,
+    )
+    return model, choice, pictures
+
+
+def _check_spread(examples: Sequence[Example]) -> None:
+    for kind, has in (
+        ("region", [bool((e.region & e.known).any()) for e in examples]),
+        ("surround", [bool((~e.region & e.known).any()) for e in examples]),
+    ):
+        if sum(has) < 2:
+            raise ImageError(
+                f"{sum(has)} of {len(examples)} painted pictures shows {kind}; paint at least two "
+                "that do: a detector is tested on pictures that it was not learned from"
+            )
+
+
+def _others(
+    images: Path, painted: set[str], wishes: Wishes, say: Say
+) -> list[tuple[str, NDArray[np.uint8]]]:
+    """Some pictures that nobody painted, evenly from all of them."""
+    paths = [path for path in list_pictures(images) if path.stem not in painted]
+    step = max(1, -(-len(paths) // _OTHERS))
+    found = []
+    for path in paths[::step]:
+        try:
+            found.append((path.stem, read_picture(path, wishes.width_px)))
+        except ImageError as error:
+            say(f"left out: {error}")
+    return found
+
+
+def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> Scale:
+    """Mean and standard deviation of each feature, each picture counting alike."""
+    some = [one.values[:, ::7] for picture in pictures for one in picture.versions]
+    some += [f.reshape(len(f), -1)[:, ::7] for f in map(features, others)]
+    means = np.stack([values.mean(axis=1, dtype=np.float64) for values in some])
+    squares = np.stack([(values.astype(np.float64) ** 2).mean(axis=1) for values in some])
+    mean = means.mean(axis=0)
+    spread = np.sqrt(np.maximum(squares.mean(axis=0) - mean**2, 0.0))
+    return mean, np.maximum(spread, _LEAST_SPREAD)
+
+
+# --- what is written -------------------------------------------------------------------------
+def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict[str, Any]:
+    cell = places_of_cell(wishes.cell_px)
+    counts = [
+        picture_counts(picture.plain, share, cell, choice.threshold, choice.share)
+        for picture, share in zip(pictures, choice.shares, strict=True)
+    ]
+    rows = [
+        {
+            "picture": picture.plain.name,
+            "region_share": round(_region_share(picture), 4),
+            "pixels": _figures(pixels),
+            "cells": _figures(cells),
+        }
+        for picture, (pixels, cells) in zip(pictures, counts, strict=True)
+    ]
+    ious = [cells.iou for _, cells in counts]
+    return {
+        "model": choice.kind,
+        "features": choice.features,
+        "seed": wishes.seed,
+        "working_width_px": wishes.width_px,
+        "cell_px": wishes.cell_px,
+        "threshold": choice.threshold,
+        "share": choice.share,
+        "calibration": [choice.slope, choice.offset],
+        "pixels": _figures(total([pixels for pixels, _ in counts])),
+        "cells": _figures(total([cells for _, cells in counts])),
+        "cell_iou_spread": [round(min(ious), 4), round(max(ious), 4)],
+        "pictures": rows,
+        "tried": dict(choice.tried),
+    }
+
+
+def _region_share(picture: Picture) -> float:
+    known = picture.plain.known
+    return float(picture.plain.region[known].mean()) if known.any() else 0.0
+
+
+def _figures(counts: Counts) -> dict[str, float]:
+    return {
+        "precision": round(counts.precision, 4),
+        "recall": round(counts.recall, 4),
+        "iou": round(counts.iou, 4),
+    }
+
+
+def _detector_toml(choice: Choice, report: dict[str, Any]) -> str:
+    section = {"name": "learned", "model": MODEL, "share": choice.share}
+    pixels, cells = report["pixels"], report["cells"]
+    return (
+        "# Written by `uavmap tune`. On painted pictures that it was not learned from:\n"
+        f"# pixels IoU {pixels['iou']:.2f}, cells IoU {cells['iou']:.2f} "
+        f"(precision {cells['precision']:.2f}, recall {cells['recall']:.2f}).\n"
+        f"{tomlkit.dumps({'detector': section})}"
+    )
+
+
+def _draw(
+    folder: Path,
+    examples: Sequence[Example],
+    others: Sequence[tuple[str, NDArray[np.uint8]]],
+    choice: Choice,
+    model: Model,
+) -> None:
+    """Outlines over pictures: green what was painted, red what is marked. A painted picture shows
+    what a model marks that has not seen it."""
+    folder.mkdir(exist_ok=True)
+    for example, share in zip(examples, choice.shares, strict=True):
+        rows, columns = example.picture.shape[:2]
+        small = share.reshape(described_shape(rows, columns))
+        whole = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        drawn = example.picture.copy()
+        _outline(drawn, example.region & example.known, _GREEN)
+        _outline(drawn, np.asarray(whole >= choice.threshold), _RED)
+        _write_jpeg(folder / f"{example.name}.jpg", drawn)
+    detector = LearnedDetector(model)
+    for name, picture in others:
+        drawn = picture.copy()
+        _outline(drawn, detector.mask(picture) > 0, _RED)
+        _write_jpeg(folder / f"{name}.jpg", drawn)
+
+
+def _outline(
+    drawn: NDArray[np.uint8], mask: NDArray[np.bool_], color: tuple[int, int, int]
+) -> None:
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(drawn, found, -1, color, 2)
+
+
+def _write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:
+    _, data = cv2.imencode(".jpg", image)
+    write_bytes(path, bytes(data))

@@ -1,0 +1,189 @@
+"""Between the first answer of the vehicles and the first take-off: look, show, ask, set.
+
+Only where real links are flown over; a flight simulated in this process begins at once. At the end
+of the flight what was set on the autopilots is put back.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from missions.errors import NotFlownError, OutputError, PreflightError
+from missions.flight.setting import Setting
+from uavmap.aircraft.imaging.classifier import detector_of
+from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.runner.flight_links import Link
+from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
+from uavmap.runner.preflight.examination import Examination
+from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, warn
+from uavmap.runner.preflight.question import Operator
+
+_LOG: Final = logging.getLogger("uavmap.runner.preflight")
+IDENTITY_S: Final = 2.0
+"""So long a vehicle is waited for to say what it is: only the bundled simulator is recognised."""
+KEEP_FENCE: Final = "keep_fence"
+"""In the journal's meta: whether the flight keeps the fences that are set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preflight:
+    """What the operator wants of it."""
+
+    plan_lines: Callable[[Setting], Sequence[str]]
+    """What will be flown, in lines."""
+    yes: bool = False
+    """Fly without a question."""
+    dry_run: bool = False
+    """Do all but arm."""
+    keep_fence: bool = False
+    """Leave the fence of the autopilot as it is, and do not fly a mission that leaves it."""
+
+
+class BeforeFlight:
+    """One flight's part of it. `wanted` None: it is gone on with, and nobody is asked."""
+
+    def __init__(
+        self,
+        wanted: Preflight | None,
+        setting: Setting,
+        folder: Path,
+        links: Sequence[Link],
+        *,
+        keep_fence: bool = False,
+    ) -> None:
+        self._wanted = wanted
+        self._setting = setting
+        self._folder = folder
+        self._keep_fence = keep_fence or (wanted is not None and wanted.keep_fence)
+        self._links = dict(enumerate(links, start=setting.member or 1))
+        self._examinations = {
+            number: Examination(number, link.session, link.camera)
+            for number, link in self._links.items()
+        }
+        self._setups = {
+            number: AutopilotSetup(number, link.session, setting, folder, partial(_log_of, number))
+            for number, link in self._links.items()
+        }
+
+    async def go(self) -> None:
+        """Returns when the mission may begin.
+
+        Raises `PreflightError` with what keeps it on the ground, `NotFlownError` after a dry run,
+        `LinkError`, `OutputError`.
+        """
+        if self._wanted is None:
+            try:
+                self._show(await self._set_up())
+            except OutputError as error:  # others may be in the air: it goes on without
+                _LOG.info(str(error))
+            return
+        found = await self._examine()
+        _LOG.info("\n".join(self._wanted.plan_lines(self._setting)))
+        self._show(found)
+        await self._ask(self._wanted, found)
+        set_up = await self._set_up()
+        self._show(set_up)
+        self._refuse(set_up)
+        if self._wanted.dry_run:
+            able = could_fly([*found, *set_up])
+            text = "a dry run: nothing was armed; the mission could " + (
+                "be flown" if able else "not be flown as it is"
+            )
+            raise NotFlownError(text, could_fly=able)
+
+    async def restore(self) -> None:
+        """Put back on each autopilot what was there; never raises."""
+        await asyncio.gather(*(setup.restore() for setup in self._setups.values()))
+
+    # --- look ---------------------------------------------------------------------------------
+    async def _examine(self) -> list[Finding]:
+        parts = await asyncio.gather(*map(self._examined, self._links))
+        return [finding for part in parts for finding in part]
+
+    async def _examined(self, number: int) -> list[Finding]:
+        setting, examination = self._setting, self._examinations[number]
+        found = await examination.vehicle(setting)
+        ratio = setting.mission.altitude_m(number - 1) / setting.mission.altitude_m(0)
+        view = self._view(number)
+        if not view.armed:
+            detector = detector_of(setting.mission, ratio)
+            found += await examination.camera(setting, detector, self._folder)
+        else:  # its camera may be in use
+            where = f"armed, {view.height_m:.0f} m up, in {view.mode_name}"
+            wanted = "on the ground, motors off"
+            remedy = "say yes only if the mission is to take it over as it flies"
+            found += _of(number, [warn("vehicle", where, wanted, remedy)])
+        if self._keep_fence:
+            found += _of(number, await self._setups[number].keep_fence())
+        return found
+
+    # --- ask ----------------------------------------------------------------------------------
+    async def _ask(self, wanted: Preflight, found: Sequence[Finding]) -> None:
+        """Returns when the answer is yes."""
+        if wanted.dry_run:
+            return
+        self._refuse(found)
+        simulated = [await self._is_simulator(number) for number in self._links]
+        if all(simulated) or wanted.yes:
+            return
+        operator = Operator()
+        if operator.absent:
+            raise PreflightError(
+                "nobody is at a terminal to say whether to fly; give --yes to fly without a "
+                "question, or --dry-run to only look"
+            )
+        worse = sum(finding.level is not Level.OK for finding in found)
+        if not await operator.agrees(f"{worse} findings above want a look; fly? [y/N]"):
+            raise PreflightError("not flown: the answer was no")
+
+    def _refuse(self, found: Sequence[Finding]) -> None:
+        """Raise `PreflightError` for what nobody can pass over."""
+        lines = [finding.line() for finding in binding(found)]
+        if lines and not (self._wanted is not None and self._wanted.dry_run):
+            raise PreflightError("not flown:\n" + "\n".join(lines))
+
+    async def _is_simulator(self, number: int) -> bool:
+        view = self._view(number)
+        session = self._links[number].session
+        await session.until(lambda: view.identity is not None, IDENTITY_S)
+        return view.is_simulator
+
+    # --- set ----------------------------------------------------------------------------------
+    async def _set_up(self) -> list[Finding]:
+        """On each vehicle that stands on the ground: nothing is changed under one that flies."""
+        if self._keep_fence:
+            return []
+        standing = [number for number in self._links if not self._view(number).armed]
+        parts = await asyncio.gather(*(self._setups[number].apply() for number in standing))
+        return [
+            finding
+            for number, part in zip(standing, parts, strict=True)
+            for finding in _of(number, part)
+        ]
+
+    # --- words --------------------------------------------------------------------------------
+    def _show(self, found: Sequence[Finding]) -> None:
+        if found:
+            _LOG.info("\n".join(finding.line() for finding in found))
+
+    def _view(self, number: int) -> VehicleView:
+        return self._links[number].session.view
+
+
+def _log_of(number: int, text: str) -> None:
+    _LOG.info(f"vehicle {number}: {text}")
+
+
+def _of(number: int, found: Sequence[Finding]) -> list[Finding]:
+    return [replace(finding, vehicle=number) for finding in found]
+
+
+def kept_fence(meta: Mapping[str, object]) -> bool:
+    """Whether a flight was begun with --keep-fence, by the meta of its journal."""
+    return meta.get(KEEP_FENCE) is True

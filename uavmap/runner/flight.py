@@ -1,0 +1,201 @@
+"""One flight from the command to the results: vehicles, service, journal, telemetry log.
+
+A flight lives in a folder. Its journal holds all that is needed to go on: the mission as it is
+flown, the options, and every event.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import JournalError, LinkError, OutputError, PreflightError
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.mission.terrain_checks import refuse_unknown_ground
+from uavmap.base.extras import install_command
+from uavmap.fleet.fleet_radio import check_network
+from uavmap.journal.event_log import PLAIN, Journal, planner
+from uavmap.journal.flight_options import Driver, FleetNetwork
+from uavmap.journal.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
+from uavmap.load.kept_detector import drop_detector, keep_detector
+from uavmap.mavlink.links.urls import parse_url
+from uavmap.runner.before_flight import KEEP_FENCE
+from uavmap.runner.flight_links import check_urls
+from uavmap.runner.one_flight import KEEP_FRAMES, Company, Flight, written_results
+from uavmap.runner.operator.onlooker import folded
+
+_LOG: Final = logging.getLogger("uavmap.flight")
+
+
+def fly(
+    plan: FlightPlan,
+    folder: Path,
+    company: Company = Company(),  # noqa: B008 - frozen
+    *,
+    keep_frames: bool = False,
+) -> dict[str, Any]:
+    """Fly a new mission into a folder; returns the summary.
+
+    `company` are the people beside it, and what looks on; `keep_frames` keeps the pictures in the
+    folder.
+
+    Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
+    when the operator leaves before the end.
+    """
+    setting = plan.setting(_LOG.info)
+    refuse_unknown_ground(setting.mission, plan.mission_source)
+    if plan.simulated and not setting.mission.sim.roi:
+        _LOG.info(
+            f"{plan.mission_source}: [[sim.roi]] is missing: there is nothing to be found on the "
+            "simulated ground; give it a polygon"
+        )
+    check_urls(plan.urls)
+    check_network(plan.network)
+    for url in plan.forward:
+        parse_url(url)
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
+        try:
+            keep_detector(setting.mission.detector, folder)
+        except OutputError:
+            journal.discard()
+            raise
+        flight = Flight(plan, setting, folder, journal, State.initial(setting), company)
+        if company.preflight is not None and company.preflight.keep_fence:
+            journal.put_meta(KEEP_FENCE, True)
+        if keep_frames:
+            journal.put_meta(KEEP_FRAMES, True)
+        try:
+            return flight.run()
+        except* (LinkError, PreflightError):
+            if not len(journal):  # nobody answered: nothing has begun
+                journal.discard()
+                (folder / TLOG).unlink(missing_ok=True)
+                drop_detector(folder)
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            raise
+
+
+def resume(
+    folder: Path,
+    company: Company = Company(),  # noqa: B008 - frozen
+    *,
+    urls: tuple[str, ...] = (),
+    driver: Driver | None = None,
+    cameras: tuple[str, ...] = (),
+    key_file: str | None = None,
+    forward: tuple[str, ...] | None = None,
+    network: Callable[[FleetNetwork | None], FleetNetwork] | None = None,
+    from_home: bool = False,
+) -> dict[str, Any]:
+    """Go on with the mission of a folder; returns the summary.
+
+    A simulated world died with its process: it is made again by flying the recorded flight once
+    more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
+    stand at home with full batteries instead, as after a failsafe brought them back, and only
+    the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
+    with them instead of the one before; `network` makes the network of now of that before. With a
+    `recall` vehicles in the air come home and land, and nothing takes off. Onlookers see what was
+    before, too.
+
+    Raises as `fly` does, and `JournalError` for a recall of aircraft that are simulated here.
+    """
+    with Journal.open(folder / JOURNAL) as journal:
+        plan = plan_of(journal)
+        plan = replace(
+            plan,
+            simulated=plan.simulated and not urls,
+            all_strategies=plan.all_strategies and not urls,
+            urls=urls or plan.urls,
+            driver=driver or plan.driver,
+            cameras=cameras or plan.cameras,
+            key_file=key_file or plan.key_file,
+            forward=plan.forward if forward is None else forward,
+            network=plan.network if network is None else network(plan.network),
+        )
+        if company.recall and plan.simulated:
+            raise JournalError(
+                f"{folder}: --recall is for aircraft at the end of a link; a simulated flight ends "
+                f"with its process, and `uavmap resume {folder}` goes on with it"
+            )
+        plan.check_strategy()
+        check_urls(plan.urls)
+        _refuse_network(plan, folder)
+        setting = plan.setting(_LOG.info)
+        again = plan.simulated and not (from_home or plan.rehomed)
+        if journal.torn:
+            _LOG.info(f"{journal.path}: its last line was cut short, and is left out")
+        state = folded(setting, journal.events(), () if again else company.onlookers)
+        _LOG.info(
+            f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
+            f"{len(state.belief.roi)} ROI cells"
+        )
+        if state.over and state.completed:
+            _LOG.info("the mission is completed already; writing its results anew")
+            return written_results(plan, setting, folder, journal)
+        if again:
+            _refuse_other_planner(journal, setting)
+        if again and state.over:
+            raise JournalError(
+                f"{folder}: the flight ended without completing its mission; "
+                f"`uavmap resume {folder} --from-home` sends the aircraft out again"
+            )
+        if plan.simulated and not again and not plan.rehomed:
+            plan = replace(plan, rehomed=True)
+            journal.put_meta(REHOMED, True)
+        if again:
+            journal.start_verification()
+            state = State.initial(setting)
+        return Flight(plan, setting, folder, journal, state, company, again=again).run()
+
+
+def _refuse_network(plan: FlightPlan, folder: Path) -> None:
+    """Raise `LinkError` for a network that cannot be opened, or that no member is to have."""
+    if plan.member is None and plan.network is not None:
+        raise LinkError(
+            f"{folder}: --listen, --peer, --router and --fleet-key go with a flight that "
+            "`uavmap onboard` began; this one flies all its vehicles itself"
+        )
+    check_network(plan.network)
+
+
+def _refuse_other_planner(journal: Journal, setting: Setting) -> None:
+    """Raise `JournalError` where a flight that does not stop would come out otherwise here."""
+    here = planner()
+    if not setting.nonstop or journal.planner == here:
+        return
+    folder = journal.path.parent
+    remedy = "remove numba (`pip uninstall numba`)"
+    if here == PLAIN:
+        remedy = f"install numba (`{install_command('fast')}`)"
+    raise JournalError(
+        f"{folder}: the flight was planned by the {journal.planner} planner, and here it is "
+        f"{here}, which plans other paths; {remedy}, or `uavmap resume {folder} --from-home` "
+        "goes on without repeating the flight"
+    )
+
+
+def plan_of(journal: Journal) -> FlightPlan:
+    """The plan of a flight that can be gone on with. Raises `JournalError` for a replay."""
+    if "replay" in journal.meta:
+        images, folder = journal.meta["replay"], journal.path.parent
+        raise JournalError(
+            f"{folder} is a replay of the photographs in {images}: nothing was flown, there is "
+            f"nothing to go on with; `uavmap replay {images}` makes the map anew"
+        )
+    plan = FlightPlan.read(journal)
+    folder = journal.path.parent
+    if plan.member == 0 and plan.network is None:
+        raise JournalError(
+            f"{folder} holds the map of several journals; go on with the flight of each vehicle"
+        )
+    if plan.member is not None and plan.comms is not None:
+        raise JournalError(
+            f"{folder} is of a simulated fleet, which ends with its process; fly it anew"
+        )
+    return plan

@@ -1,0 +1,216 @@
+"""The links of a flight: opened together, signed with one key, shared by vehicles and stations."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from missions.errors import LinkError
+from missions.mission.schema import CameraSection
+from uavmap.aircraft.cameras.mavlink import Fetch, MavlinkSource
+from uavmap.aircraft.cameras.opening import opened_camera
+from uavmap.aircraft.cameras.source import FrameSource
+from uavmap.aircraft.cameras.spec import CameraSpec
+from uavmap.aircraft.imaging.http_pictures import PictureFetcher
+from uavmap.base import messages
+from uavmap.journal.flight_options import MAVSDK, PYMAVLINK
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.mavlink.commands import Commands, MavlinkCommands
+from uavmap.mavlink.links.forwarding import Forwarding
+from uavmap.mavlink.links.key_file import signing_with
+from uavmap.mavlink.links.transports import Transport, open_shared, open_transport
+from uavmap.mavlink.links.urls import Endpoint, parse_url
+from uavmap.mavlink.mavsdk.mavsdk_commands import MavsdkCommands
+from uavmap.mavlink.mavsdk.mavsdk_session import opened_session
+from uavmap.mavlink.session import ACK_WAIT_S, Session
+from uavmap.runner.flight_cameras import settings_of
+
+ACK_WAIT_WALL_S: Final = 0.3
+"""On a clock that runs fast, a busy machine takes so long of real time to answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The way to one aircraft, and its camera."""
+
+    name: str
+    """What the operator calls it: its URL."""
+    session: Session
+    camera: FrameSource
+    commands: Commands
+
+
+def mavlink_link(name: str, session: Session, fetch: Fetch) -> Link:
+    """Return a link whose commands and camera are MAVLink messages of its session."""
+    return Link(name, session, MavlinkSource(session, fetch), MavlinkCommands(session))
+
+
+class _Line:
+    """A session, and the transport that it is given once that is open."""
+
+    def __init__(self, endpoint: Endpoint, record: Callable[[bytes], None], wait_s: float) -> None:
+        self.endpoint = endpoint
+        self._opened: list[Transport] = []
+        self.session = Session(self.send, record, wait_s)
+        self.commands = MavlinkCommands(self.session)
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame, or nothing before it is open."""
+        for transport in self._opened:
+            transport.send(frame)
+
+    def opened(self, transport: Transport) -> None:
+        """What it sends over from now on."""
+        self._opened.append(transport)
+
+    @property
+    def transport(self) -> Transport:
+        """What it sends over."""
+        return self._opened[0]
+
+    @property
+    def system_id(self) -> int:
+        """The system at the other end, 0 until it has spoken."""
+        return self.session.view.system_id
+
+    def hosts(self, named: Sequence[str]) -> tuple[str, ...]:
+        """Where the pictures of its vehicle may come from; its peer is known once it has spoken."""
+        return (*named, self.transport.peer_host or "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkOptions:
+    """How the links of a flight are opened, besides their URLs."""
+
+    speedup: float = 1.0
+    driver: str = PYMAVLINK
+    key_file: str | None = None
+    onboard: bool = False
+    forward: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, plan: FlightPlan) -> LinkOptions:
+        """As a plan has it."""
+        return cls(
+            speedup=plan.speedup or 1.0, driver=plan.driver, key_file=plan.key_file,
+            onboard=plan.onboard, forward=plan.forward,
+        )  # fmt: skip
+
+
+@contextlib.asynccontextmanager
+async def opened_links(
+    urls: Sequence[str],
+    options: LinkOptions,
+    cameras: Sequence[CameraSpec],
+    section: CameraSection,
+    record: Callable[[bytes], None],
+) -> AsyncIterator[list[Link]]:
+    """A link to every URL, in their order, open until the end of the context.
+
+    With the signing of a key, and with the ground stations of `forward` beside them. `cameras`
+    are one a link, `section` what the mission file says of all of them. `record` is given every
+    frame. Raises `LinkError` where a link or a camera cannot be opened.
+    """
+    log = messages.bound("uavmap.mavlink").line
+    wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * options.speedup)
+    lines = [_Line(parse_url(url), record, wait_s) for url in urls]
+    forwarding = Forwarding(record)
+    async with contextlib.AsyncExitStack() as stack:
+        number = secrets.randbelow(2**32 - 1) + 1
+        signing = stack.enter_context(signing_with(options.key_file))
+        for url, line in zip(urls, lines, strict=True):
+            if options.driver == MAVSDK:
+                speaks = partial(_log_of_link, log, url)
+                session = await stack.enter_async_context(
+                    opened_session(line.send, record, wait_s, speaks, options.speedup)
+                )
+                line.session, line.commands = session, MavsdkCommands(session)
+            line.session.view.wanted_system = line.endpoint.system
+            line.session.signing = signing
+            line.session.onboard = options.onboard
+            line.session.process_number = number
+            if options.forward:
+                line.session.tap = forwarding.add(line)
+        for shared in _by_port(lines).values():
+            await _open(stack, shared, log)
+        await stack.enter_async_context(forwarding.open(options.forward, log))
+        links: list[Link] = []
+        for url, line, spec in zip(urls, lines, cameras, strict=True):
+            fetch = PictureFetcher(partial(line.hosts, section.hosts))
+            camera = await stack.enter_async_context(
+                opened_camera(spec, line.session, fetch, settings_of(section), log)
+            )
+            links.append(Link(url, line.session, camera, line.commands))
+        yield links
+        _log_refused(lines, log)
+
+
+def _log_of_link(log: Callable[[str], None], url: str, text: str) -> None:
+    """Log a line about one link."""
+    log(f"{url}: {text}")
+
+
+def check_urls(urls: Sequence[str]) -> None:
+    """Raise `LinkError` for URLs that cannot be flown together, before anything is opened."""
+    ports: dict[Endpoint, list[int | None]] = {}
+    for endpoint in map(parse_url, urls):
+        ports.setdefault(endpoint.port_of_all, []).append(endpoint.system)
+    for port, systems in ports.items():
+        if len(systems) > 1 and (None in systems or len(set(systems)) < len(systems)):
+            raise LinkError(
+                f"{port.url} is given {len(systems)} times; say which vehicle each means: "
+                f"{port.url}?system=1, {port.url}?system=2"
+            )
+
+
+async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
+    """Raise `LinkError` where another process of ours speaks to one of the vehicles.
+
+    `listen_s`: for how long heartbeats are listened for since each vehicle first spoke.
+    """
+    loop = asyncio.get_running_loop()
+    for link in links:
+        session = link.session
+        left_s = (session.bound_s or loop.time()) + listen_s - loop.time()
+        if await session.until(session.has_rival, max(left_s, 1e-3)):
+            raise LinkError(
+                f"{link.name}: another uavmap flies this vehicle already; end that one first "
+                "(Ctrl-C there), or wait until it is done"
+            )
+
+
+def _by_port(lines: Sequence[_Line]) -> Mapping[Endpoint, list[_Line]]:
+    check_urls([line.endpoint.url for line in lines])
+    ports: dict[Endpoint, list[_Line]] = {}
+    for line in lines:
+        ports.setdefault(line.endpoint.port_of_all, []).append(line)
+    return ports
+
+
+async def _open(
+    stack: contextlib.AsyncExitStack, shared: Sequence[_Line], log: Callable[[str], None]
+) -> None:
+    """Open what one vehicle has alone, or several have together."""
+    first = shared[0]
+    if len(shared) == 1:
+        alone = open_transport(first.endpoint, first.session.feed, log)
+        first.opened(await stack.enter_async_context(alone))
+        return
+    takers = {line.endpoint.system or 0: line.session.feed for line in shared}
+    together = open_shared(first.endpoint.port_of_all, takers, log)
+    transports = await stack.enter_async_context(together)
+    for line in shared:
+        line.opened(transports[line.endpoint.system or 0])
+
+
+def _log_refused(lines: Sequence[_Line], log: Callable[[str], None]) -> None:
+    """Log how many frames were refused for their signatures."""
+    for number, line in enumerate(lines, start=1):
+        for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
+            if kind == "frames":
+                log(f"vehicle {number}: {count} frames were refused: {reason}")

@@ -1,0 +1,73 @@
+"""The service of a ground station that listens to a fleet: it commands by word only.
+
+It flies nothing. What an operator orders here is sent to all members, who repeat it, and each has
+its own vehicle do it; a member out of contact receives it later.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Protocol
+
+from missions.events import Event
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.team.codec import Order, Word
+from uavmap.journal.event_log import Journal
+from uavmap.runner.service import Observer, Service
+
+
+class Commanded(Protocol):
+    """A fleet that is commanded by word."""
+
+    def order(self, word: Word) -> None:
+        """Send a word to all members."""
+        ...
+
+
+class GroundService(Service):
+    """A service without a vehicle, whose orders are words to a fleet."""
+
+    def __init__(
+        self,
+        setting: Setting,
+        journal: Journal,
+        state: State,
+        observe: Observer,
+        reports: asyncio.Queue[Event],
+        fleet: Commanded,
+    ) -> None:
+        super().__init__(setting, journal, {}, state, observe, reports)
+        self._fleet = fleet
+        self._stamp = 0
+
+    def recall(self) -> None:
+        """Call all vehicles home."""
+        self._command("recall")
+
+    def pause(self) -> bool:
+        """Have all vehicles hold; False where they do already."""
+        return self.flying and not self.state.paused and self._command("pause")
+
+    def go_on(self) -> bool:
+        """End a pause; False where there is none."""
+        return self.flying and self.state.paused and self._command("continue")
+
+    def recall_vehicle(self, number: int) -> bool:
+        """Call one vehicle home. Raises `KeyError` for a number that no vehicle has."""
+        known = self.flying and self.state.vehicles[number] is not None
+        return known and self._command("recall", number)
+
+    def skip_cell(self, number: int) -> bool:
+        """Return False: no vehicle of these strategies observes from a cell."""
+        return False
+
+    def land_here(self, number: int) -> bool:
+        """Return False: only an operator who sees the aircraft lands it."""
+        return False
+
+    def _command(self, order: Order, vehicle: int = 0) -> bool:
+        self._stamp = max(self._stamp + 1, int(time.time()))
+        self._fleet.order(Word(self._stamp, vehicle, order))
+        return True

@@ -1,0 +1,126 @@
+"""Before a flight: the ground is asked of the autopilot, where the mission file says so.
+
+What it answers becomes the lattice of the mission, as if a GeoTIFF had been named: the journal
+keeps it, and everything that follows knows no difference.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from shapely.geometry import Polygon
+
+from missions.errors import LinkError
+from missions.flight.setting import Setting
+from missions.geo.grid import Grid
+from missions.geo.terrain import encoded
+from missions.mission.schema import Mission
+from missions.units import GridPoint, LatLon
+from uavmap.aircraft.cameras.spec import parse_camera
+from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.load.dem import with_lattice
+from uavmap.mavlink.answer import answered
+from uavmap.mavlink.session import Session
+from uavmap.runner.flight_links import LinkOptions, opened_links
+from uavmap.runner.preflight.autopilot_terrain import AutopilotTerrain
+
+_LOG: Final = logging.getLogger("uavmap.runner.preflight")
+LEAST_STEP_M: Final = 10.0
+"""Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
+MOST_STEP_M: Final = 100.0
+"""Places that lie farther apart say nothing of the ground between."""
+MOST_PLACES: Final = 1500
+AROUND_M: Final = 40.0
+
+
+def with_ground(plan: FlightPlan) -> FlightPlan:
+    """The plan with the ground that its first vehicle's autopilot knows, if it asks for that.
+
+    Raises `LinkError` where the autopilot does not answer or has no ground there, and
+    `MissionFileError` where that ground cannot be flown over.
+    """
+    mission = plan.mission
+    if mission.terrain is None or mission.terrain.source is None:
+        return plan
+    table: dict[str, Any] = {}
+
+    async def survey() -> None:
+        async with asyncio.TaskGroup() as tasks:
+            if plan.simulated:
+                table.update(await _simulated(plan, mission, tasks))
+            else:
+                table.update(await _connected(plan, mission))
+
+    clock: Clock = VirtualClock(None) if plan.simulated else ScaledClock(plan.speedup or 1.0)
+    run(survey(), clock)
+    surveyed = replace(plan, mission=with_lattice(mission, table))
+    surveyed.check_mission()
+    return surveyed
+
+
+async def _simulated(
+    plan: FlightPlan, mission: Mission, tasks: asyncio.TaskGroup
+) -> dict[str, Any]:
+    from uavmap.runner.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
+
+    simulation = Simulation(Setting.of(mission), plan.seed)
+    session = simulation.open_session(0, lambda frame: None)
+    world = tasks.create_task(simulation.run())
+    table = await _lattice(session, simulation.names()[0], mission)
+    world.cancel()
+    return table
+
+
+async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
+    options = LinkOptions(speedup=plan.speedup or 1.0, key_file=plan.key_file, onboard=plan.onboard)
+    async with opened_links(
+        plan.urls[:1], options, [parse_camera("mavlink")], mission.camera, lambda frame: None
+    ) as (link,):
+        beat = asyncio.ensure_future(_beat(link.session))
+        try:
+            return await _lattice(link.session, link.name, mission)
+        finally:
+            beat.cancel()
+
+
+async def _beat(session: Session) -> None:
+    """An autopilot answers whom it hears."""
+    while True:
+        session.heartbeat()
+        await asyncio.sleep(1.0)
+
+
+async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
+    """The ground in and around the fence, as the table that a mission file holds."""
+    await answered(session, name)
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    fence = Polygon([grid.fixed(LatLon(*vertex)) for vertex in mission.fence.polygon])
+    west, south, east, north = fence.buffer(AROUND_M).bounds
+    step_m = max(LEAST_STEP_M, math.sqrt(1.2 * (east - west) * (north - south) / MOST_PLACES))
+    step_m = math.ceil(step_m * 10.0) / 10.0
+    if step_m > MOST_STEP_M:
+        raise LinkError(
+            f"{name}: the places of a fence so large that an autopilot can be asked for lie "
+            f"{step_m:.0f} m apart, more than {MOST_STEP_M:g}; draw it smaller, or give "
+            'terrain.dem = "FILE.tif" instead'
+        )
+    west, south = round(west, 2), round(south, 2)
+    columns, rows = (math.ceil((b - a) / step_m) + 1 for a, b in ((west, east), (south, north)))
+    places = [
+        grid.position(GridPoint(west + j * step_m, south + i * step_m))
+        for i in range(rows)
+        for j in range(columns)
+    ]
+    *heights, start_m = await AutopilotTerrain(session, name, _LOG.info).heights(
+        [*places, mission.home]
+    )
+    return {
+        "west_m": west, "south_m": south, "step_m": step_m, "columns": columns, "rows": rows,
+        "heights": encoded(np.array(heights).reshape(rows, columns) - start_m),
+    }  # fmt: skip

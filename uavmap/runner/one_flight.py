@@ -1,0 +1,399 @@
+"""One flight from its links to its results: vehicles, service, journal, telemetry log."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from missions.errors import LinkError, OutputError
+from missions.events import Event, Recalled, Resumed
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State
+from missions.orders import TakeOff
+from uavmap.aircraft.guardian.last_watch import watched_over
+from uavmap.aircraft.vehicle import MavlinkVehicle
+from uavmap.base import messages
+from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
+from uavmap.fleet.exchange import talking
+from uavmap.fleet.fleet_clock import AGREE_S
+from uavmap.fleet.fleet_radio import joined_fleet
+from uavmap.fleet.member import Member
+from uavmap.fleet.radio import SealedRadio
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import TLOG, FlightPlan
+from uavmap.journal.kept_frames import FrameKeeper
+from uavmap.journal.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
+from uavmap.journal.telemetry_log import TlogWriter
+from uavmap.output.documents import with_documents
+from uavmap.output.facts.score import true_roi
+from uavmap.output.write_results import write_results
+from uavmap.runner.before_flight import BeforeFlight, Preflight, kept_fence
+from uavmap.runner.flight_cameras import cameras_of
+from uavmap.runner.flight_links import Link, LinkOptions, mavlink_link, opened_links, refuse_rivals
+from uavmap.runner.ground_service import GroundService
+from uavmap.runner.interim_map import leave_map, patiently
+from uavmap.runner.operator.caller import Caller
+from uavmap.runner.operator.flight_keys import Keys
+from uavmap.runner.operator.ground_crew import Crew, EnterKey
+from uavmap.runner.operator.interrupts import interrupts, like_control_c
+from uavmap.runner.operator.keyboard import keyboard
+from uavmap.runner.operator.onlooker import Keepers, Onlooker
+from uavmap.runner.service import Service
+from uavmap.runner.vehicles import each_its_own, vehicles_of
+
+if TYPE_CHECKING:
+    from uavmap.runner.simulation import Simulation, Truth
+
+_LOG: Final = logging.getLogger("uavmap.flight")
+KEEP_FRAMES: Final = "keep_frames"
+"""In the journal's meta: whether the pictures of the flight are kept
+(`uavmap.journal.kept_frames`).
+"""
+RIVAL_WALL_S: Final = 1.5
+"""Time to listen for another process that flies a vehicle, real seconds: it speaks every second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Company:
+    """The people beside a flight, and what looks on.
+
+    Attributes:
+        onlookers: See the flight, and pass on orders to real aircraft.
+        preflight: What is examined, asked and set before real aircraft take off; None for a flight
+            that is simulated or resumed.
+        caller: Interrupts a flight that does not run in the program's main thread.
+        ask: Puts a question to the operator, where there is one.
+        recall: Whether vehicles in the air are only brought home.
+    """
+
+    onlookers: Sequence[Onlooker] = ()
+    preflight: Preflight | None = None
+    caller: Caller | None = None
+    ask: Callable[[str], bool] | None = None
+    recall: bool = False
+
+
+class Flight:
+    """A flight under way: opens links, runs the service, writes results.
+
+    Args:
+        plan: The launch configuration.
+        setting: The mission.
+        folder: Of the results.
+        journal: Open, and closed by whoever opened it.
+        state: Before the first event to come.
+        company: The people beside it, and what looks on.
+        again: Whether a recorded simulated flight is repeated first.
+    """
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        setting: Setting,
+        folder: Path,
+        journal: Journal,
+        state: State,
+        company: Company = Company(),
+        *,
+        again: bool = False,
+    ) -> None:
+        self._plan = plan
+        self._setting = setting
+        self._folder = folder
+        self._journal = journal
+        self._state = state
+        self._left = state.vehicles
+        """The vehicles of the journal, when the flight is resumed."""
+        self._company = company
+        self._again = again
+        self._events_before = len(journal)
+        """Number of events when it began."""
+        self._resumed = self._events_before > 0 and not again
+        self._service: Service | None = None
+        self.clock = MissionClock(state.t_s)
+
+    @property
+    def folder(self) -> Path:
+        """Where its journal and its results are."""
+        return self._folder
+
+    @property
+    def setting(self) -> Setting:
+        """The mission."""
+        return self._setting
+
+    @property
+    def state(self) -> State:
+        """The mission as it is known now."""
+        return self._state if self._service is None else self._service.state
+
+    def finish(self) -> dict[str, Any]:
+        """Write the results of a flight that is over, and close its journal."""
+        values = self._write_results(None)
+        self._journal.close()
+        return values
+
+    def close(self) -> None:
+        """Close its journal: nothing that happens after it is kept."""
+        self._journal.close()
+
+    def run(self) -> dict[str, Any]:
+        """Fly and write the results."""
+        with like_control_c():
+            try:
+                truth = self._flown()
+            except BaseException as failure:
+                with patiently():
+                    with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
+                        if len(self._journal):
+                            _LOG.info(f"to go on: uavmap resume {self._folder}")
+                    if self._again or len(self._journal) > self._events_before:
+                        leave_map(lambda: self._write_results(None), failure, self._folder)
+                raise
+        return self._write_results(truth)
+
+    def _flown(self) -> Truth | None:
+        """Fly; returns what the simulator has watched, None for real aircraft."""
+        speedup = self._plan.speedup
+        if self._plan.simulated:
+            return self._run(self._fly_simulated(), VirtualClock(speedup))
+        return self._run(self._fly_connected(), ScaledClock(speedup or 1.0))
+
+    def _run(self, flight: Coroutine[Any, Any, Truth | None], clock: Clock) -> Truth | None:
+        caller = self._company.caller
+        return run(flight if caller is None else caller.until_done(flight), clock)
+
+    def _write_results(self, truth: Truth | None) -> dict[str, Any]:
+        return written_results(self._plan, self._setting, self._folder, self._journal, truth)
+
+    # --- links ------------------------------------------------------------------------------
+    async def _fly_simulated(self) -> Truth:
+        from uavmap.runner.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
+
+        world = Simulation(self._setting, self._plan.seed, start_s=self._state.t_s)
+        with self._log() as log:
+            links = [_simulated(world, index, log) for index in range(len(world.names()))]
+            async with asyncio.TaskGroup() as tasks:
+                turning = tasks.create_task(world.run())
+                await self._serve(links)
+                turning.cancel()
+        return world.truth
+
+    async def fly_member(self, world: Simulation, radio: SealedRadio) -> None:
+        """Fly the one vehicle of this member in a world that others fly in, too."""
+        with self._log() as log:
+            await self._serve([_simulated(world, (self._setting.member or 1) - 1, log)], radio)
+
+    async def _fly_connected(self) -> None:
+        plan, setting = self._plan, self._setting
+        mission, listens = setting.mission, setting.member == 0
+        cameras = () if listens else cameras_of(plan.cameras, mission, setting.member)
+        options = LinkOptions.of(plan)
+        with self._log() as log:
+            async with (
+                opened_links(plan.urls, options, cameras, mission.camera, log.record) as links,
+                joined_fleet(plan, mission, self._journal) as radio,
+            ):
+                await self._serve(links, radio)
+
+    def _log(self) -> TlogWriter:
+        append = self._resumed and (self._folder / TLOG).exists()
+        rate = 1.0 if self._plan.simulated else 1.0 / (self._plan.speedup or 1.0)
+        return TlogWriter(
+            self._folder / TLOG,
+            lambda: self._plan.epoch_utc_s + self.clock.now_s() * rate,
+            append=append,
+            say=messages.bound("uavmap.flight").line,
+        )
+
+    # --- service ----------------------------------------------------------------------------
+    async def _serve(self, links: Sequence[Link], radio: SealedRadio | None = None) -> None:
+        """Fly the mission, and look after the aircraft however that ends."""
+        real, company = not self._plan.simulated, self._company
+        # keys need the main thread's signals
+        enter = EnterKey() if real and company.caller is None else None
+        crew = Crew(automatic=not real or self._plan.auto_swap, enter=enter)
+        keeper = None
+        if self._journal.meta.get(KEEP_FRAMES):
+            say = messages.bound("uavmap.photos").line
+            keeper = FrameKeeper(self._folder, say, aside=real)
+        vehicles = vehicles_of(
+            self._plan, self._setting, links, crew, self.clock.now_s,
+            Keepers([*([keeper] if keeper else ()), *company.onlookers]), recall=company.recall,
+        )  # fmt: skip
+        before = None
+        if real and links:
+            before = BeforeFlight(
+                company.preflight, self._setting, self._folder, links,
+                keep_fence=kept_fence(self._journal.meta),
+            )  # fmt: skip
+        marks = Marks(self._journal, lambda: _clocks(vehicles)) if real else None
+        reports: asyncio.Queue[Event] = asyncio.Queue()
+        member = None
+        if radio is not None:
+            member = Member(
+                self._setting, radio.seal, radio.radio, self.clock.now_s, reports.put_nowait
+            )
+            member.remember(self._journal.events())
+
+        def observe(event: Event, state: State) -> None:
+            if marks is not None:
+                marks.note(self.clock.now_s())
+            for onlooker in company.onlookers:
+                onlooker.update(event, state, self._journal.expected)
+            if member is not None:
+                member.observe(event, state)
+            if crew.absent and _all_wait(state, crew.waiting):
+                _LOG.info(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
+                service.stop()
+
+        setting, journal, state = self._setting, self._journal, self._state
+        if vehicles or member is None:
+            service = Service(setting, journal, vehicles, state, observe, reports)
+        else:
+            service = GroundService(setting, journal, state, observe, reports, member)
+        self._service = service
+        for onlooker in company.onlookers:
+            onlooker.begin(self._setting, again=self._again)
+        try:
+            with contextlib.ExitStack() as hand:
+                if keeper is not None:
+                    hand.enter_context(keeper)
+                # a simulated flight just stops when it is interrupted: no aircraft is in the air
+                if real:
+                    hand.enter_context(interrupts(service, company.caller))
+                    if enter is not None:
+                        hand.enter_context(keyboard(Keys(service), enter))
+                    for onlooker in company.onlookers:
+                        hand.enter_context(onlooker.steering(service))
+                async with talking(member, may_leave=real):
+                    self._state = await watched_over(
+                        [vehicle.guardian for vehicle in vehicles.values()],
+                        self._fly(vehicles, links, service, member, before),
+                        leave=real,
+                    )
+        finally:
+            # a simulated flight is flown again instead, event by event
+            if real or member is not None:
+                service.keep_last_words()
+            for vehicle in vehicles.values():
+                with contextlib.suppress(LinkError):
+                    await vehicle.leave_as_found()
+            if before is not None:
+                await before.restore()
+            for onlooker in company.onlookers:
+                onlooker.end()
+
+    async def _fly(
+        self,
+        vehicles: Mapping[int, MavlinkVehicle],
+        links: Sequence[Link],
+        service: Service,
+        member: Member | None,
+        before_flight: BeforeFlight | None,
+    ) -> State:
+        real = not self._plan.simulated
+        for number, vehicle in vehicles.items():
+            left = self._left[number]
+            flew = not left.landed or isinstance(left.order, TakeOff)
+            if self._resumed and flew and left.phase is not Phase.YIELDED:
+                vehicle.was_flying()
+        for number, vehicle in vehicles.items():
+            await vehicle.connect()
+            before = self._left[number]
+            if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
+                vehicle.was_returning()
+        each_its_own(vehicles)
+        if real:
+            await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
+        if before_flight is not None:
+            await before_flight.go()
+        if self._resumed and real and vehicles:
+            await self._settle_time(_clocks(vehicles))
+        if member is not None:
+            await self._agree(member)
+        if self._resumed:
+            begin_s = round(self.clock.now_s(), 3)
+            service.post(Resumed(begin_s))
+            # before any vehicle reports, so that none is sent out first
+            if self._company.recall:
+                service.post(Recalled(begin_s))
+        return await service.fly()
+
+    # --- time -------------------------------------------------------------------------------
+    async def _settle_time(self, clocks: Clocks) -> None:
+        """Mission time of a flight that is resumed: by the clocks, the vehicle's among them.
+
+        The loop goes on while the operator thinks.
+        """
+        start_s = await asyncio.to_thread(
+            taken_up_at,
+            last_mark(self._journal.meta),
+            self._state.t_s,
+            clocks,
+            epoch_utc_s=self._plan.epoch_utc_s,
+            speedup=self._plan.speedup or 1.0,
+            drift_m_s=self._setting.mission.drift.speed_m_s,
+            say=_LOG.info,
+            ask=self._company.ask,
+        )
+        self.clock.set(start_s)
+
+    async def _agree(self, member: Member) -> None:
+        """Count the seconds that the others of a fleet count. Time never runs backwards."""
+        # on a clock that runs fast, the others' processes begin as late as on a slow one
+        wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
+        by_s = await member.agree(wait_s)
+        if self._resumed:  # what the journal holds was before
+            by_s = max(by_s, self._state.t_s - self.clock.now_s())
+        self.clock.shift(by_s)
+        member.clock_moved(by_s)
+        if not member.peers:
+            _LOG.info(f"nobody of the fleet was heard in {wait_s:.0f} s: it flies alone")
+
+
+def _simulated(world: Simulation, index: int, log: TlogWriter) -> Link:
+    """The link to a vehicle of the simulator."""
+    session = world.open_session(index, log.record)
+    return mavlink_link(world.names()[index], session, world.fetch)
+
+
+def _clocks(vehicles: Mapping[int, MavlinkVehicle]) -> Clocks:
+    """What the clocks say, that of the first vehicle among them."""
+    first = vehicles[min(vehicles)] if vehicles else None
+    return read_clocks(None if first is None else first.view.since_boot_s)
+
+
+def _all_wait(state: State, waiting: set[int]) -> bool:
+    """Whether all vehicles that are not done wait for a battery that nobody here will announce."""
+    return bool(waiting) and all(
+        number in waiting or v.ended for number, v in state.vehicles.items()
+    )
+
+
+def written_results(
+    plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None = None
+) -> dict[str, Any]:
+    """Write the results; what the simulator watched is kept for when they are written anew."""
+    if truth is not None:
+        journal.put_meta("truth", truth.figures())
+    roi = None
+    if plan.simulated and setting.mission.sim.roi:
+        roi = true_roi(setting.mission, setting.grid)
+    seed = plan.seed if plan.simulated else None
+    events = list(journal.events())
+    calendar, also = with_documents(folder, plan, setting, events, _LOG.info)
+    try:
+        return write_results(
+            folder, setting, events, seed, journal.meta.get("truth"), roi, calendar, also
+        )
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: the results cannot be written ({error.strerror}); the journal is whole: "
+            f"make room, and `uavmap resume {folder}` writes them"
+        ) from None

@@ -1,0 +1,1 @@
+"""The operator of a flight: keys, interrupts, progress."""

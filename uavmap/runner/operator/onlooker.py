@@ -1,0 +1,65 @@
+"""Looks on while a mission is flown: the table on the terminal, the page."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.events import Event
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
+from uavmap.journal.kept_frames import Keeper, KeptFrame
+from uavmap.runner.operator.steered import Steered
+
+
+class Onlooker:
+    """Looks on, and does nothing unless a method is overridden.
+
+    No method may raise, or take long: it is called while aircraft are steered.
+    """
+
+    def look_back(self, setting: Setting, event: Event, state: State) -> None:
+        """See an event of before a resume; `state` is that after it."""
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """See the flight start; `again`: a recorded one is repeated first."""
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """See an event and the state after it; `again` recorded ones are still to come."""
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """See a picture that is about to be judged."""
+
+    def steering(self, service: Steered) -> AbstractContextManager[None]:
+        """Pass orders on to the service for as long as the context lasts."""
+        return contextlib.nullcontext()
+
+    def end(self) -> None:
+        """See the flight end."""
+
+
+class Keepers:
+    """Several keepers of pictures as one."""
+
+    def __init__(self, keepers: Sequence[Keeper]) -> None:
+        self._keepers = keepers
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """Give a picture to each."""
+        for keeper in self._keepers:
+            keeper.keep(frame, picture)
+
+
+def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlooker] = ()) -> State:
+    """Return the state after the events of a journal; the onlookers see each of them."""
+    state = State.initial(setting)
+    for event in events:
+        state, _ = step(setting, state, event)
+        for onlooker in onlookers:
+            onlooker.look_back(setting, event, state)
+    return state

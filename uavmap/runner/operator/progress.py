@@ -1,0 +1,231 @@
+"""What the operator sees while a mission is flown: phase, cells, batteries, places, time.
+
+On a terminal a table that is redrawn in place; elsewhere a line every few seconds of real time.
+All of it goes to standard error, so that standard output holds only the result.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+from rich.console import Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from missions.events import (
+    BatterySwapped,
+    CellSkipped,
+    Connected,
+    Crashed,
+    Event,
+    FrameLost,
+    GivenUp,
+    Landed,
+    LinkLost,
+    OrderFailed,
+    Overridden,
+    Released,
+    Told,
+)
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
+from uavmap.base.printable import printable
+from uavmap.base.terminal import Terminal
+from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.operator.time_left import time_left
+
+REDRAW_S: Final = 0.25
+LINE_S: Final = 3.0
+LEFT_S: Final = 1.0
+"""What is left is reckoned no more often, real seconds."""
+_NOTED: Final = (
+    Phase.YIELDED,
+    Phase.FAILED,
+    Phase.OFFLINE,
+    Phase.GUARDED,
+    Phase.DOWN,
+    Phase.LOST,
+)
+_OURS: Final = "GUIDED (a PX4: HOLD)"
+
+_DOING: Final = {
+    TakeOff: "taking off",
+    Sweep: "searching",
+    FlyTo: "flying",
+    FlyPath: "flying on",
+    Look: "looking",
+    Hold: "holding",
+    Land: "landing",
+    AwaitBattery: "battery swap",
+}
+
+
+class ProgressTable(Onlooker):
+    """Shows the flight on a terminal: a table, or a line every few seconds where none can be drawn.
+
+    Lines of events that the operator has to know at once go to the same terminal.
+    """
+
+    def __init__(self, terminal: Terminal) -> None:
+        self._terminal = terminal
+        self._live: Live | None = None
+        self._setting: Setting | None = None
+        self._drawn_s = self._reckoned_s = float("-inf")
+        self._left = ""
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """Draw the table from now on."""
+        self._setting = setting
+        terminal = self._terminal
+        if again:
+            terminal.show("repeating the recorded part of the simulated flight, event by event")
+        if terminal.console.is_terminal:
+            self._live = Live(console=terminal.console, auto_refresh=False, transient=True)
+            terminal.write(self._live.start)
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """Show an event, and what has changed."""
+        if text := remarkable(event, state):
+            self._terminal.show(f"{state.t_s:7.0f} s  {text}")
+        now_s = time.monotonic()
+        if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
+            return
+        self._drawn_s = now_s
+        if self._setting is not None and now_s - self._reckoned_s >= LEFT_S:
+            self._reckoned_s, self._left = now_s, time_left(self._setting, state).told
+        live = self._live
+        if live is not None:
+            self._terminal.write(lambda: live.update(self._table(state, again), refresh=True))
+        else:
+            self._terminal.show(self._line(state, again))
+
+    def end(self) -> None:
+        """Remove the table."""
+        if self._live is not None:
+            self._terminal.write(self._live.stop)
+            self._live = None
+
+    def _line(self, state: State, again: int) -> str:
+        vehicles = "; ".join(
+            f"{v.vehicle}: {doing(v)} at {round(v.position.east_m)} m E"
+            f" {round(v.position.north_m)} m N"
+            f" {round(v.height_m)} m up, battery {self._battery(v):.0f} %"
+            for v in state.vehicles.values()
+        )
+        left = f"; {self._left}" if self._left else ""
+        return f"{state.t_s:7.0f} s  {phase(state)}, {cells_known(state)}{left}  [{vehicles}]" + (
+            f"  ({again} recorded events to repeat)" if again else ""
+        )
+
+    def _table(self, state: State, again: int) -> Group:
+        table = Table(box=None, pad_edge=False)
+        for heading in ("vehicle", "doing", "east m", "north m", "up m", "battery"):
+            table.add_column(heading, justify="left" if heading == "doing" else "right")
+        for v in state.vehicles.values():
+            table.add_row(
+                str(v.vehicle),
+                Text(doing(v)),  # as it is: a note may hold what looks like markup
+                f"{v.position.east_m:.1f}",
+                f"{v.position.north_m:.1f}",
+                f"{v.height_m:.1f}",
+                f"{self._battery(v):.0f} %",
+            )
+        head = f"{phase(state)}  {cells_known(state)}  mission time {state.t_s:.0f} s"
+        if again:
+            head += f"  ({again} recorded events to repeat)"
+        lines = [Text(head, style="bold"), *([Text(self._left)] if self._left else [])]
+        return Group(*lines, table)
+
+    def _battery(self, vehicle: VehicleState) -> float:
+        if self._setting is None:
+            return 0.0
+        return 100.0 * vehicle.remaining_wh / self._setting.energy.capacity_wh
+
+
+def phase(state: State) -> str:
+    """What the mission as a whole is doing.
+
+    >>> from missions.mapping.belief import Belief
+    >>> phase(State(Belief(5, 3), {}, recalled=True))
+    'recalled'
+    """
+    if state.recalled:
+        return "recalled"
+    if state.paused:
+        return "paused"
+    if state.exploration_finished:
+        return "coming home"
+    return "searching" if state.tree is None and state.unsearched else "exploring"
+
+
+def doing(vehicle: VehicleState) -> str:
+    """What a vehicle does just now, in words."""
+    if vehicle.phase in _NOTED:
+        return printable(vehicle.note) or vehicle.phase.value
+    if vehicle.phase is Phase.FINISHED:
+        return "done"
+    if vehicle.return_reason is not None and isinstance(vehicle.order, FlyTo):
+        return "flying home"
+    return _DOING.get(type(vehicle.order), "waiting")
+
+
+def cells_known(state: State) -> str:
+    """How far the map is, in words."""
+    if state.tree is None:
+        return f"{state.belief.cells_searched} cells searched"
+    if state.belief.open_ballots:
+        return f"{len(state.belief.roi)} ROI cells decided"
+    looked = sum(vertex.looked for vertex in state.tree.vertices.values())
+    return f"{looked} of {len(state.tree)} known ROI cells explored"
+
+
+def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:
+    """That somebody else keeps a vehicle on the ground, and how it goes on."""
+    if isinstance(event, Landed):
+        text = f"vehicle {event.vehicle} has landed, not by us"
+    else:
+        text = f"vehicle {event.vehicle} was put into {event.mode} on the ground, not by us"
+    if state.over:
+        return f"{text}; nobody else flies: the flight ends"
+    then = "takes off at once" if vehicle.cleared else "waits for its crew"
+    return f"{text}: it stays there; once it is put into {_OURS}, it {then}"
+
+
+def remarkable(event: Event, state: State) -> str:
+    """What the operator has to know at once."""
+    if isinstance(event, Overridden | Landed):
+        vehicle = state.vehicles[event.vehicle]
+        if vehicle.phase is Phase.YIELDED and vehicle.landed:
+            return _of_other_hands(event, vehicle, state)
+    match event:
+        case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
+            return f"vehicle {number} was put into {mode}, not by us: it is the pilot's now"
+        case Overridden(vehicle=number, mode=mode, cause=cause):
+            by = f" ({cause})" if cause else ""
+            return f"vehicle {number} is in {mode}, not by us{by}: hands off until it is in {_OURS}"
+        case Told(vehicle=number, cause=str(cause)):
+            return f"vehicle {number} flies by itself: {cause}"
+        case CellSkipped(vehicle=number, cell=cell):
+            return f"cell {cell.east}, {cell.north} is skipped: nobody looks from it"
+        case Released(vehicle=number):
+            return f"vehicle {number} is ours again"
+        case LinkLost(vehicle=number):
+            return f"vehicle {number}: link lost"
+        case OrderFailed(vehicle=number, reason=reason, behind=True):
+            return f"vehicle {number}: {reason}; it stops, and goes on from where it is"
+        case OrderFailed(vehicle=number, order=order, reason=reason):
+            return f"vehicle {number}: {order} failed: {reason}"
+        case Crashed(vehicle=number, reason=reason):
+            return f"vehicle {number} is down: {reason}; its cells go to the others"
+        case GivenUp(vehicle=number, reason=reason):
+            return f"vehicle {number} is given up: {reason}; it is taken up again when it speaks"
+        case Connected(vehicle=number, airborne=True, ours=True):
+            return f"vehicle {number} answers, in the air and ours"
+        case FrameLost(vehicle=number, reason=reason):
+            return f"vehicle {number}: a picture was lost: {reason}"
+        case BatterySwapped(vehicle=number):
+            return f"vehicle {number} has a fresh battery"
+    return ""

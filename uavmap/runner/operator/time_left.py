@@ -1,0 +1,181 @@
+"""How much of a mission is done and left, as far as anybody knows.
+
+Nobody knows how large the region is before it is explored. So the share is that of what is known,
+it may sink when more of the region is found, and it is 100 % only when everybody is at home.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.leapfrogging import steps_left_s
+from missions.flight.whole_box import open_cells
+from missions.mission.energy import LANDING_OVERHEAD_S
+
+ALMOST: Final = 0.99
+"""No larger a share is told before everybody is at home."""
+_OUT = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What is known of the rest of a mission; empty where nothing is.
+
+    Attributes:
+        what: What is left, in words.
+        of: What `share` is a share of, in words.
+        share: How much of that is done, 0 to 1; None where nobody can say.
+        about_s: About how long what is left takes, seconds of mission time; None where nobody can
+            say. The way home is that from where vehicles are now; battery swaps are not counted.
+
+    >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).told
+    'about 75 % of the search lanes done, about 2 min of mission time left for 40 m of search lanes'
+    >>> Left().told
+    ''
+    """
+
+    what: str = ""
+    of: str = ""
+    share: float | None = None
+    about_s: float | None = None
+
+    @property
+    def told(self) -> str:
+        """A line for the operator; empty where nothing is known."""
+        parts = []
+        if self.share is not None:
+            percent = int(100 * self.share)
+            about = "about " if 0 < percent < 100 else ""
+            parts.append(f"{about}{percent} % of {self.of} done")
+        if self.about_s is not None:
+            parts.append(f"{duration(self.about_s)} of mission time left for {self.what}")
+        return ", ".join(parts)
+
+
+def duration(seconds: float) -> str:
+    """A time that is an estimate, as a person would say it.
+
+    >>> [duration(s) for s in (2.0, 44.0, 100.0, 3500.0, 4300.0)]
+    ['less than 10 s', 'about 40 s', 'about 2 min', 'about 58 min', 'about 1 h 12 min']
+    """
+    if seconds < 10.0:
+        return "less than 10 s"
+    if seconds < 55.0:
+        return f"about {round(seconds, -1):.0f} s"
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"about {hours} h {minutes} min" if hours else f"about {minutes} min"
+
+
+def time_left(setting: Setting, state: State) -> Left:
+    """What is known to be left, shared out among those who fly.
+
+    A region may go on behind what is known of it.
+    """
+    if state.over:
+        done = Left("nothing more to explore", "the mission", 1.0)
+        return done if state.exploration_finished else Left()
+    if state.exploration_finished:
+        way_s = _way_home_s(setting, state)
+        what = "nothing more to explore" if way_s is None else "the way home"
+        return Left(what, "the mission", ALMOST, way_s)
+    team = sum(not _is_out(vehicle) for vehicle in state.vehicles.values())
+    if state.recalled or not team:
+        return Left()
+    if setting.surveys:
+        left = _of_a_survey(setting, state, team)
+    else:
+        left = _of_the_search(setting, state, team) or _of_the_region(setting, state, team)
+    way_s = _way_home_s(setting, state)
+    if left.about_s is None or way_s is None:
+        return left
+    return replace(left, what=f"{left.what} and the way home", about_s=left.about_s + way_s)
+
+
+def _is_out(vehicle: VehicleState) -> bool:
+    """Whether it takes no further part."""
+    return vehicle.phase in _OUT or vehicle.called_home
+
+
+def _way_home_s(setting: Setting, state: State) -> float | None:
+    """How long until the last one is down; None where nobody of ours is in the air."""
+    energy = setting.energy
+    ways = [
+        energy.leg_s(vehicle.position.distance_to(vehicle.pad))
+        + energy.descent_s(max(vehicle.height_m, 0.0))
+        + LANDING_OVERHEAD_S
+        for vehicle in state.vehicles.values()
+        if vehicle.phase is Phase.AIRBORNE and not vehicle.landed
+    ]
+    return max(ways, default=None)
+
+
+def _share(done: float, left: float) -> float | None:
+    whole = done + left
+    return min(max(done, 0.0) / whole, ALMOST) if whole > 0.0 else None
+
+
+def _lanes_left_m(state: State) -> float:
+    """How much of the lanes no judged frame shows, by what was judged so far."""
+    left_m = sum(a.distance_to(b) for a, b in state.unreachable_lanes)
+    for vehicle in state.vehicles.values():
+        lanes_m = [a.distance_to(b) for a, b in vehicle.lanes]
+        if lanes_m and vehicle.on_lane:  # the first is shortened when its end is reached
+            lanes_m[0] -= min(max(vehicle.lane_seen_m, default=0.0), lanes_m[0])
+        left_m += sum(lanes_m)
+    return left_m
+
+
+def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
+    """Lanes are flown until the region is seen: at the latest to their end."""
+    if state.tree is not None:
+        return None
+    left_m = _lanes_left_m(state)
+    if setting.finds_all and not left_m:  # what the lanes have left open is flown to
+        left = len(open_cells(setting, state))
+        cells = "1 cell" if left == 1 else f"{left} cells"
+        return Left(f"{cells} to decide", "", None, left * _cell_s(setting) / team or None)
+    whole_m = sum(a.distance_to(b) for a, b in setting.lanes)
+    return Left(
+        f"{left_m:.0f} m of search lanes",
+        "the search lanes",
+        _share(whole_m - left_m, left_m),
+        left_m / setting.energy.speed_m_s / team,
+    )
+
+
+def _of_the_region(setting: Setting, state: State, team: int) -> Left:
+    """Known cells from which nobody has looked yet."""
+    assert state.tree is not None
+    vertices = state.tree.vertices
+    left = sum(
+        not vertex.looked and cell not in state.abandoned and cell not in state.skipped
+        for cell, vertex in vertices.items()
+    )
+    looked = sum(vertex.looked for vertex in vertices.values())
+    cells = "1 known cell" if left == 1 else f"{left} known cells"
+    about_s = left * _cell_s(setting) / team
+    return Left(f"{cells} to look from", "the known region", _share(looked, left), about_s or None)
+
+
+def _of_a_survey(setting: Setting, state: State, team: int) -> Left:
+    """All cells of the box, wherever the region is."""
+    cells = setting.box_cells
+    left = sum(state.belief.verdict(cell) is None for cell in cells)
+    left_m = _lanes_left_m(state)
+    # what the lanes have not decided is flown to in the end
+    about_s = left_m / setting.energy.speed_m_s if left_m else left * _cell_s(setting)
+    if setting.leapfrogs:
+        about_s = team * steps_left_s(setting, state)
+    what = "1 cell of the box" if left == 1 else f"{left} cells of the box"
+    return Left(what, "the box", _share(len(cells) - left, left), about_s / team or None)
+
+
+def _cell_s(setting: Setting) -> float:
+    """About how long a cell takes one vehicle."""
+    if setting.nonstop:
+        footprint = setting.mission.camera.optics.footprint(setting.mission.altitude_m(0))
+        return setting.grid.cell_m**2 / footprint.short_m / setting.energy.speed_m_s
+    return setting.look_s + setting.energy.leg_s(setting.grid.cell_m)

@@ -1,0 +1,232 @@
+"""What the parameters of an autopilot should be for a mission: failsafes, battery, speeds.
+
+A row for each; what is looked at, what is wanted, and why. The fence is apart: `uavmap fly` sets it
+(`uavmap.runner.preflight.autopilot_fence`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from missions.flight.setting import Setting
+from uavmap.mavlink.autopilots import PX4, Autopilot
+from uavmap.mavlink.parameters import Parameter
+from uavmap.mavlink.session import GROUND_SYSTEM_ID
+from uavmap.runner.preflight.finding import Finding, bad, ok, warn
+
+HIGHEST_RETURN_M: Final = 30.0
+"""So high others keep away from a vehicle that returns by itself."""
+CAPACITY_SHARE: Final = 0.2
+"""The autopilot's battery may differ from the mission's by so much before it is told."""
+CELL_FULL_V: Final = 4.25
+CELL_V: Final = 3.7
+"""Of a lithium polymer cell: full, and in the middle of its discharge."""
+RESERVE_SHARE: Final = 0.15
+"""The reserve that is reckoned with where there is no mission."""
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """What a mission needs of an autopilot."""
+
+    reserve: float
+    """The share of the charge below which the autopilot's own failsafe may act."""
+    accel_m_s2: float
+    several: bool
+    climb_m_s: float = 0.0
+    """What the mission says that it is set to; 0 where it says nothing."""
+    descent_m_s: float = 0.0
+
+
+def needs_of(setting: Setting | None) -> Needs:
+    """What a mission needs; without one, what most need."""
+    if setting is None:
+        return Needs(RESERVE_SHARE, 2.0, several=False)
+    mission = setting.mission
+    # what is set for the flight is not wished for
+    several = len(mission.vehicles) > 1 or setting.ground is not None
+    return Needs(
+        mission.battery.reserve,
+        setting.energy.accel_m_s2,
+        several,
+        mission.flight.climb_m_s or 0.0,
+        mission.flight.descent_m_s or 0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One parameter: whether it is as wanted, given all of them and the needs of the mission."""
+
+    name: str
+    holds: Callable[[Values, Needs], bool]
+    wanted: str
+    why: str
+
+
+def _reserve_mah(v: Values, needs: Needs) -> float:
+    return needs.reserve * v.get("BATT_CAPACITY", 0.0)
+
+
+ARDUPILOT_WISHES: Final = (
+    Wish("ARMING_CHECK", lambda v, n: v["ARMING_CHECK"] != 0, "1",
+         "at 0 it arms without looking at its sensors"),
+    Wish("BATT_FS_LOW_ACT", lambda v, n: v["BATT_FS_LOW_ACT"] in (1, 2, 3, 4, 6), "2 (RTL)",
+         "an empty battery brings it home also where this computer does not"),
+    Wish("BATT_LOW_VOLT", lambda v, n: v["BATT_LOW_VOLT"] > 0 or v["BATT_LOW_MAH"] > 0,
+         "the voltage of your pack at the mission's reserve",
+         "without it and BATT_LOW_MAH the low-battery failsafe never acts"),
+    Wish("BATT_LOW_MAH", lambda v, n: v["BATT_LOW_MAH"] <= _reserve_mah(v, n) * 1.01,
+         "not above the mission's reserve (battery.reserve of BATT_CAPACITY)",
+         "the autopilot would end the flight before the mission does"),
+    Wish("FS_THR_ENABLE", lambda v, n: v["FS_THR_ENABLE"] != 0, "1 (RTL)",
+         "a lost radio control is not noticed"),
+    Wish("FS_EKF_ACTION", lambda v, n: v["FS_EKF_ACTION"] in (1, 3), "1 (land)",
+         "without a position it drifts"),
+    Wish("FS_GCS_ENABLE", lambda v, n: v["FS_GCS_ENABLE"] != 0, "1 (RTL)",
+         f"when this computer dies it hovers until its battery is low; with SYSID_MYGCS "
+         f"{GROUND_SYSTEM_ID} it listens to this program"),
+    Wish("SYSID_MYGCS",
+         lambda v, n: v["FS_GCS_ENABLE"] == 0 or v["SYSID_MYGCS"] == GROUND_SYSTEM_ID,
+         str(GROUND_SYSTEM_ID),
+         "FS_GCS_ENABLE listens to another ground station than this program: right only if that "
+         "one is yours and runs"),
+    Wish("RTL_ALT", lambda v, n: n.several or v["RTL_ALT"] <= 100 * HIGHEST_RETURN_M,
+         f"at most {100 * HIGHEST_RETURN_M:.0f} cm",
+         "others keep away from a returning vehicle up to that height"),
+    Wish("WPNAV_ACCEL", lambda v, n: v["WPNAV_ACCEL"] >= 100.0 * n.accel_m_s2 - 1,
+         "200 cm/s2, flight.accel_m_s2, or more",
+         "legs take longer than is reckoned with"),
+    Wish("WPNAV_SPEED", lambda v, n: True, "", ""),
+)  # fmt: skip
+
+PX4_WISHES: Final = (
+    Wish("COM_LOW_BAT_ACT", lambda v, n: v["COM_LOW_BAT_ACT"] in (2, 3), "3 (return)",
+         "an empty battery brings it home also where this computer does not"),
+    Wish("BAT_LOW_THR", lambda v, n: v["BAT_LOW_THR"] <= n.reserve + 0.01,
+         "not above battery.reserve of the mission",
+         "the autopilot would warn, or end the flight, before the mission does"),
+    Wish("NAV_RCL_ACT", lambda v, n: v["NAV_RCL_ACT"] in (1, 2, 3), "2 (return)",
+         "a lost radio control is not noticed"),
+    Wish("NAV_DLL_ACT", lambda v, n: v["NAV_DLL_ACT"] in (1, 2, 3), "2 (return)",
+         "when this computer dies it hovers until its battery is low; to a PX4 this program is a "
+         "ground station, and it listens to any of them"),
+    Wish("COM_OF_LOSS_T", lambda v, n: 0.5 <= v["COM_OF_LOSS_T"] <= 2.0, "1 s",
+         "so long it flies on when setpoints stay away"),
+    Wish("COM_OBL_RC_ACT", lambda v, n: v["COM_OBL_RC_ACT"] in (0, 3, 4, 5), "3 (return)",
+         "what it does when setpoints stay away"),
+    Wish("RTL_RETURN_ALT", lambda v, n: n.several or v["RTL_RETURN_ALT"] <= HIGHEST_RETURN_M,
+         f"at most {HIGHEST_RETURN_M:g} m",
+         "others keep away from a returning vehicle up to that height"),
+    Wish("MPC_XY_CRUISE", lambda v, n: True, "", ""),
+)  # fmt: skip
+
+ARDUPILOT_CLIMB_WISHES: Final = (
+    Wish("WPNAV_SPEED_UP", lambda v, n: v["WPNAV_SPEED_UP"] >= 100.0 * n.climb_m_s - 1,
+         "flight.climb_m_s or more", "it climbs slower than the mission says"),
+    Wish("WPNAV_SPEED_DN", lambda v, n: v["WPNAV_SPEED_DN"] >= 100.0 * n.descent_m_s - 1,
+         "flight.descent_m_s or more", "it descends slower than the mission says"),
+)  # fmt: skip
+PX4_CLIMB_WISHES: Final = (
+    Wish("MPC_Z_V_AUTO_UP", lambda v, n: v["MPC_Z_V_AUTO_UP"] >= n.climb_m_s - 0.01,
+         "flight.climb_m_s or more", "it climbs slower than the mission says"),
+    Wish("MPC_TKO_SPEED", lambda v, n: v["MPC_TKO_SPEED"] >= n.climb_m_s - 0.01,
+         "flight.climb_m_s or more", "it takes off slower than the mission says"),
+    Wish("MPC_Z_V_AUTO_DN", lambda v, n: v["MPC_Z_V_AUTO_DN"] >= n.descent_m_s - 0.01,
+         "flight.descent_m_s or more", "it descends slower than the mission says"),
+)  # fmt: skip
+"""Only of missions that say how fast their autopilots climb and descend."""
+
+_ON_BY_FLOW: Final = (
+    'navigation.gnss_loss is "map": without optical flow it lands when satellites go'
+)
+ARDUPILOT_FLOW_WISHES: Final = (
+    Wish("FLOW_TYPE", lambda v, n: v["FLOW_TYPE"] != 0, "the type of your sensor", _ON_BY_FLOW),
+    Wish("EK3_SRC_OPTIONS", lambda v, n: bool(int(v["EK3_SRC_OPTIONS"]) & 1), "1",
+         "its optical flow is used beside satellites, and goes on without them"),
+)  # fmt: skip
+PX4_FLOW_WISHES: Final = (
+    Wish("EKF2_OF_CTRL", lambda v, n: v["EKF2_OF_CTRL"] != 0, "1", _ON_BY_FLOW),
+    Wish("COM_POS_FS_EPH", lambda v, n: not 0.0 <= v["COM_POS_FS_EPH"] < FLOW_EPH_M, "-1",
+         "its position counts as lost when its own accuracy has become worse than that, though "
+         "its own map goes on to tell where it is"),
+)  # fmt: skip
+"""Only of missions that go on without satellites."""
+FLOW_EPH_M: Final = 50.0
+
+CAPACITY: Final = {True: "BAT1_CAPACITY", False: "BATT_CAPACITY"}
+"""The parameter of the battery's capacity, mAh, by whether the autopilot is a PX4."""
+
+
+def wishes_of(kind: Autopilot, setting: Setting | None) -> tuple[Wish, ...]:
+    """What is wished for, for a mission; without one, for most."""
+    wishes: tuple[Wish, ...] = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
+    if setting is None:
+        return wishes
+    flight = setting.mission.flight
+    if flight.climb_m_s is not None or flight.descent_m_s is not None:
+        wishes += PX4_CLIMB_WISHES if kind is PX4 else ARDUPILOT_CLIMB_WISHES
+    if setting.mission.navigation.gnss_loss != "map":
+        return wishes
+    return wishes + (PX4_FLOW_WISHES if kind is PX4 else ARDUPILOT_FLOW_WISHES)
+
+
+def names_of(kind: Autopilot, setting: Setting | None = None) -> tuple[str, ...]:
+    """The parameters that are asked for."""
+    wishes = wishes_of(kind, setting)
+    extra = () if kind is PX4 else ("BATT_LOW_MAH",)
+    return tuple(dict.fromkeys([*(w.name for w in wishes), *extra, CAPACITY[kind is PX4]]))
+
+
+def parameter_findings(
+    kind: Autopilot,
+    parameters: Mapping[str, Parameter],
+    setting: Setting | None,
+    volts: float | None,
+) -> Iterator[Finding]:
+    """What is said of the parameters that were asked for; `volts` of the battery, if known."""
+    values = {name: parameter.value for name, parameter in parameters.items()}
+    needs = needs_of(setting)
+    if not values:
+        yield bad("parameters", "none was told", "answers", "does the link carry anything to it?")
+        return
+    for wish in wishes_of(kind, setting):
+        yield _judged(wish, values, needs)
+    yield _capacity(CAPACITY[kind is PX4], values, setting, volts)
+
+
+def _judged(wish: Wish, values: Values, needs: Needs) -> Finding:
+    if wish.name not in values:
+        return warn(wish.name, "not told", wish.wanted or "a value", "this autopilot has none?")
+    found = f"{values[wish.name]:g}"
+    try:
+        held = wish.holds(values, needs)
+    except KeyError as missing:
+        other = missing.args[0]
+        return warn(wish.name, found, wish.wanted, f"{other}, which belongs to it, was not told")
+    return ok(wish.name, found) if held else warn(wish.name, found, wish.wanted, wish.why)
+
+
+def _capacity(name: str, values: Values, setting: Setting | None, volts: float | None) -> Finding:
+    """The battery that the autopilot counts by, beside the mission's."""
+    mah = values.get(name)
+    if mah is None or mah <= 0.0:
+        return warn(name, "not set", "the capacity of the pack, mAh", "the charge is by voltage")
+    if volts is None or setting is None:
+        return ok(name, f"{mah:g} mAh")
+    cells = max(math.ceil(volts / CELL_FULL_V), 1)
+    found_wh = mah / 1000.0 * cells * CELL_V
+    wanted_wh = setting.mission.battery.capacity_wh
+    found = f"{mah:g} mAh, with {volts:.1f} V (taken for {cells} cells) about {found_wh:.0f} Wh"
+    if abs(found_wh - wanted_wh) > CAPACITY_SHARE * wanted_wh:
+        return warn(
+            name, found, f"battery.capacity_wh = {wanted_wh:g}",
+            f"set the one that is wrong: {name}, or battery.capacity_wh to {found_wh:.0f} (and "
+            "battery.hover_power_w to what it draws)",
+        )  # fmt: skip
+    return ok(name, found)

@@ -1,0 +1,233 @@
+"""Set the autopilot of one vehicle up for a mission, and leave it as it was found.
+
+What was there is on disk before anything is changed; everything that is set is read back.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from missions.errors import LinkError, OutputError
+from missions.flight.setting import Setting
+from missions.units import LatLon
+from uavmap.base.atomic_write import write_text
+from uavmap.mavlink.autopilots import PX4
+from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
+from uavmap.mavlink.parameters import Parameter, Parameters
+from uavmap.mavlink.session import Session
+from uavmap.output.formats.ground_station_plan import Firmware, plan_text
+from uavmap.runner.preflight.autopilot_fence import (
+    ARDUPILOT_FENCE,
+    PX4_FENCE,
+    FencePlan,
+    fence_plan,
+    leaves_kept_fence,
+)
+from uavmap.runner.preflight.finding import Finding, bad, ok, warn
+from uavmap.runner.preflight.saved_settings import Before, Kept
+
+RESTORE_S: Final = 60.0
+"""So long putting everything back may take at the end of a flight."""
+HEARD_S: Final = 5.0
+_KEEP: Final = "give --keep-fence to fly inside the fence that is set"
+
+
+class AutopilotSetup:
+    """What is set on one autopilot for a flight, and what was there.
+
+    `tell` takes a line for the operator.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        session: Session,
+        setting: Setting,
+        folder: Path,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._number = number
+        self._session = session
+        self._view = session.view
+        self._setting = setting
+        self._folder = folder
+        self._tell = tell
+        self._kept = Kept(folder)
+        self._parameters = Parameters(session)
+        self._transfer = MissionTransfer(session)
+
+    # --- as it is -----------------------------------------------------------------------------
+    async def look(self) -> tuple[Before, list[Finding]]:
+        """What is set now, with what is to be told of it. Raises `LinkError`."""
+        names = PX4_FENCE if self._view.kind is PX4 else ARDUPILOT_FENCE
+        name = "RTL_RETURN_ALT" if self._view.kind is PX4 else "RTL_ALT"
+        parameters = await self._parameters.read_many([*names, name])
+        found: list[Finding] = []
+        lists: dict[Kind, tuple[Item, ...]] = {}
+        for kind in Kind:
+            try:
+                lists[kind] = await self._transfer.download(kind)
+            except LinkError as error:
+                lists[kind] = ()
+                found.append(warn(kind.words, str(error), "an answer", "is it an old firmware?"))
+        return Before(parameters, lists[Kind.FENCE], lists[Kind.RALLY]), found
+
+    async def keep_fence(self) -> list[Finding]:
+        """Whether the mission can be flown inside the fence that is set. Raises `LinkError`."""
+        before, found = await self.look()
+        faults = leaves_kept_fence(
+            self._setting,
+            self._number,
+            self._home,
+            self._view.kind,
+            before.fence,
+            _values(before.parameters),
+        )
+        found += [
+            bad(
+                "fence", f"the mission leaves the one that is set: {fault}", "a mission inside",
+                "fly without --keep-fence, change the mission, or change the fence", binding=True,
+            )
+            for fault in faults
+        ]  # fmt: skip
+        return found if faults else [*found, ok("fence", f"kept: {self.in_words(before)}")]
+
+    def in_words(self, before: Before) -> str:
+        """What an autopilot has, for people."""
+        values = " ".join(f"{name}={p.value:g}" for name, p in before.parameters.items())
+        points = f"{len(before.fence)} items, {len(before.rally)} rally points"
+        return f"{points}, {values or 'no parameters told'}"
+
+    def plan(self, before: Before) -> FencePlan:
+        """What is to be set."""
+        return fence_plan(
+            self._setting, self._number, self._home, self._view.kind, _values(before.parameters)
+        )
+
+    @property
+    def _home(self) -> LatLon:
+        """Where the vehicle stands: that becomes its home when it arms."""
+        return self._view.position or self._view.home or self._setting.mission.home
+
+    # --- set ----------------------------------------------------------------------------------
+    async def apply(self) -> list[Finding]:
+        """Set fence, rally point and return height, and read them back.
+
+        What does not work is a finding. Raises `OutputError` where what was there cannot be noted:
+        then nothing is changed.
+        """
+        try:
+            before, found = await self.look()
+            plan = self.plan(before)
+            self._note(before, plan)
+            await self._put(Kind.FENCE, plan.fence)
+            await self._put(Kind.RALLY, plan.rally)
+        except LinkError as error:
+            return [bad("fence", str(error), "the mission's fence", _KEEP, binding=True)]
+        found += _left_out(plan)
+        failed = [
+            bad(name, "could not be set", f"{value:g}", f"set it by hand, or {_KEEP}", binding=True)
+            for name, value in plan.parameters.items()
+            if not await self._set(name, value, before.parameters.get(name))
+        ]
+        if failed:
+            return found + failed
+        values = " ".join(f"{name}={value:g}" for name, value in plan.parameters.items())
+        text = f"set and read back, {plan.outside_m:.0f} m outside of the mission's; {values}"
+        return [*found, ok("fence", text)]
+
+    def _note(self, before: Before, plan: FencePlan) -> None:
+        """What was there goes to disk: once, for later it is what we have set ourselves."""
+        if self._kept.of(self._number) is not None:
+            return
+        old = [
+            None if same_items(plan.fence, before.fence) else before.fence,
+            None if same_items(plan.rally, before.rally) else before.rally,
+        ]
+        if any(old):
+            path = self._folder / f"fence-before-{self._number}.plan"
+            firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
+            try:
+                write_text(path, plan_text(firmware, self._home, before.fence, before.rally))
+            except OSError as error:
+                raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+            self._tell(
+                f"the fence that was set ({self.in_words(before)}) is in {path}, and is put back "
+                "at the end"
+            )
+        changed = {n: p for n, p in before.parameters.items() if n in plan.parameters}
+        self._kept.keep(self._number, Before(changed, before.fence, before.rally))
+
+    async def _put(self, kind: Kind, items: tuple[Item, ...]) -> None:
+        """Upload a list unless it is there, and read it back. Raises `LinkError`."""
+        await self._transfer.upload(kind, items)
+        if not same_items(items, await self._transfer.download(kind)):
+            raise LinkError(f"{kind.words} came back otherwise than sent")
+
+    async def _set(self, name: str, value: float, found: Parameter | None) -> bool:
+        if found is None:
+            return False
+        if found.value == value:
+            return True
+        return await self._parameters.write(name, Parameter(value, found.type))
+
+    # --- and back -----------------------------------------------------------------------------
+    async def restore(self) -> None:
+        """Put back what was there, if the vehicle is on the ground; else say what is left as set.
+
+        Never raises: it comes last, whatever happened before.
+        """
+        try:
+            before = self._kept.of(self._number)
+            if before is None:
+                return
+            if reason := self._not_now():
+                self._say_left(reason)
+                return
+            async with asyncio.timeout(RESTORE_S):
+                await self._put_back(before)
+            self._kept.done(self._number)
+        except (LinkError, OutputError, TimeoutError) as error:
+            self._say_left(str(error) or "it takes too long")
+
+    async def _put_back(self, before: Before) -> None:
+        """Raises `LinkError`."""
+        for name, parameter in before.parameters.items():
+            if not await self._parameters.write(name, parameter):
+                raise LinkError(f"{name} could not be set back to {parameter.value:g}")
+        await self._put(Kind.FENCE, before.fence)
+        await self._put(Kind.RALLY, before.rally)
+
+    def _not_now(self) -> str:
+        silent_s = asyncio.get_running_loop().time() - self._view.heard_s
+        if silent_s > max(HEARD_S, 2.0 * self._session.ack_wait_s):
+            return "it is silent"
+        return "" if self._view.on_ground else "it is not on the ground with its motors off"
+
+    def _say_left(self, reason: str) -> None:
+        self._tell(
+            f"its fence and return height stay as set for the mission ({reason}); what was there "
+            f"is in {self._kept.path}, and `uavmap resume {self._folder}` puts it back in the end"
+        )
+
+
+def _values(parameters: Mapping[str, Parameter]) -> dict[str, float]:
+    return {name: parameter.value for name, parameter in parameters.items()}
+
+
+def _left_out(plan: FencePlan) -> list[Finding]:
+    """What the mission keeps out of, and the autopilot does not know."""
+    found, narrow = [], f"narrower than {2 * plan.outside_m:.0f} m: the autopilot does not know"
+    if plan.holes_left_out:
+        said = f"{plan.holes_left_out} are {narrow} them"
+        remedy = "the mission keeps out of them all the same"
+        found.append(warn("fence.holes", said, "wider holes", remedy))
+    if plan.columns_left_out:
+        s = "s" if len(plan.columns_left_out) > 1 else ""
+        whose = f"vehicle{s} {', '.join(map(str, plan.columns_left_out))}"
+        said = f"the air over the pad{s} of {whose} is {narrow} it"
+        found.append(warn("fence", said, "", "the mission keeps out of it all the same"))
+    return found

@@ -1,0 +1,188 @@
+"""What a mission would fly, in figures and in lines, before anything flies."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.strategy.leapfrogging import steps_left_s
+from missions.geo.trajectory import LANE_CUTS_M, rounded_path
+from missions.mission import flyable
+from missions.mission.energy import LANDING_OVERHEAD_S
+from missions.mission.height_and_speed import Layer, altitude_reason, layers, search_layers
+from missions.mission.places import far_homes
+from missions.mission.schema import Mission
+from missions.mission.terrain_checks import off_if_flat_m
+from missions.mission.views import path_speed_m_s
+from missions.planning.search.lanes import search_length_m
+from missions.units import GridPoint
+
+
+def estimate(setting: Setting) -> dict[str, Any]:
+    """What a mission would fly at most: a search of the whole box, and nothing found.
+
+    Exploration comes on top; nobody knows how large the ROI is, so it is given per cell, of
+    strategies that look from every cell. What a cell takes in passing depends on those around it.
+    `sortie_wh` is what a full battery leaves for flying about, without the climb, the landing and
+    the reserve; `farthest_corner_wh` what of it goes into the way to the farthest corner of the box
+    and back, and a look there.
+    """
+    mission, energy = setting.mission, setting.energy
+    blocks = setting.shares
+    home = GridPoint(0.0, 0.0)
+    lengths = [search_length_m(block, home) for block in blocks]
+    layer_m = mission.top_altitude_m(len(mission.vehicles) - 1)
+    overhead_s = layer_m / energy.climb_m_s + energy.descent_s(layer_m) + LANDING_OVERHEAD_S
+    search_s = _passing_s(setting) if setting.nonstop else _stopping_s(setting, max(lengths))
+    if setting.leapfrogs:
+        search_s = steps_left_s(setting, State.initial(setting))
+    usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
+    area = flyable.search_area(mission, setting.grid)
+    corner = flyable.farthest_corner(mission, setting.grid)
+    corner_layer_m = mission.top_altitude_m(corner.vehicle)
+    # what is not for flying: the climb, the landing and the reserve
+    aside_wh = energy.climb_wh(corner_layer_m) + energy.home_wh(0.0, corner_layer_m)
+    aside_wh -= energy.leg_wh(0.0)
+    a_cell_s = 2.0 * mission.grid.cell_m / energy.speed_m_s + setting.look_s
+    looks = {} if setting.nonstop else {"exploration_s_per_cell": round(a_cell_s, 1)}
+    return {
+        "mission": mission.name,
+        "strategy": mission.strategy,
+        "vehicles": len(mission.vehicles),
+        "lanes": len(setting.lanes),
+        "search_area_m2": round(area.box_m2, 1),
+        "cut_off_m2": round(area.cut_off_m2, 1),
+        "search_length_m": round(sum(lengths), 1),
+        "search_time_s": round(search_s + overhead_s, 1),
+        "search_sorties": math.ceil(search_s / max(usable_s, 1.0)),
+        "usable_flight_s_per_battery": round(usable_s, 1),
+        **looks,
+        "altitude_set_by": altitude_reason(mission),
+        "layers": [_figures(layer) for layer in layers(mission)],
+        "search_layers": [_figures(layer) for layer in search_layers(mission)],
+        "turn_back_reserve_wh": round(energy.reserve_wh, 2),
+        "sortie_wh": round(energy.capacity_wh - aside_wh, 2),
+        "farthest_corner_m": round(corner.away_m, 1),
+        "farthest_corner_wh": round(corner.sortie_wh - aside_wh, 2),
+    }
+
+
+def ground_figures(setting: Setting) -> dict[str, Any] | None:
+    """What the ground comes to, in metres above the start; None where nothing is known of it."""
+    mission, relief = setting.mission, setting.mission.relief
+    if relief is None:
+        return None
+    figures: dict[str, Any] = {
+        "lowest_m": round(relief.lowest_m, 1),
+        "highest_m": round(relief.highest_m, 1),
+        "steepest_percent": round(100.0 * relief.steepest, 1),
+        "off_if_flat_m": round(off_if_flat_m(mission, relief), 1),
+        "followed": setting.ground is not None,
+    }
+    if setting.ground is not None:
+        heights = [mission.altitude_m(i) for i in range(len(mission.vehicles))]
+        figures["highest_flown_m"] = round(mission.highest_ground_m + max(heights), 1)
+        figures["return_heights_m"] = [round(mission.highest_ground_m + h, 1) for h in heights]
+    return figures
+
+
+def ground_lines(setting: Setting) -> list[str]:
+    """The same in words."""
+    found = ground_figures(setting)
+    if found is None:
+        asked = setting.mission.terrain is not None
+        return ["ground: asked of the autopilot before take-off"] if asked else []
+    lines = [
+        f"ground in the fence: {found['lowest_m']:+g} to {found['highest_m']:+g} m from the start, "
+        f"slopes up to {found['steepest_percent']:g} %; taken as flat, cells would be off by up to "
+        f"{found['off_if_flat_m']:g} m"
+    ]
+    if found["followed"]:
+        returns = ", ".join(f"{height:g}" for height in found["return_heights_m"])
+        lines.append(
+            f"flown above the ground: up to {found['highest_flown_m']:g} m above the start "
+            f"(fence.ceiling_m = {setting.mission.fence.ceiling_m:g}); return heights {returns} m"
+        )
+    return lines
+
+
+def taken_lines(mission: Mission) -> list[str]:
+    """What is taken where the file leaves out a table that a flight depends on.
+
+    >>> from uavmap.load.mission_source import load
+    >>> taken_lines(load("runway"))
+    []
+    """
+    battery, camera, wind = mission.battery, mission.camera, mission.wind
+    values = {
+        "battery": f"{battery.capacity_wh:g} Wh, {battery.hover_power_w:g} W in hover, a reserve "
+        f"of {100.0 * battery.reserve:g} %",
+        "camera": f"{camera.hfov_deg:g} degrees across, {camera.width_px} x {camera.height_px} "
+        f"pixels, {camera.mounting}",
+        "wind": f"{wind.speed_m_s:g} m/s",
+    }
+    return [
+        f"[{name}] is not in the file; taken: {value}"
+        for name, value in values.items()
+        if name not in mission.model_fields_set
+    ]
+
+
+def plan_lines(setting: Setting) -> list[str]:
+    """What would be flown, for people who decide whether to take off."""
+    mission, figures = setting.mission, estimate(setting)
+    cells = figures["search_area_m2"] / mission.grid.cell_m**2
+    heights = ", ".join(f"{layer['altitude_m']:g} m" for layer in figures["layers"])
+    above = "the start" if setting.ground is None else "the ground below"
+    energy, battery = setting.energy, mission.battery
+    return [
+        f"{mission.name}: a box of about {cells:.0f} cells of {mission.grid.cell_m:g} m, by "
+        f"{len(mission.vehicles)} vehicles, strategy {mission.strategy}",
+        f"  heights above {above}: {heights}; at {mission.flight.speed_m_s:g} m/s",
+        f"  the search alone: about {figures['search_time_s'] / 60.0:.0f} minutes, "
+        f"{figures['search_sorties']} sorties a vehicle; exploring comes on top",
+        f"  energy: {battery.capacity_wh:g} Wh a battery, {energy.reserve_wh:.1f} Wh of it "
+        f"reserve, {battery.hover_power_w:g} W in hover",
+        f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
+        f"{mission.fence.margin_m:g} m inside",
+        *(f"  {line}" for line in taken_lines(mission)),
+        *(f"  {line}" for line in far_homes(mission, setting.grid)),
+        *(f"  {line}" for line in ground_lines(setting)),
+    ]
+
+
+def _stopping_s(setting: Setting, longest_m: float) -> float:
+    """How long the longest share of the lanes takes with a stop at every end of a lane."""
+    energy = setting.energy
+    legs = 2 * max(map(len, setting.shares)) + 1
+    return longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
+
+
+def _passing_s(setting: Setting) -> float:
+    """How long the longest share of the lanes takes as one path from home and back."""
+    mission, home = setting.mission, GridPoint(0.0, 0.0)
+    ends_s = []
+    for index, block in enumerate(setting.shares):
+        speed_m_s = path_speed_m_s(mission, mission.top_altitude_m(index))
+        points = [home, *(end for lane in block for end in lane), home]
+        path = rounded_path(points, 0.0, speed_m_s=speed_m_s, cut_m=LANE_CUTS_M[0])
+        ends_s.append(path.end_s)
+    return max(ends_s)
+
+
+def _figures(layer: Layer) -> dict[str, Any]:
+    """What follows from the height of a layer; `speed_m_s` is for pictures without a stop."""
+    across_m, along_m = layer.footprint
+    speeds = layer.speeds
+    return {
+        "altitude_m": round(layer.altitude_m, 1),
+        "footprint_m": [round(across_m, 1), round(along_m, 1)],
+        "gsd_m": round(layer.gsd_m, 4),
+        "pixels_per_cell": round(layer.pixels_per_cell, 1),
+        "speed_m_s": math.floor(speeds.least_m_s * 10.0) / 10.0,
+        "speed_set_by": speeds.reason,
+        "speed_without_blur_m_s": round(speeds.blur_m_s, 1),
+        "speed_with_enough_frames_m_s": round(speeds.frames_m_s, 1),
+    }

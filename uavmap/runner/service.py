@@ -1,0 +1,234 @@
+"""The service: the straight path from what happens to what everybody does.
+
+    frame -> look(frame, grid, detector) -> votes
+    step(state, event) -> (state, orders)
+    orders -> vehicle.give(order) -> MAVLink
+
+Reports wait in a queue and are taken in one at a time: whoever reports is never called back in
+the middle of it. An event is committed to the journal before it is acted on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Final, Protocol
+
+from missions.errors import EventError
+from missions.events import (
+    CellSkipped,
+    Continued,
+    Event,
+    Paused,
+    Recalled,
+    VehicleRecalled,
+)
+from missions.flight.operator_orders import to_skip
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
+from missions.orders import Order
+from uavmap.journal.event_log import Journal
+
+Observer = Callable[[Event, State], None]
+_LOG: Final = logging.getLogger("uavmap.flight")
+
+
+class Vehicle(Protocol):
+    """What the service needs of a vehicle."""
+
+    async def run(
+        self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
+    ) -> None:
+        """Report events and carry out orders until cancelled."""
+        ...
+
+    def give(self, order: Order) -> None:
+        """Carry out an order instead of the present one."""
+        ...
+
+    def land_here(self, reason: str) -> bool:
+        """Have the autopilot land it where it is; False where it is not ours to land."""
+        ...
+
+
+class Service:
+    """One mission under way.
+
+    `reports` are the events that wait to be taken in; another queue than an own one is given where
+    others report before there is a service.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        journal: Journal,
+        vehicles: Mapping[int, Vehicle],
+        state: State,
+        observe: Observer,
+        reports: asyncio.Queue[Event] | None = None,
+    ) -> None:
+        self.setting = setting
+        self.state = state
+        self._journal = journal
+        self._vehicles = vehicles
+        self._observe = observe
+        self.refused = 0
+        """How many reports no journal can hold."""
+        self._reports = reports or asyncio.Queue[Event]()
+        self._over = asyncio.Event()
+        self._recalled = self._flying = False
+        self._failure: Exception | None = None
+        self._unkept: Event | None = None
+        """The report at which the journal failed."""
+
+    def post(self, event: Event) -> None:
+        """Report an event: it is taken in after all that were reported before it."""
+        self._reports.put_nowait(event)
+
+    async def taken_in(self) -> None:
+        """Wait until everything that was posted is taken in and its orders are given."""
+        await self._reports.join()
+
+    async def _take_in(self) -> None:
+        """Take in what was posted, in order.
+
+        What goes wrong here ends the mission: an event must never be lost without a word. The
+        aircraft are then their guardians' (`uavmap.aircraft.guardian.guardian`).
+        """
+        while True:
+            event = await self._reports.get()
+            try:
+                self._post(event)
+            except Exception as failure:
+                self._failure = failure
+                self._over.set()
+                return
+            finally:
+                self._reports.task_done()
+
+    def _post(self, event: Event) -> None:
+        """Commit an event, take it in, hand out the orders that follow."""
+        try:
+            self._journal.append(event)
+        except EventError as refused:  # a report that makes no sense changes nothing
+            self._refuse(str(refused))
+            return
+        except Exception:
+            self._unkept = event
+            raise
+        self.state, orders = step(self.setting, self.state, event)
+        for number, order in orders:
+            self._vehicles[number].give(order)
+        self._observe(event, self.state)
+        if self.state.over:
+            self._over.set()
+
+    def keep_last_words(self) -> None:
+        """Commit what was reported after the service had ended; nobody acts on it any more.
+
+        Guardians go on until everybody is down, and how that ended is for whoever resumes. It is
+        what the journal could not take as well: a disk may have room again. Never raises: what
+        cannot be kept is said.
+        """
+        left = [] if self._unkept is None else [self._unkept]
+        while not self._reports.empty():
+            left.append(self._reports.get_nowait())
+        for event in left:
+            try:
+                self._journal.append(event)
+            except EventError as refused:
+                self._refuse(str(refused))
+            except Exception as failure:
+                with contextlib.suppress(Exception):  # a terminal may be gone, too
+                    _LOG.info(
+                        "what the aircraft told after the mission's end is not in the journal "
+                        f"({failure}): look at each of them before you resume"
+                    )
+                return
+
+    def _refuse(self, reason: str) -> None:
+        self.refused += 1
+        if self.refused == 1:
+            _LOG.info(f"a report was refused: {reason}")
+
+    @property
+    def flying(self) -> bool:
+        """Whether reports are taken in: the vehicles have answered, and it is not over."""
+        return self._flying and not self.ended
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is taken in any more."""
+        return self._over.is_set()
+
+    def recall(self) -> None:
+        """Call everybody home; the mission can be resumed later."""
+        if not self._recalled:
+            self._recalled = True
+            self.post(Recalled(self.state.t_s))
+
+    # --- the operator's hand ---------------------------------------------------------------------
+    def pause(self) -> bool:
+        """Have everybody hold; False where they do already, or nobody flies."""
+        if not self.flying or self.state.paused:
+            return False
+        self.post(Paused(self.state.t_s))
+        return True
+
+    def go_on(self) -> bool:
+        """End a pause; False where there is none."""
+        if not self.flying or not self.state.paused:
+            return False
+        self.post(Continued(self.state.t_s))
+        return True
+
+    def recall_vehicle(self, number: int) -> bool:
+        """Call one vehicle home, to stay there until a resume; False where it is called already.
+
+        Raises `KeyError` for a number that no vehicle has.
+        """
+        if not self.flying or self.state.vehicles[number].called_home:
+            return False
+        self.post(VehicleRecalled(number, self.state.t_s))
+        return True
+
+    def skip_cell(self, number: int) -> bool:
+        """Have nobody look from the cell that a vehicle is at, or on its way to.
+
+        It is told as skipped in the summary and on the map. False where there is no such cell: in
+        lanes, on paths without a stop, on the ground. Raises `KeyError` as `recall_vehicle`.
+        """
+        cell = to_skip(self.setting, self.state, self.state.vehicles[number])
+        if not self.flying or cell is None:
+            return False
+        self.post(CellSkipped(number, self.state.t_s, cell))
+        return True
+
+    def land_here(self, number: int) -> bool:
+        """Have one vehicle land where it is, by its autopilot; False where it is not ours.
+
+        Somebody has to fetch it. Raises `KeyError` as `recall_vehicle`.
+        """
+        return self.flying and self._vehicles[number].land_here("the operator wants it down")
+
+    def stop(self) -> None:
+        """End the flight as it is; the journal tells how to go on."""
+        self._over.set()
+
+    async def fly(self) -> State:
+        """Fly until nobody has anything more to do. Returns the final state."""
+        self._flying = True
+        async with asyncio.TaskGroup() as tasks:
+            running = [
+                tasks.create_task(v.run(self.post, self.taken_in)) for v in self._vehicles.values()
+            ]
+            taking_in = tasks.create_task(self._take_in())
+            await self._over.wait()
+            for task in (*running, taking_in):
+                task.cancel()
+        if self._failure is not None:
+            raise self._failure
+        return self.state

@@ -1,0 +1,129 @@
+"""The aircraft of a flight: a link to each, and the vehicle of the mission at its other end."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Final
+
+from missions.errors import LinkError, MissionFileError
+from missions.flight.setting import Setting
+from missions.flight.strategy.leapfrogging import MAPPER, TRACKER
+from missions.planning.leapfrog_geometry import Role
+from uavmap.aircraft.cameras.local import LocalSource
+from uavmap.aircraft.cameras.pose import Poses
+from uavmap.aircraft.imaging.classifier import Blind, Classifier, detector_of
+from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.leapfrog_sight import Leapfrog
+from uavmap.aircraft.reporter import BATTERY_STALE_S
+from uavmap.aircraft.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
+from uavmap.base import messages
+from uavmap.base.clock import WINDOW_WALL_S, ClockRate
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.kept_frames import Keeper
+from uavmap.mavlink.identity import same_aircraft
+from uavmap.runner.flight_cameras import mount_of
+from uavmap.runner.flight_links import Link
+from uavmap.runner.operator.ground_crew import Crew
+from vision.detectors import Detector
+
+_LOG: Final = logging.getLogger("uavmap.flight")
+LINK_LOST_WALL_S: Final = 2.0
+BATTERY_STALE_WALL_S: Final = 5.0
+SLACK_WALL_S: Final = 2.0
+"""On a clock that runs fast, a busy machine must not look like an aircraft in trouble."""
+STREAMED_SPEEDUP: Final = 3.0
+"""On a faster clock a stream's timeout, a second of the vehicle's time, is so short that any busy
+machine misses it: places ahead are told instead, at which a vehicle stops."""
+
+
+def vehicles_of(
+    plan: FlightPlan,
+    setting: Setting,
+    links: Sequence[Link],
+    crew: Crew,
+    mission_time_s: Callable[[], float],
+    keeper: Keeper | None = None,
+    *,
+    recall: bool = False,
+) -> dict[int, MavlinkVehicle]:
+    """The vehicle at the end of each link, by its number in the mission, from 1.
+
+    For a `recall` nobody needs a detector: one whose model is gone keeps no aircraft in the air.
+    Otherwise raises `MissionFileError` for such a model.
+    """
+    detector = _blind_without(setting) if recall else None
+    log = messages.bound("uavmap.flight").line
+    at_a_terminal = not (crew.absent or plan.simulated or plan.auto_swap)
+    speedup = max(plan.speedup or 1.0, 1.0)
+    # on a clock that runs fast, a busy machine must not look like a lost link
+    link_lost_s, stale_s, slack_s = LINK_LOST_S, BATTERY_STALE_S, 0.0
+    if not plan.simulated:
+        link_lost_s = max(link_lost_s, LINK_LOST_WALL_S * (plan.speedup or 1.0))
+        stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
+        slack_s = SLACK_WALL_S * (speedup - 1.0)
+    vehicles = {}
+    numbers = range(1, len(links) + 1) if not setting.member else (setting.member,)
+    for number, link in zip(numbers, links, strict=True):
+        view = link.session.view
+        view.expect_near(setting.mission.home)
+        view.gate.say = partial(_log_of, log, number)
+        altitude_m = setting.mission.altitude_m(number - 1)
+        classifier = Classifier.of(setting.mission, setting.grid, altitude_m, detector)
+        poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
+        if isinstance(link.camera, LocalSource):  # which tells no pose
+            poses.need_telemetry()
+        vehicles[number] = MavlinkVehicle(
+            number,
+            link.name,
+            link.session,
+            link.commands,
+            CameraDriver(number, link.camera, poses, classifier, mission_time_s, keeper),
+            setting,
+            mission_time_s,
+            crew.swap,
+            link_lost_s,
+            battery_stale_s=stale_s,
+            ground_patience_s=None if at_a_terminal else ON_GROUND_S,
+            slack_s=slack_s,
+            by_places=not plan.simulated and speedup > STREAMED_SPEEDUP,
+            tell=log,
+            clock_rate=None
+            if plan.simulated
+            else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
+        )
+    if setting.leapfrogs:
+        both = Leapfrog(setting.mission.navigation, log)
+        vehicles[MAPPER].leapfrog(both, Role.MAPPER)
+        vehicles[TRACKER].leapfrog(both, Role.TRACKER)
+    return vehicles
+
+
+def _blind_without(setting: Setting) -> Detector | None:
+    """What judges pictures on the way home, where the mission's detector cannot be had."""
+    try:
+        detector_of(setting.mission)
+    except MissionFileError as error:
+        _LOG.info(f"{error}; the aircraft are brought home without it")
+        return Blind()
+    return None
+
+
+def _log_of(log: Callable[[str], None], number: int, text: str) -> None:
+    """Log a line about one vehicle."""
+    log(f"vehicle {number}: {text}")
+
+
+def each_its_own(vehicles: Mapping[int, MavlinkVehicle]) -> None:
+    """Raise `LinkError` where two links lead to one aircraft: it would be told two things at once.
+
+    Seen after both have answered; a router that forwards several vehicles may do that.
+    """
+    for (_, one), (_, other) in itertools.combinations(vehicles.items(), 2):
+        if same_aircraft(one.view, other.view):
+            raise LinkError(
+                f"{one.name} and {other.name} lead to the same aircraft (system "
+                f"{one.view.system_id}); give every vehicle a link and a system id of its own"
+            )

@@ -1,0 +1,21 @@
+"""uavmap from Python: fly, replay, simulate, and look at results.
+
+These names are also those of `uavmap` itself: `uavmap.fly`, `uavmap.Results` and so on.
+"""
+
+from __future__ import annotations
+
+import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
+from uavmap.ui.api.flying import fly, fly_async, resume, resume_async
+from uavmap.ui.api.replaying import replay
+from uavmap.ui.api.results import Results, open_results
+
+__all__ = [
+    "Results",
+    "fly",
+    "fly_async",
+    "open_results",
+    "replay",
+    "resume",
+    "resume_async",
+]

@@ -1,0 +1,305 @@
+"""Flights from Python: in the simulator, and with real aircraft."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import logging
+import os
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any, Final, ParamSpec, cast
+
+from missions.errors import UavmapError
+from uavmap.base.arguments import Paths, choice, path_text, texts
+from uavmap.base.messages import muted, shown_on
+from uavmap.base.terminal import Terminal
+from uavmap.journal.flight_options import DRIVERS, PYMAVLINK, Driver, FlightOptions
+from uavmap.journal.results_folder import results_folder
+from uavmap.photos.after_flight import draw_boundary, kept_frames
+from uavmap.runner import flight
+from uavmap.runner.before_flight import Preflight
+from uavmap.runner.flight_setup import planned
+from uavmap.runner.ground_survey import with_ground
+from uavmap.runner.one_flight import Company
+from uavmap.runner.operator.caller import Caller
+from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.operator.progress import ProgressTable
+from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.ui.api.background_job import Job, awaited, waited_for
+from uavmap.ui.api.results import Results, open_results
+
+P = ParamSpec("P")
+_LOG: Final = logging.getLogger("uavmap.flight")
+KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
+_AS_GIVEN: Final = (
+    *("vehicles", "strategy", "all_strategies", "seed", "speedup", "auto_swap", "driver"),
+    "onboard",
+)
+"""The fields of `FlightOptions` that are parameters of their names."""
+
+
+def fly(
+    mission: Paths,
+    *,
+    sim: bool = False,
+    connect: str | Sequence[str] = (),
+    camera: str | Sequence[str] = (),
+    vehicles: int | None = None,
+    strategy: str | None = None,
+    all_strategies: bool = False,
+    detector: Paths | None = None,
+    seed: int = 1,
+    speedup: float | None = None,
+    auto_swap: bool = False,
+    driver: str = PYMAVLINK,
+    onboard: bool = False,
+    key: Paths | None = None,
+    forward: str | Sequence[str] = (),
+    yes: bool = False,
+    dry_run: bool = False,
+    keep_fence: bool = False,
+    keep_frames: bool = False,
+    out: Paths | None = None,
+    quiet: bool = False,
+) -> Results:
+    """Fly a mission: search the box, explore the region, come home, write the results.
+
+    It is what the command `uavmap fly` does, and returns when the flight is over. It may be called
+    where an event loop runs, as in a notebook; such a loop stands still meanwhile (`fly_async`
+    lets it go on).
+
+    Ctrl-C, and "interrupt" in a notebook, calls real aircraft home; a second time leaves that to
+    their autopilots. Either way `KeyboardInterrupt` is raised, when they are at home or are seen to
+    return. The results are in the folder, and `resume` goes on.
+
+    Args:
+        mission: A mission file, or the name of a shipped mission such as `"runway"`.
+        sim: Simulate the aircraft in this process, on virtual time.
+        connect: Where the vehicles are reached: a URL, or one each, such as
+            `"udpin://0.0.0.0:14550"`. By default the URLs of the mission file.
+        camera: The camera of each vehicle, as for `--camera`. By default those of the mission file.
+        vehicles: How many, 1 to 50. By default as many as the mission file or the URLs say.
+        strategy: Which strategy flies, instead of the mission file's.
+        all_strategies: With `sim`: strategies that serve comparisons in papers may fly, too.
+        detector: A folder that `uavmap tune` has written, instead of the mission file's detector.
+        seed: Of the simulation: the same seed gives the same flight. 0 or more.
+        speedup: Times real time, 0.001 to 1000. By default as fast as it can be computed with
+            `sim`, else 1.
+        auto_swap: Take off again as soon as a battery is fresh, unasked; for simulators only.
+        driver: Who speaks MAVLink: `"pymavlink"` or `"mavsdk"`.
+        onboard: Whether this computer flies with the vehicle.
+        key: The file of a signing key. By default the one that `UAVMAP_KEY_FILE` names.
+        forward: URLs of ground stations, to which all frames are passed on.
+        yes: Take off without a question. Without it somebody has to answer at a terminal; a
+            notebook has none. The bundled simulator takes off unasked.
+        dry_run: Do all but arm; ends in `NotFlownError`, whose `could_fly` is the answer.
+        keep_fence: Leave fences and return heights of the autopilots as they are.
+        keep_frames: Keep every picture with its pose in the results.
+        out: The folder of the results; by default a new one in `results`.
+        quiet: Say nothing on standard error.
+
+    Returns:
+        The results. `completed` is False where something is left to be done, and `aircraft_down`
+        names aircraft that somebody has to look after.
+
+    Raises:
+        MissionFileError: The mission file, by file, key, value and remedy.
+        LinkError: A URL, or a vehicle that does not answer.
+        PreflightError: Something keeps the mission on the ground, or nobody said yes.
+        AircraftError: The flight failed with an aircraft that is not at home.
+        UavmapError: Any other cause outside of the program; all above are of this class.
+
+    Examples:
+        >>> fly("runwya", sim=True)
+        Traceback (most recent call last):
+        missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
+    """
+    return waited_for(
+        _flight(
+            mission, sim=sim, connect=connect, camera=camera, vehicles=vehicles, strategy=strategy,
+            all_strategies=all_strategies, detector=detector, seed=seed, speedup=speedup,
+            auto_swap=auto_swap, driver=driver, onboard=onboard, key=key, forward=forward, yes=yes,
+            dry_run=dry_run, keep_fence=keep_fence, keep_frames=keep_frames, out=out, quiet=quiet,
+        )
+    )  # fmt: skip
+
+
+def resume(
+    folder: Paths,
+    *,
+    connect: str | Sequence[str] = (),
+    camera: str | Sequence[str] = (),
+    driver: str | None = None,
+    key: Paths | None = None,
+    forward: str | Sequence[str] | None = None,
+    from_home: bool = False,
+    recall: bool = False,
+    quiet: bool = False,
+) -> Results:
+    """Go on with the mission of a folder, as `uavmap resume` does.
+
+    To call it is your word that real aircraft may take off, unless `recall` is given.
+
+    Args:
+        folder: The folder of the results.
+        connect: Where the vehicles are reached now, if that has changed.
+        camera: Their cameras, if these have changed.
+        driver: Who speaks MAVLink from now on, if that shall change.
+        key: As for `fly`.
+        forward: As for `fly`, if that has changed.
+        from_home: In the simulator: begin again at home with full batteries.
+        recall: Only bring home who is in the air; nothing takes off.
+        quiet: Say nothing on standard error.
+
+    Returns:
+        The results, as of `fly`.
+
+    Raises:
+        JournalError: There is no mission in the folder, or its journal is damaged.
+        UavmapError: As `fly`.
+    """
+    return waited_for(
+        _resumption(
+            folder, connect=connect, camera=camera, driver=driver, key=key, forward=forward,
+            from_home=from_home, recall=recall, quiet=quiet,
+        )
+    )  # fmt: skip
+
+
+def _like(
+    call: Callable[P, Results],
+) -> Callable[[Callable[..., Awaitable[Results]]], Callable[P, Coroutine[Any, Any, Results]]]:
+    """Gives a coroutine the parameters of `call`, defaults and all."""
+    signature = inspect.signature(call)
+
+    def given(
+        other: Callable[..., Awaitable[Results]],
+    ) -> Callable[P, Coroutine[Any, Any, Results]]:
+        @wraps(other)
+        async def awaiting(*arguments: P.args, **options: P.kwargs) -> Results:
+            bound = signature.bind(*arguments, **options)
+            bound.apply_defaults()
+            return await other(**bound.arguments)
+
+        awaiting.__signature__ = signature  # type: ignore[attr-defined]
+        return awaiting
+
+    return given
+
+
+@_like(fly)
+async def fly_async(**options: Any) -> Results:
+    """Fly as `fly` does, while the program's event loop goes on; takes the same arguments.
+
+    Cancelling it is Ctrl-C: a first time calls real aircraft home, a second time leaves that to
+    their autopilots. `asyncio.CancelledError` is raised when they are at home, or are seen to
+    return (`AircraftError` where one is not), and not before: `asyncio.timeout` and
+    `asyncio.wait_for` wait for them, too.
+
+    Examples:
+        >>> import asyncio
+        >>> async def main() -> None:
+        ...     async with asyncio.timeout(600.0):
+        ...         flight = await fly_async("runway", sim=True)
+        ...     print(flight.area_m2)
+    """
+    return await awaited(_flight(**options))
+
+
+@_like(resume)
+async def resume_async(**options: Any) -> Results:
+    """Go on as `resume` does, while the program's event loop goes on. See `fly_async`."""
+    return await awaited(_resumption(**options))
+
+
+# --- the jobs ------------------------------------------------------------------------------------
+def _flight(mission: Paths, **given: Any) -> Job[Results]:
+    """The work of `fly`, its arguments checked."""
+    sim, quiet, yes, dry_run = (given[key] for key in ("sim", "quiet", "yes", "dry_run"))
+    if sim and given["connect"]:
+        raise UavmapError("sim=True and connect=... exclude each other: give one of them")
+    if quiet and not (sim or yes or dry_run):
+        raise UavmapError("quiet=True hides the question before take-off: give yes=True with it")
+    detector = given["detector"]
+    options = FlightOptions(
+        mission_source=path_text("mission", mission),
+        simulated=sim,
+        urls=texts("connect", given["connect"]),
+        cameras=texts("camera", given["camera"]),
+        detector=None if detector is None else path_text("detector", detector),
+        key_file=None if sim else _key(given["key"]),
+        forward=texts("forward", given["forward"]),
+        **{name: given[name] for name in _AS_GIVEN},
+    )
+    out = None if given["out"] is None else path_text("out", given["out"])
+    before = None if sim else Preflight(plan_lines, yes, dry_run, given["keep_fence"])
+    if sim and dry_run:
+        raise UavmapError("dry_run=True is for real aircraft; `uavmap check` looks at a mission")
+
+    def job(caller: Caller) -> Results:
+        plan = planned(options)
+        with _shown(quiet=quiet) as onlookers:
+            plan = with_ground(plan)
+            name = plan.mission.name
+            folder = results_folder(out, name)
+            _LOG.info(f"{name} into {folder}; to go on if it is interrupted: uavmap.resume")
+            company = Company(onlookers=onlookers, preflight=before, caller=caller)
+            flight.fly(plan, folder, company, keep_frames=given["keep_frames"])
+            return _finished(folder)
+
+    return job
+
+
+def _resumption(folder: Paths, **given: Any) -> Job[Results]:
+    """The work of `resume`, its arguments checked."""
+    where = Path(path_text("folder", folder))
+    driver, forward = given["driver"], given["forward"]
+    options = {
+        "urls": texts("connect", given["connect"]),
+        "cameras": texts("camera", given["camera"]),
+        "driver": None if driver is None else _driver(driver),
+        "key_file": _key(given["key"]),
+        "forward": None if forward is None else texts("forward", forward),
+        "from_home": given["from_home"],
+    }
+
+    def job(caller: Caller) -> Results:
+        with _shown(quiet=given["quiet"]) as onlookers:
+            company = Company(onlookers=onlookers, caller=caller, recall=given["recall"])
+            flight.resume(where, company, **options)
+            return _finished(where)
+
+    return job
+
+
+def _finished(folder: Path) -> Results:
+    """The results of a flight, with what pictures that were kept add to them."""
+    results = open_results(folder)
+    if not kept_frames(folder) or results.aircraft_down:
+        return results
+    draw_boundary(folder, _LOG.info)
+    return open_results(folder)
+
+
+@contextlib.contextmanager
+def _shown(*, quiet: bool) -> Iterator[tuple[Onlooker, ...]]:
+    """Show lines and progress on standard error, unless `quiet`; gives who looks on."""
+    if quiet:
+        with muted():
+            yield ()
+        return
+    terminal = Terminal()
+    with shown_on(terminal):
+        yield (ProgressTable(terminal),)
+
+
+def _driver(name: str) -> Driver:
+    return cast(Driver, choice("driver", name, DRIVERS))
+
+
+def _key(given: Paths | None) -> str | None:
+    """The file of the key as an absolute path, None without one."""
+    named = os.environ.get(KEY_VARIABLE) or None if given is None else path_text("key", given)
+    return None if named is None else str(Path(named).expanduser().absolute())

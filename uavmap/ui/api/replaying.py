@@ -1,0 +1,100 @@
+"""Maps of recorded pictures from Python."""
+
+from __future__ import annotations
+
+import logging
+from datetime import datetime
+from typing import Final
+
+from missions.errors import UavmapError
+from uavmap.base.arguments import Paths, number, path_text, whole
+from uavmap.base.messages import muted, shown_on
+from uavmap.base.terminal import Terminal
+from uavmap.photos.cluster import Cluster
+from uavmap.photos.ground.rasters import Wishes
+from uavmap.photos.replay_job import Wanted, replay_pictures
+from uavmap.photos.workers import Crew, Threads
+from uavmap.ui.api.results import Results, open_results
+
+_LOG: Final = logging.getLogger("uavmap.photos")
+
+
+def replay(
+    path: Paths,
+    *,
+    mission: Paths | None = None,
+    detector: Paths | None = None,
+    out: Paths | None = None,
+    calibration: Paths | None = None,
+    any_day: bool = False,
+    video_start: datetime | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    refine: bool = True,
+    ortho: bool | None = None,
+    gsd_m: float | None = None,
+    quiet: bool = False,
+) -> Results:
+    """Map what recorded pictures show, by the same detector and votes as a flight.
+
+    It is what the command `uavmap replay` does.
+
+    Args:
+        path: A folder of pictures with its subfolders, or one file. A folder of a flight that kept
+            its frames is one, too.
+        mission: A mission file, or the name of a shipped one: grid, camera, detector and votes. By
+            default they come from the pictures.
+        detector: A folder that `uavmap tune` has written, instead of the mission's detector.
+        out: The folder of the results; by default a new one in `results`.
+        calibration: The camera's calibration by OpenCV, instead of the tags' focal length.
+        any_day: Use pictures of other days than most, too.
+        video_start: When a video with a .tlog beside it begins; with its time zone.
+        workers: How many pictures are looked at at once, 1 to 256. By default one a core.
+        scheduler: The address of a Dask cluster that looks at the pictures (the extra `cluster`).
+        refine: Refine the poses where pictures overlap.
+        ortho: Write the mosaic `ortho.tif`. By default if rasterio is installed.
+        gsd_m: Metres of ground a pixel of it, 0.005 to 10. By default as fine as the pictures, at
+            the finest 0.05.
+        quiet: Say nothing on standard error.
+
+    Returns:
+        The results. `completed` is False where half of the pictures or more could not be used.
+
+    Raises:
+        MissionFileError: The mission file, by file, key, value and remedy.
+        ImageError: No picture can be used, or a calibration cannot be read.
+        UavmapError: Any other cause outside of the program; those above are of this class.
+
+    Examples:
+        >>> replay("no-such-folder")
+        Traceback (most recent call last):
+        missions.errors.ImageError: no-such-folder: ...
+    """
+    if video_start is not None and video_start.tzinfo is None:
+        raise UavmapError(f"video_start = {video_start!r}: expected a time with its time zone")
+    if workers is not None and scheduler is not None:
+        raise UavmapError("workers and scheduler exclude each other: give one of them")
+    wanted = Wanted(
+        path=path_text("path", path),
+        mission=None if mission is None else path_text("mission", mission),
+        detector=None if detector is None else path_text("detector", detector),
+        out=None if out is None else path_text("out", out),
+        calibration=None if calibration is None else path_text("calibration", calibration),
+        any_day=any_day,
+        video_start=None if video_start is None else video_start.timestamp(),
+        refine=refine,
+        rasters=Wishes(ortho, None if gsd_m is None else number("gsd_m", gsd_m, 0.005, 10.0)),
+    )
+    with muted() if quiet else shown_on(Terminal()):
+        if scheduler is not None:
+            with Cluster(scheduler) as cluster:
+                return _replayed(wanted, cluster)
+        count = None if workers is None else whole("workers", workers, 1, 256)
+        return _replayed(wanted, Threads(count))
+
+
+def _replayed(wanted: Wanted, crew: Crew) -> Results:
+    done = replay_pictures(wanted, crew, _LOG.info)
+    if done.interrupted:
+        raise KeyboardInterrupt(f"the GeoTIFFs are not written; all else is in {done.folder}")
+    return open_results(done.folder)

@@ -1,0 +1,241 @@
+"""What a flight or a replay has left in its folder, as geometries, tables and pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Polygon, shape
+from shapely.geometry.base import BaseGeometry
+
+from missions.errors import ResultsError, UavmapError
+from missions.geo.geodesy import UtmZone
+from missions.units import LatLon
+from uavmap.base.arguments import Paths, path_text
+from uavmap.base.extras import install_command
+from uavmap.base.text_files import read_text
+from uavmap.journal.flight_plan import JOURNAL
+
+if TYPE_CHECKING:
+    import geopandas
+    from matplotlib.axes import Axes
+
+WGS84: Final = "EPSG:4326"
+_MAP, _SUMMARY, _BOUNDARY, _PICTURE = "map.geojson", "summary.json", "boundary.geojson", "map.png"
+_LARGEST_BYTES: Final = 1_000_000_000
+_COLUMNS: Final = ("column", "row", "state", "positive", "votes", "belief")
+
+
+def open_results(folder: Paths) -> Results:
+    """The results that lie in a folder, of a flight or of a replay.
+
+    Raises:
+        ResultsError: There is no map in it, as after a flight that was interrupted, or its files
+            are damaged.
+
+    Examples:
+        >>> open_results("no-such-folder")
+        Traceback (most recent call last):
+        missions.errors.ResultsError: no-such-folder: there is no such folder
+    """
+    where = Path(path_text("folder", folder))
+    if not where.is_dir():
+        raise ResultsError(f"{where}: there is no such folder")
+    if not (where / _MAP).exists():
+        how = f"; `uavmap resume {where}` goes on" if (where / JOURNAL).exists() else ""
+        raise ResultsError(f"{where}: holds no {_MAP}, a mission that has ended leaves one{how}")
+    return Results(where, _object(where / _SUMMARY), _features(where / _MAP))
+
+
+class Results:
+    """A folder of results: `map.geojson`, `summary.json` and what lies beside them.
+
+    Made by `uavmap.fly`, `uavmap.replay` and `uavmap.open_results`. It holds what was in the files
+    when it was made.
+
+    Geometries are shapely's. Without a suffix they are in longitude and latitude (WGS84,
+    EPSG:4326), with `_utm` in metres of the UTM zone `utm_crs`, in which the grid is aligned.
+
+    Attributes:
+        folder: Where they lie.
+        summary: The figures of `summary.json`, by name; see the page on file formats.
+    """
+
+    def __init__(
+        self, folder: Path, summary: dict[str, Any], features: list[dict[str, Any]]
+    ) -> None:
+        self.folder = folder
+        self.summary = summary
+        self._features = features
+
+    def __repr__(self) -> str:
+        """The folder, and what was found in a sentence."""
+        return f"<Results in {self.folder}: {self.summary.get('finding', '')}>"
+
+    def _repr_png_(self) -> bytes | None:
+        """The picture of the map, which a notebook shows."""
+        path = self.folder / _PICTURE
+        return path.read_bytes() if path.exists() else None
+
+    # --- figures ---------------------------------------------------------------------------------
+    @property
+    def completed(self) -> bool:
+        """Whether the mission is complete; of a replay, whether most pictures are in the map."""
+        return bool(self.summary["completed"])
+
+    @property
+    def finding(self) -> str:
+        """What was found, in a sentence that claims no more than was judged."""
+        return str(self.summary["finding"])
+
+    @property
+    def aircraft_down(self) -> tuple[str, ...]:
+        """A line for each aircraft that somebody has to look after, with its place."""
+        return tuple(self.summary.get("aircraft_down", ()))
+
+    @property
+    def area_m2(self) -> float:
+        """The ground of the region's cells, in square metres on the ground; 0 without a region."""
+        (outline,) = self.features("outline")
+        return float(outline["properties"]["area_m2"])
+
+    # --- geometries ------------------------------------------------------------------------------
+    @property
+    def region(self) -> BaseGeometry:
+        """The outline of the region's cells with its holes, in longitude and latitude.
+
+        A `Polygon` or a `MultiPolygon`; an empty `Polygon` where no region was found. Of a
+        drifting region it is where that was at the end of the map.
+        """
+        (outline,) = self.features("outline")
+        region: BaseGeometry = _shape(outline)
+        return region
+
+    @property
+    def region_utm(self) -> BaseGeometry:
+        """The same in metres of `utm_crs`."""
+        return self.to_utm(self.region)
+
+    @cached_property
+    def boundary(self) -> BaseGeometry | None:
+        """The region at pixel level, in longitude and latitude.
+
+        None where no pictures told it: they do in a replay, and in a flight that kept its frames.
+        """
+        path = self.folder / _BOUNDARY
+        if not path.exists():
+            return None
+        told = (f for f in _features(path) if f["properties"].get("kind") == "boundary")
+        return shapely.union_all([_shape(feature) for feature in told])
+
+    @property
+    def tracks(self) -> dict[int, LineString]:
+        """Where each vehicle flew, by its number: longitude, latitude, metres above home.
+
+        Of a replay, where the pictures were taken, as vehicle 1.
+        """
+        return {f["properties"]["vehicle"]: _shape(f) for f in self.features("track")}
+
+    @cached_property
+    def utm_crs(self) -> str:
+        """The UTM zone of the map as `"EPSG:32617"`: that of the first track's beginning."""
+        return f"EPSG:{self._zone.epsg}"
+
+    @cached_property
+    def _zone(self) -> UtmZone:
+        for feature in [*self.features("track"), *self.features("cell"), *self.features("outline")]:
+            for lon, lat, *_ in shapely.get_coordinates(_shape(feature)).tolist():
+                return UtmZone.of(LatLon(lat, (lon + 180.0) % 360.0 - 180.0))
+        raise ResultsError(f"{self.folder / _MAP}: nothing in it has a place")
+
+    def to_utm(self, geometry: BaseGeometry) -> BaseGeometry:
+        """A geometry of longitudes and latitudes in metres of `utm_crs`; heights are dropped.
+
+        Metres of the projection are up to 0.04 % shorter than those on the ground.
+        """
+        zone = self._zone
+
+        def projected(places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+            points = (zone.to_utm(LatLon(lat, lon)) for lon, lat in places.tolist())
+            return np.array([(p.east_m, p.north_m) for p in points]).reshape(-1, 2)
+
+        moved: BaseGeometry = shapely.transform(geometry, projected)
+        return moved
+
+    # --- tables ----------------------------------------------------------------------------------
+    def features(self, kind: str) -> list[dict[str, Any]]:
+        """The features of `map.geojson` of a kind, as they are in the file.
+
+        Args:
+            kind: `"cell"`, `"outline"`, `"track"` or `"unsearched"`.
+        """
+        return [f for f in self._features if f["properties"].get("kind") == kind]
+
+    @cached_property
+    def cells(self) -> geopandas.GeoDataFrame:
+        """Every cell that was judged, as a GeoDataFrame in EPSG:4326 (needs the extra `frames`).
+
+        Columns: `column` and `row` of the grid, `state`, `positive` of `votes` frames that say
+        region, `belief` (0 to 1, of recorded pictures; else NaN), and `geometry`. `cells.to_crs(
+        results.utm_crs)` has metres.
+
+        Raises `UavmapError` where geopandas is not installed.
+        """
+        try:
+            import geopandas  # noqa: PLC0415 - an extra, and heavy
+        except ImportError:
+            raise UavmapError(
+                f"cells as a table need geopandas: {install_command('frames')}"
+            ) from None
+        rows = self.features("cell")
+        table = {name: [row["properties"].get(name) for row in rows] for name in _COLUMNS}
+        table["belief"] = [np.nan if value is None else value for value in table["belief"]]
+        return geopandas.GeoDataFrame(table, geometry=[_shape(row) for row in rows], crs=WGS84)
+
+    # --- pictures --------------------------------------------------------------------------------
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw cells, outline and tracks in metres of `utm_crs`; returns the axes of matplotlib.
+
+        Args:
+            ax: Axes to draw into; by default those of a new figure.
+
+        Raises `UavmapError` where matplotlib is not installed (the extra `study`).
+        """
+        from uavmap.ui.api.plotting import draw  # noqa: PLC0415 - an extra, and heavy
+
+        return draw(self, ax)
+
+
+# --- files ---------------------------------------------------------------------------------------
+def _object(path: Path) -> dict[str, Any]:
+    """What a JSON file holds. Raises `ResultsError`."""
+    try:
+        found = json.loads(read_text(path, _LARGEST_BYTES))
+    except OSError as error:
+        raise ResultsError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, RecursionError) as error:
+        raise ResultsError(f"{path}: is damaged ({error})") from None
+    if not isinstance(found, dict):
+        raise ResultsError(f"{path}: is damaged (no JSON object)")
+    return found
+
+
+def _features(path: Path) -> list[dict[str, Any]]:
+    found = _object(path).get("features")
+    good = isinstance(found, list) and all(
+        isinstance(one, dict) and isinstance(one.get("properties"), dict) for one in found
+    )
+    if not good:
+        raise ResultsError(f"{path}: is damaged (no features)")
+    return list(found or ())
+
+
+def _shape(feature: Mapping[str, Any]) -> Any:
+    """Its geometry; that of a region that was not found is empty."""
+    geometry = feature.get("geometry")
+    return Polygon() if geometry is None else shape(geometry)

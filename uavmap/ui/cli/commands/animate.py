@@ -1,0 +1,110 @@
+"""uavmap animate: a flown mission as an animation, and its tree as a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import OutputError
+from uavmap.base.terminal import Terminal
+from uavmap.journal.event_log import JournalReader
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.output.facts.score import true_roi
+from uavmap.output.film import check_path, film_of_flight, title_of
+from uavmap.output.film.rerun_recording import SUFFIX, sdk, write_recording
+from uavmap.ui.cli.picture_options import (
+    add_picture_options,
+    check_pictures,
+    wants_pictures,
+    write_pictures,
+)
+
+ANIMATION: Final = "flight.gif"
+TREE: Final = "tree.png"
+
+_EXAMPLES = """\
+examples:
+  uavmap animate results/runway-1                       flight.gif and tree.png in that folder
+  uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 where you are
+  uavmap animate results/spill-1 --animate spill.mp4 -o results/spill-1
+  uavmap animate results/spill-1 --tree tree.svg
+  uavmap animate results/spill-1 --rerun spill.rrd      for the Rerun viewer: rerun spill.rrd
+
+The animation takes at most 20 seconds, however long the flight. Where the region drifts, the
+tracks are as seen from the region.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "animate",
+        description="Make an animation and a picture of the tree from the journal of a mission.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
+    add_picture_options(parser)
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        type=Path,
+        help="where files go that are named without a folder (default: flight.gif and tree.png "
+        "into DIR, a name that you give as it is, from where you are)",
+    )
+    parser.add_argument(
+        "--rerun",
+        metavar="FILE.rrd",
+        type=Path,
+        help="write cells, tree, vehicles, batteries and kept frames on one timeline, for the "
+        "Rerun viewer (needs the extra rerun)",
+    )
+    parser.set_defaults(run=run)
+
+
+def _place(options: argparse.Namespace) -> None:
+    """Put the files that are named without a folder into that of --out. Raises `OutputError`."""
+    if not options.out.is_dir():
+        raise OutputError(f"--out {options.out}: there is no such folder")
+    for option in ("animate", "tree", "rerun"):
+        path = getattr(options, option)
+        if path is not None and path.parent == Path():
+            setattr(options, option, options.out / path)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Animate."""
+    folder, say = Path(options.folder), Terminal().show
+    asked_for_tree = options.tree is not None
+    if options.out is not None:
+        _place(options)
+    if options.rerun is not None:
+        check_path(options.rerun, (SUFFIX,))
+        sdk()
+    elif not wants_pictures(options):
+        into = options.out or folder
+        options.animate, options.tree = into / ANIMATION, into / TREE
+    journal = JournalReader(folder / JOURNAL)
+    check_pictures(options)
+    plan, recorded = FlightPlan.read(journal), "replay" in journal.meta
+    setting = plan.known_setting()
+    events = list(journal.events())
+    mission, truth = setting.mission, None
+    if plan.simulated and not recorded and mission.sim.roi:
+        truth = true_roi(mission, setting.grid)
+    title = title_of(mission, recorded=recorded)
+    film, state = film_of_flight(setting, events, title, truth=truth, recorded=recorded)
+    if not film.changes:
+        raise OutputError(f"{folder}: no picture was judged; there is nothing to show")
+    if state.tree is None and options.tree is not None:
+        if asked_for_tree:
+            raise OutputError(f"{folder}: the region was not found; there is no tree to draw")
+        say("the region was not found; there is no tree to draw")
+        options.tree = None
+    write_pictures(options, film, state.tree, say)
+    if options.rerun is not None:
+        write_recording(options.rerun, film, events, setting.grid, folder)
+        say(f"recording in {options.rerun}")
+    return 0

@@ -1,0 +1,203 @@
+"""uavmap doctor: what is wrong with the installation, a vehicle, or a vehicle for a mission."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import logging
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import MissionFileError
+from missions.flight.setting import Setting
+from missions.mission.schema import CameraSection
+from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
+from uavmap.aircraft.imaging.classifier import detector_of
+from uavmap.base.clock import ScaledClock
+from uavmap.base.clock import run as run_on
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
+from uavmap.load.mission_source import load, shipped_missions
+from uavmap.runner.flight_cameras import cameras_of
+from uavmap.runner.flight_links import Link, LinkOptions, check_urls, opened_links
+from uavmap.runner.preflight.autopilot_fence import outside_m
+from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
+from uavmap.runner.preflight.examination import Examination, connect
+from uavmap.runner.preflight.finding import Finding, could_fly, ok
+from uavmap.runner.preflight.installation import installation
+from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.ui.cli.endings import INCOMPLETE
+from uavmap.ui.cli.flight_options import key_file
+from uavmap.ui.cli.option_table import add_options
+
+_LOG: Final = logging.getLogger("uavmap.runner.preflight")
+PICTURES: Final = "doctor"
+"""The folder for test pictures, where none is named."""
+HEARTBEAT_S: Final = 1.0
+
+_EXAMPLES: Final = """\
+examples:
+  uavmap doctor                                                the installation
+  uavmap doctor --connect udpin://0.0.0.0:14550                and a vehicle
+  uavmap doctor field.toml --connect udpin://0.0.0.0:14550     for a mission, with a test picture
+  uavmap doctor field.toml --connect serial:///dev/ttyACM0:57600 --json
+
+Nothing is armed, and nothing is set. `uavmap fly MISSION --connect URL --dry-run` sets the fence,
+too, and puts the old one back.
+
+exit codes:
+  0    nothing is bad: the mission could fly
+  2    the input is wrong, or a vehicle does not answer; a line says what
+  3    something is bad; its line says what to do
+  130  interrupted
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "doctor",
+        description="Say what is right, doubtful or wrong, and what to do about it.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "mission",
+        metavar="MISSION",
+        nargs="?",
+        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
+    )
+    add_options(parser, "doctor")
+    parser.add_argument(
+        "--out", metavar="DIR", default=PICTURES, help="folder for test pictures (default: doctor)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Look."""
+    urls, folder = tuple(options.connect or ()), Path(options.out)
+    check_urls(urls)
+    links = LinkOptions(speedup=options.speedup or 1.0, key_file=key_file(options))
+    setting = _setting(options.mission, len(urls))
+    cameras = _cameras(tuple(options.camera or ()), setting, len(urls))
+    found = list(installation(folder))
+    if not options.json:
+        _print(found)
+        if setting is not None:
+            print("\n".join(plan_lines(setting)))
+    if urls:
+        clock = ScaledClock(options.speedup or 1.0)
+        seen: list[Finding] = []
+        run_on(_vehicles(urls, links, cameras, setting, folder, seen), clock)
+        found += seen
+        if not options.json:
+            _print(seen)
+    able = could_fly(found)
+    if options.json:
+        values = {"could_fly": able, "findings": [finding.as_json() for finding in found]}
+        json.dump(values, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+    else:
+        print("nothing is bad" if able else "not to be flown as it is: see what is bad above")
+    return 0 if able else INCOMPLETE
+
+
+def _setting(name: str | None, links: int) -> Setting | None:
+    """The mission, with a vehicle for each link where links are given."""
+    if name is None:
+        return None
+    mission = load(name)
+    if links > len(mission.vehicles):
+        raise MissionFileError(
+            f"{name}: {len(mission.vehicles)} vehicles, but {links} connection URLs; give "
+            "--connect at most once a vehicle"
+        )
+    return Setting.of(mission)
+
+
+def _cameras(given: Sequence[str], setting: Setting | None, links: int) -> list[CameraSpec]:
+    """The camera at each link; without a mission none is looked at."""
+    if setting is None:
+        if given:
+            raise MissionFileError("--camera needs a MISSION, which says how its pictures are")
+        return [parse_camera("mavlink")] * links
+    cameras = cameras_of(given, setting.mission)
+    if len(cameras) < links:
+        raise MissionFileError(f"{links} connection URLs, but --camera {len(cameras)} times")
+    return cameras[:links]
+
+
+def _print(found: Sequence[Finding]) -> None:
+    for finding in found:
+        print(finding.line())
+
+
+async def _vehicles(
+    urls: Sequence[str],
+    options: LinkOptions,
+    cameras: Sequence[CameraSpec],
+    setting: Setting | None,
+    folder: Path,
+    found: list[Finding],
+) -> None:
+    section = CameraSection() if setting is None else setting.mission.camera
+    async with contextlib.AsyncExitStack() as stack:
+        stack.enter_context(shown_on(Terminal()))
+        links = await stack.enter_async_context(
+            opened_links(urls, options, cameras, section, _drop)
+        )
+        for link in links:
+            if setting is not None:
+                link.session.view.expect_near(setting.mission.home)
+        async with asyncio.TaskGroup() as tasks:
+            beating = tasks.create_task(_heartbeats(links))
+            looking = [
+                tasks.create_task(_vehicle(number, link, setting, folder))
+                for number, link in enumerate(links, start=1)
+            ]
+            await asyncio.wait(looking)
+            beating.cancel()
+    for task in looking:
+        found += task.result()
+
+
+async def _heartbeats(links: Sequence[Link]) -> None:
+    """A vehicle speaks only where it has heard somebody."""
+    while True:
+        for link in links:
+            link.session.heartbeat()
+        await asyncio.sleep(HEARTBEAT_S)
+
+
+def _drop(frame: bytes) -> None:
+    """Nothing is recorded."""
+
+
+async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:
+    """All that is found on one vehicle."""
+
+    def tell(text: str) -> None:
+        _LOG.info(f"vehicle {number}: {text}")
+
+    examination = Examination(number, link.session, link.camera)
+    setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder, tell)
+    await connect(link.session, link.name)
+    found = await examination.vehicle(setting)
+    if setting is None or setup is None:
+        return found
+    mission = setting.mission
+    ratio = mission.altitude_m(number - 1) / mission.altitude_m(0)
+    if not link.session.view.armed:
+        found += await examination.camera(setting, detector_of(mission, ratio), folder)
+    before, told = await setup.look()
+    by_m = outside_m(mission.flight.speed_m_s, setting.energy.accel_m_s2)
+    told.append(
+        ok("fence", f"{setup.in_words(before)}; a flight sets the mission's, {by_m:.0f} m wider")
+    )
+    return found + [replace(finding, vehicle=number) for finding in told]

@@ -1,0 +1,190 @@
+"""uavmap export: a mission as files for ground stations, a map as files for a GIS."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.errors import MissionFileError, OutputError, UavmapError
+from missions.flight.setting import Setting
+from missions.mission.schema import Mission
+from uavmap.base.atomic_write import write_text
+from uavmap.base.terminal import Terminal
+from uavmap.load.mission_source import load
+from uavmap.output.formats.ground_station_plan import Firmware, plan_text, waypoints_text
+from uavmap.output.formats.plan_items import SearchFlight, search_flight
+from uavmap.ui.cli.common import vehicle_count
+from uavmap.ui.cli.export_map import add_map_options, export_map
+
+_EXAMPLES = """\
+examples:
+  uavmap export field.toml --plan field.plan              the search lanes, for QGroundControl
+  uavmap export field.toml --plan field.plan --firmware px4
+  uavmap export field.toml --waypoints field.waypoints    for Mission Planner
+  uavmap export spill --plan spill.plan                   three vehicles: spill-1.plan, -2, -3
+  uavmap export spill --plan second.plan --vehicle 2
+  uavmap export results/field-1 --to gpkg                 map.gpkg, with layers and styles, for QGIS
+  uavmap export results/field-1 --to shp --out for-gis    Shapefiles, a layer each, in that folder
+  uavmap export results/field-1 --to kml --out field.kml  tracks in time, for Google Earth
+
+A plan has the fence, the vehicle's home as rally point, and a flight that takes off, flies its
+lines with pictures, comes back over its home and returns. An autopilot flies these lines and no
+more: nothing judges the pictures, and only their different heights keep vehicles apart.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "export",
+        description="Write the search of a mission as a file for QGroundControl or Mission "
+        "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add(
+        "source",
+        metavar="MISSION|DIR",
+        help="a mission file, a shipped mission, or the results folder of a mission",
+    )
+    add("--plan", metavar="FILE.plan", type=Path, help="a plan for QGroundControl")
+    add(
+        "--waypoints",
+        metavar="FILE.waypoints",
+        type=Path,
+        help="QGC WPL 110 for Mission Planner: without fence and rally points",
+    )
+    add(
+        "--firmware",
+        type=Firmware,
+        choices=list(Firmware),
+        default=Firmware.ARDUPILOT,
+        help="of the vehicle, ardupilot or px4 (default ardupilot)",
+    )
+    add(
+        "--vehicle",
+        metavar="N",
+        type=vehicle_count,
+        help="of this vehicle alone, counted from 1 (default: all, a file each)",
+    )
+    add(
+        "--above-sea",
+        action="store_true",
+        help="heights above the sea (start.amsl_m) instead of above the home",
+    )
+    add_map_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Export."""
+    if options.to is not None or options.out is not None:
+        return export_map(options, Terminal().show)
+    if options.plan is None and options.waypoints is None:
+        raise UavmapError(
+            "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints or --to FORMAT"
+        )
+    if options.plan == options.waypoints:
+        raise UavmapError(f"--plan and --waypoints are both {options.plan}; give each its own file")
+    if options.waypoints is not None and options.firmware is Firmware.PX4:
+        raise UavmapError(
+            "--waypoints: the file begins with a home, which a PX4 would fly to; use --plan"
+        )
+    say = Terminal().show
+    if Path(options.source).is_dir():
+        raise UavmapError(
+            f"{options.source}: is a folder, and a plan is of a mission; give its file. To fly the "
+            "mapped region again, draw a mission around it: uavmap new "
+            f"{Path(options.source) / 'map.gpkg'} --area region"
+        )
+    mission = load(options.source)
+    if mission.flight.height_above == "ground":
+        raise UavmapError(
+            f'{options.source}: flight.height_above = "ground": the heights of a plan are above '
+            "home, which leads into ground that is not flat; fly it with `uavmap fly`"
+        )
+    frame, home_amsl_m = _frame(options, mission), mission.start.amsl_m
+    flights = _flights(options, mission, frame, say)
+    texts: dict[Path, str] = {}
+    for flight in flights:
+        number = flight.vehicle + 1 if len(flights) > 1 else None
+        if options.plan is not None:
+            texts[_numbered(options.plan, number)] = plan_text(
+                options.firmware, flight.home, flight.fence, flight.rally, flight.items,
+                home_amsl_m=home_amsl_m, speed_m_s=flight.speed_m_s, frame=frame,
+            )  # fmt: skip
+        if options.waypoints is not None:
+            text = waypoints_text(flight.home, home_amsl_m, flight.items)
+            texts[_numbered(options.waypoints, number)] = text
+    _write(texts, say)
+    return 0
+
+
+def _write(texts: dict[Path, str], say: Callable[[str], None]) -> None:
+    """Write the files, all or, where one is there already, none. Raises `OutputError`."""
+    for path in texts:
+        if path.exists():
+            raise OutputError(f"{path}: is there already; choose another name, or move it away")
+    for path, text in texts.items():
+        try:
+            write_text(path, text)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        say(f"wrote {path}")
+
+
+def _numbered(path: Path, number: int | None) -> Path:
+    """The file of one of several vehicles: field.plan, vehicle 2 -> field-2.plan."""
+    return path if number is None else path.with_name(f"{path.stem}-{number}{path.suffix}")
+
+
+def _chosen(options: argparse.Namespace, mission: Mission) -> int | None:
+    """The vehicle of --vehicle, counted from 0."""
+    if options.vehicle is None:
+        return None
+    count = len(mission.vehicles)
+    if options.vehicle > count:
+        raise UavmapError(f"--vehicle {options.vehicle}: {options.source} has {count}")
+    return int(options.vehicle) - 1
+
+
+def _flights(
+    options: argparse.Namespace, mission: Mission, frame: int, say: Callable[[str], None]
+) -> list[SearchFlight]:
+    """The search of the vehicle of --vehicle, or of all that have a lane to fly."""
+    setting = Setting.of(mission)
+    chosen = _chosen(options, mission)
+    flights = []
+    for vehicle in range(len(mission.vehicles)) if chosen is None else (chosen,):
+        flight = search_flight(setting, vehicle, frame)
+        if flight.left_out:
+            say(
+                f"vehicle {vehicle + 1}: {len(flight.left_out)} lanes are left out, no path inside "
+                "the fence leads to them"
+            )
+        if len(flight.left_out) == len(setting.shares[vehicle]):
+            say(f"vehicle {vehicle + 1} has no lane to fly; nothing is written for it")
+            continue
+        flights.append(flight)
+    if not flights:
+        raise MissionFileError(f"{options.source}: no lane can be flown; nothing is written")
+    if mission.drift.speed_m_s:
+        say("the region drifts; the lanes are those over the box, which does not")
+    return flights
+
+
+def _frame(options: argparse.Namespace, mission: Mission) -> int:
+    """The MAV_FRAME of the heights."""
+    if not options.above_sea:
+        return int(mav.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+    if "amsl_m" not in mission.start.model_fields_set:
+        raise MissionFileError(
+            f"{options.source}: start.amsl_m is missing, and --above-sea counts heights from it; "
+            "add the height of the start above the sea"
+        )
+    return int(mav.MAV_FRAME_GLOBAL)

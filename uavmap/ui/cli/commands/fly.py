@@ -1,0 +1,104 @@
+"""uavmap fly: fly a mission, in the bundled simulator or with real aircraft."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from missions.errors import LinkError
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
+from uavmap.fleet.fleet_radio import check_network
+from uavmap.journal.flight_options import FleetNetwork
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.results_folder import results_folder
+from uavmap.runner.flight_setup import planned
+from uavmap.runner.ground_survey import with_ground
+from uavmap.runner.simulated_fleet import fly_fleet
+from uavmap.ui.cli.common import EXIT_CODES, report
+from uavmap.ui.cli.flight_options import (
+    begin,
+    flight_options,
+    gives_network,
+    network_of,
+    preflight_of,
+)
+from uavmap.ui.cli.option_table import add_options
+
+_EXAMPLES = """\
+examples:
+  uavmap fly runway --sim                           the shipped mission, simulated
+  uavmap fly spill --sim --seed 7 --out spill-7     another seed, into a folder of your choice
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550
+  uavmap fly field.toml --connect serial:///dev/ttyACM0:57600
+  uavmap fly field.toml --connect udpin://0.0.0.0:14540 --driver mavsdk
+  uavmap fly field.toml --connect serial:///dev/ttyACM0:57600 --camera libcamera
+  uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --dry-run     all but the take-off
+
+  uavmap fly field.toml --fleet --listen 'udp/224.0.0.224:7447#iface=wlan0' \\
+             --fleet-key ~/.uavmap.fleet --page            on the ground, beside `uavmap onboard`
+
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550?system=1 \\
+                        --connect udpin://0.0.0.0:14550?system=2
+  uavmap fly field.toml --connect serial:///dev/ttyUSB0:57600 --forward udpout://127.0.0.1:14550
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --page         a live page in the browser
+
+In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
+Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
+as that is seen. Either way `uavmap resume DIR` goes on later.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "fly",
+        description="Fly a mission: search the box, explore the region, come home, write the map.",
+        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_options(parser, "fly")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fly."""
+    member = 0 if options.fleet else None
+    asked = flight_options(options, member=member, network=_network(options))
+    plan = planned(asked)
+    if plan.comms is not None:
+        return _fly_fleet(options, plan)
+    no_take_off = options.sim or options.fleet
+    return begin(options, plan, None if no_take_off else preflight_of(options))
+
+
+def _network(options: argparse.Namespace) -> FleetNetwork | None:
+    """The network of the fleet that is joined; None for a flight of one's own. `LinkError`."""
+    if not options.fleet:
+        if gives_network(options):
+            raise LinkError(
+                "--listen, --peer, --router and --fleet-key go with --fleet (and with "
+                "`uavmap onboard`)"
+            )
+        return None
+    network = network_of(options)
+    if network.alone:
+        raise LinkError(
+            "--fleet: no endpoint; give --listen, --peer or --router, as on the aircraft"
+        )
+    check_network(network)
+    return network
+
+
+def _fly_fleet(options: argparse.Namespace, plan: FlightPlan) -> int:
+    """Fly a simulated fleet whose members each have a service of their own."""
+    mission = plan.mission
+    terminal, folder = Terminal(), results_folder(options.out, mission.name)
+    with shown_on(terminal):
+        plan = with_ground(plan)
+        terminal.show(f"{mission.name} into {folder}")
+        summary = fly_fleet(plan, folder)
+    return report(summary, folder, as_json=options.json, verbose=options.verbose)

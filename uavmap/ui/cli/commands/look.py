@@ -1,0 +1,113 @@
+"""uavmap look: what a mission's detector says of one picture."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import cv2
+from rich.table import Table
+
+from missions.errors import ImageError, OutputError
+from missions.mission.terrain_checks import refuse_unknown_ground
+from uavmap.base.atomic_write import write_bytes
+from uavmap.base.terminal import PipeConsole
+from uavmap.load.detector_source import detector_text
+from uavmap.load.mission_source import load, mission_of_text
+from uavmap.output.summary import encode
+from uavmap.photos.mission_from_photos import DETECTOR, derived
+from uavmap.photos.registration.calibration import calibration_of
+from uavmap.photos.single_picture import Looked, annotated, look_at
+from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.source_opening import open_source
+from uavmap.ui.cli.option_table import add_options
+
+_ROWS = 40
+
+_EXAMPLES = """\
+examples:
+  uavmap look photos/DJI_0018.JPG --mission road
+  uavmap look photos/DJI_0018.JPG --mission field.toml --json --out seen.png
+  uavmap look photos/DJI_0018.JPG --detector my-field
+
+Prints where the picture lies and the share of each cell that the detector takes for region, and
+writes the picture with both drawn on it. Of a video or a folder it takes the first picture.
+Without --mission the cells and the camera come from the picture.
+
+exit codes:
+  0    the picture was looked at
+  2    it cannot be, or something else is wrong with the input; a line says what
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "look",
+        description="One recorded picture through the eyes of a mission.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("image", metavar="IMAGE", help="a picture")
+    parser.add_argument("--mission", metavar="MISSION", help="grid, camera and detector")
+    add_options(parser, "look")
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        help="the annotated picture (default: the picture's name with -looked.png, here)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Look at one picture."""
+    mission = None if options.mission is None else load(options.mission, options.detector)
+    lens = calibration_of(options.calibration, mission, options.mission)
+    source = options.mission or "derived from the picture"
+    detector = DETECTOR
+    if mission is None and options.detector is not None:
+        detector = detector_text(Path(options.detector))
+    gathered = gather(open_source(Path(options.image)))
+    if mission is None:
+        mission = mission_of_text(derived(gathered, lens, detector=detector), source)
+    refuse_unknown_ground(mission, source)
+    if not gathered.pictures:
+        raise ImageError(f"{options.image}: no picture can be read")
+    looked = look_at(gathered.pictures[0], mission, lens)
+    out = Path(options.out or f"{Path(gathered.pictures[0].name).stem}-looked.png")
+    good, data = cv2.imencode(".png", annotated(looked))
+    if not good:
+        raise OutputError(f"{out} cannot be written as PNG")
+    try:
+        write_bytes(out, data.tobytes())
+    except OSError as error:
+        raise OutputError(f"{out} cannot be written: {error.strerror}") from None
+    if options.json:
+        sys.stdout.write(encode(looked.figures() | {"out": str(out)}) + "\n")
+    else:
+        _show(looked, out)
+    return 0
+
+
+def _show(looked: Looked, out: Path) -> None:
+    figures = looked.figures()
+    place = looked.placed.pose.position
+    print(
+        f"{figures['picture']}: {figures['height_m']:.1f} m above {place.lat_deg:.6f}, "
+        f"{place.lon_deg:.6f}; {figures['hfov_deg']:.1f} deg wide, {100 * figures['gsd_m']:.1f} cm "
+        f"a pixel"
+    )
+    print(f"{figures['roi_share']:.0%} of the pixels look like the region")
+    if looked.doubt:
+        print(f"a mission does not count it: {looked.doubt}")
+    ranked = sorted(looked.verdicts, key=lambda v: (-v.share, v.cell))
+    table = Table(title=f"{len(ranked)} cells, the {min(_ROWS, len(ranked))} fullest")
+    for name in ("column", "row", "share", "region"):
+        table.add_column(name, justify="right")
+    for verdict in ranked[:_ROWS]:
+        cell, word = verdict.cell, "yes" if verdict.positive else "no"
+        table.add_row(str(cell.east), str(cell.north), f"{verdict.share:.0%}", word)
+    PipeConsole().print(table)
+    print(f"{sum(v.positive for v in ranked)} cells are region; drawn in {out}")

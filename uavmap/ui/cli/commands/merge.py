@@ -1,0 +1,48 @@
+"""uavmap merge: one map of the journals of a fleet, or of several flights over the same ground."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from uavmap.base.terminal import Terminal
+from uavmap.output.merging import merged_results
+from uavmap.ui.cli.common import EXIT_CODES, report
+from uavmap.ui.cli.summary_table import add_summary_options
+
+_EXAMPLES = """\
+examples:
+  uavmap merge results/bay-1 results/bay-2 results/bay-3 --out results/bay
+  uavmap merge monday tuesday --out both --json
+  scp -r drone-2:results/bay-2 . && uavmap merge bay-1 bay-2 --out bay
+
+The folders are those of `uavmap onboard`, one a vehicle, or of several flights over the same grid,
+in any order. Of a vehicle whose folder is lost, the frames count that others have heard of. The
+folders are only read, also while a flight is still under way in them.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "merge",
+        description="Make one map of the journals of a fleet, or of several flights.",
+        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "folders", metavar="DIR", nargs="+", help="folders of results, each with its journal"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", required=True, help="a new folder for the results of all"
+    )
+    add_summary_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Merge."""
+    out = Path(options.out)
+    summary = merged_results([Path(folder) for folder in options.folders], out, Terminal().show)
+    return report(summary, out, as_json=options.json, verbose=options.verbose)

@@ -1,0 +1,220 @@
+"""uavmap new: a mission from an area that was drawn elsewhere."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from missions.errors import AreaError, MissionFileError, OutputError
+from missions.flight.setting import Setting
+from missions.geo.grid import Grid
+from missions.mission import flyable
+from missions.units import GridPoint, LatLon
+from uavmap.base.atomic_write import write_text
+from uavmap.journal.results_folder import folder_name
+from uavmap.load.areas.composing import Figures, Flying, compose, largest_cell_m
+from uavmap.load.areas.drawing import Area, Drawing
+from uavmap.load.areas.drones import table_lines
+from uavmap.load.areas.layout import Layout, Wishes, lay_out
+from uavmap.load.areas.reading import KINDS, read_area_file
+from uavmap.load.mission_source import mission_of_text
+from uavmap.runner.preflight.plan_figures import estimate
+from uavmap.ui.cli.common import epsg_code, number_type, pair
+from uavmap.ui.cli.endings import complain
+from uavmap.ui.cli.new_aircraft import (
+    LIST,
+    add_drone_options,
+    answer_to,
+    asks,
+    figures_of,
+    two_numbers,
+)
+from uavmap.ui.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
+
+_EXAMPLES = """\
+examples:
+  uavmap new field.kml --drone x500 --out field.toml      a polygon of Google Earth
+  uavmap new field.kml --drone sim                        for the bundled simulator: field.toml
+  uavmap new parcels.gpkg --area "North field" --drone astro
+  uavmap new survey.plan --drone solo --camera rpi-hq-6mm survey, fence and home of QGroundControl
+  uavmap new --at 37.198,-80.578 --size 200x150 --drone x500 --out field.toml
+  uavmap new field.kml --battery 90 --hover 320 --hfov 66 --pixels 4608x2592
+  uavmap new --drone list                                 which drones and cameras are known
+
+then:
+  uavmap check field.toml --map field.html                what would be flown, as a page
+  uavmap fly field.toml --sim                             the same in the simulator
+
+A polygon whose name has "fence" in it is the geofence, one with "no-fly" or "keep-out" a hole of
+it, a point named "home", "start" or "take-off" the home. At a terminal what is missing is asked.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "new",
+        description=f"Make a mission file from an area that was drawn elsewhere: {KINDS}.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    # --at -33.8,151.2 is a place, not an option
+    parser._negative_number_matcher = re.compile(r"^-\.?\d[\d.,eE+-]*$")
+    add = parser.add_argument
+    add("source", metavar="AREA", nargs="?", help="a file with the area")
+    add("--at", metavar="LAT,LON", help="instead of AREA: the middle of a rectangle")
+    add("--size", metavar="WxH", help="of it, in metres, east by north (default 100x100)")
+    add("--out", metavar="FILE.toml", type=Path, help="the mission (default: named after AREA)")
+    add(
+        "--preview",
+        metavar="FILE",
+        type=Path,
+        help="the plan as .png or .html (default: a .png beside the mission)",
+    )
+    _add_area_options(parser)
+    add_drone_options(parser)
+    parser.set_defaults(run=run)
+
+
+def _add_area_options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("the area").add_argument
+    add("--area", metavar="NAME", help="which, where the file has several")
+    add("--together", action="store_true", help="all of them: what encloses them")
+    add("--home", metavar="LAT,LON", help="where the first vehicle stands (default: as drawn)")
+    add(
+        "--fence-room",
+        metavar="M",
+        type=number_type(float, 5, 1000),
+        default=20.0,
+        help="from the area to the fence, where none is drawn (default 20)",
+    )
+    add("--swap", action="store_true", help="the file has latitude and longitude exchanged")
+    add("--crs", metavar="EPSG", type=epsg_code, help="of a file that names no system, as 25832")
+    add("--name", help="of the mission (default: as the file of --out)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make a mission."""
+    if LIST in (options.drone, options.camera):
+        for line in table_lines():
+            print(line)
+        return 0
+    _ask_for_source(options)
+    out = options.out or Path(f"{folder_name(Path(options.source or 'area').stem)}.toml")
+    preview = options.preview or out.with_suffix(".png")
+    _check_files(out, preview)
+    drawing = _drawing(options)
+    figures = figures_of(options)
+    flying = Flying(
+        options.vehicles, options.strategy, options.wind, options.height, options.ceiling
+    )
+    layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
+    name = options.name or folder_name(out.stem)
+    origin = Path(drawing.source).name
+    try:
+        text = compose(name, origin, layout, figures, flying)
+        setting = Setting.of(mission_of_text(text, str(out)))
+    except MissionFileError as error:
+        raise AreaError(
+            f"such a mission could not be flown, nothing is written:\n{error}"
+        ) from None
+    try:
+        write_text(out, text)
+    except OSError as error:
+        raise OutputError(f"--out {out}: cannot be written ({error.strerror})") from None
+    write_map(setting, estimate(setting), preview)
+    _tell(layout, setting, figures, out, preview)
+    return 0
+
+
+def _tell(layout: Layout, setting: Setting, aircraft: Figures, out: Path, preview: Path) -> None:
+    for notice in (*layout.notices, *flyable.warnings(setting.mission, setting.grid)):
+        complain(notice)
+    home = setting.mission.home
+    north, east = "NS"[home.lat_deg < 0.0], "EW"[home.lon_deg < 0.0]
+    print(f"{out}: {layout.name}, {box_line(setting)}, cells of {layout.cell_m:g} m")
+    print(
+        f"  home {abs(home.lat_deg):.5f} {north} {abs(home.lon_deg):.5f} {east}, UTM zone "
+        f"{zone_name(setting.grid)}; is that the place?"
+    )
+    print(f"  aircraft: {aircraft.title}")
+    print(f"  {search_line(estimate(setting))}")
+    print(f"  the plan is drawn in {preview}")
+    print(f"  next: uavmap check {out}; uavmap fly {out} --sim")
+
+
+def _check_files(out: Path, preview: Path) -> None:
+    """Nothing is overwritten, and nothing is written by half."""
+    if out.suffix.lower() != ".toml":
+        raise OutputError(f"--out {out}: a mission is a .toml")
+    check_kind(preview, "--preview")
+    for option, path in (("--out", out), ("--preview", preview)):
+        if path.exists():
+            raise OutputError(f"{option} {path}: is there already; choose another name")
+        if not path.parent.is_dir():
+            raise OutputError(f"{option} {path}: there is no folder {path.parent}")
+
+
+# --- what is asked for ------------------------------------------------------------------------
+def _ask_for_source(options: argparse.Namespace) -> None:
+    if options.source is not None and options.at is not None:
+        raise AreaError(f"--at {options.at}: beside the file {options.source}; give one of them")
+    if options.size is not None and options.at is None:
+        raise AreaError(f"--size {options.size}: goes with --at LAT,LON")
+    if options.source is not None or options.at is not None:
+        return
+    if not asks():
+        raise AreaError("no area; give a file, or --at LAT,LON --size WxH")
+    answer = answer_to("area (a file, or LAT,LON of its middle):")
+    if Path(answer).exists() or not re.fullmatch(r"[-+\d.]+ *, *[-+\d.]+", answer):
+        options.source = answer
+        return
+    options.at = answer
+    options.size = options.size or answer_to("its size in metres, east by north, as 200x150:")
+
+
+def _drawing(options: argparse.Namespace) -> Drawing:
+    if options.source is not None:
+        return read_area_file(options.source, epsg=options.crs, swap=options.swap)
+    middle = _place("--at", options.at)
+    wide_m, high_m = two_numbers("--size", options.size or "100x100")
+    if not (4.0 <= wide_m <= 10_000.0 and 4.0 <= high_m <= 10_000.0):
+        raise AreaError(f"--size {options.size}: give each side from 4 to 10000 metres")
+    grid = Grid.at(middle, 1.0)
+    corners = [
+        grid.position(GridPoint(e * wide_m / 2.0, n * high_m / 2.0))
+        for e, n in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    return Drawing(f"--at {options.at}", (Area("area", tuple(corners)),))
+
+
+def _place(option: str, text: str) -> LatLon:
+    lat_deg, lon_deg = pair(f"{option} {text}", text, "LAT,LON")
+    if not -90.0 <= lat_deg <= 90.0 or not -180.0 <= lon_deg <= 180.0:
+        raise AreaError(
+            f"{option} {text}: latitude is from -90 to 90, longitude from -180 to 180; are they "
+            "swapped?"
+        )
+    return LatLon(lat_deg, lon_deg)
+
+
+def _wishes(options: argparse.Namespace, drawing: Drawing, largest_m: float) -> Wishes:
+    name = options.area
+    if name is None and len(drawing.areas) > 1 and not options.together and asks():
+        for number, area in enumerate(drawing.areas[:50], 1):
+            sys.stderr.write(f"  {number}  {area.name}\n")
+        answer = answer_to("which area (its number or name):")
+        known = {str(i): area.name for i, area in enumerate(drawing.areas, 1)}
+        name = known.get(answer, answer)
+    return Wishes(
+        None if options.home is None else _place("--home", options.home),
+        name,
+        options.together,
+        options.fence_room,
+        options.cell,
+        largest_m,
+        options.vehicles,
+    )

@@ -1,0 +1,51 @@
+"""uavmap onboard: fly one vehicle of a fleet, from its own computer."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from uavmap.fleet.fleet_radio import check_network
+from uavmap.runner.flight_setup import planned
+from uavmap.ui.cli.common import EXIT_CODES
+from uavmap.ui.cli.flight_options import begin, flight_options, network_of, preflight_of
+from uavmap.ui.cli.option_table import add_options
+
+_EXAMPLES = """\
+examples:
+  uavmap onboard bay.toml --vehicle 2 --connect serial:///dev/ttyAMA0:921600 --camera libcamera \\
+         --listen 'udp/224.0.0.224:7447#iface=wlan0' --fleet-key ~/.uavmap.fleet --yes
+  uavmap onboard bay.toml --vehicle 1 --connect serial:///dev/ttyAMA0:921600 \\
+         --listen tcp/0.0.0.0:7447 --fleet-key ~/.uavmap.fleet
+  uavmap onboard bay.toml --vehicle 2 --connect serial:///dev/ttyAMA0:921600 \\
+         --peer tcp/192.168.7.11:7447 --fleet-key ~/.uavmap.fleet
+  uavmap onboard bay.toml --vehicle 3 --connect serial:///dev/ttyAMA0:921600 \\
+         --router tcp/192.168.7.1:7447 --fleet-key ~/.uavmap.fleet
+
+Each aircraft of a fleet has a computer that runs this, with the same mission file and the same
+fleet key; --vehicle is its number in the file. They tell each other what they see and do, and each
+commands its own aircraft only: who is out of reach goes on alone. Afterwards `uavmap merge` makes
+one map of all journals. Without --listen, --peer and --router it flies alone.
+
+Ctrl-C brings this aircraft home; `uavmap resume DIR` goes on later.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "onboard",
+        description="Fly one vehicle of a fleet, each having a service of its own on board.",
+        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_options(parser, "onboard")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fly."""
+    network = network_of(options)
+    asked = flight_options(options, onboard=True, network=network)
+    check_network(network)
+    return begin(options, planned(asked), preflight_of(options))

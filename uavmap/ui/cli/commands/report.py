@@ -1,0 +1,54 @@
+"""uavmap report: the report of a flight, made anew from its folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from missions.errors import OutputError
+from uavmap.base.terminal import Terminal
+from uavmap.output.documents import REPORT, write_report
+from uavmap.output.results_reading import flown_of
+from uavmap.ui.cli.export_map import tell_incomplete
+from uavmap.ui.cli.summary_table import add_summary_options, print_summary
+
+_EXAMPLES = """\
+examples:
+  uavmap report results/field-1                     writes results/field-1/report.html anew
+  uavmap report results/field-1 --out field.html    the same elsewhere
+
+Every flight and every replay has a report. This makes it from the folder alone, also of a flight
+that was interrupted. The page loads nothing and runs nothing: it can be sent, and a browser prints
+it, or saves it as PDF.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "report",
+        description="Write the report of a flight or a replay: map, area, certificate, timeline, "
+        "faults and settings on one page.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
+    parser.add_argument(
+        "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"
+    )
+    add_summary_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write it. Raises `UavmapError`."""
+    folder, out, say = Path(options.folder), options.out, Terminal().show
+    if out is not None and out.exists():
+        raise OutputError(f"--out {out}: is there already; choose another name")
+    flown = flown_of(folder)
+    tell_incomplete(flown, say)
+    write_report(flown, out)
+    print_summary(flown.values, folder, as_json=options.json, verbose=options.verbose)
+    say(f"{out or folder / REPORT}")
+    return 0

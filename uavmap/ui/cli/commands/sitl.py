@@ -1,0 +1,195 @@
+"""uavmap sitl: simulated vehicles and cameras on loopback sockets, for another process."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import shlex
+import signal
+import sys
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
+
+from missions.errors import LinkError, UavmapError
+from missions.mission.checks import check
+from missions.mission.fleet_checks import with_vehicles
+from uavmap.load.mission_source import load
+from uavmap.ui.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
+
+_EXAMPLES = """\
+examples:
+  uavmap sitl                                   one vehicle over the shipped runway
+  uavmap sitl --mission spill --vehicles 3 --speedup 5
+  uavmap fly runway --connect udpin://127.0.0.1:14550     in another terminal
+
+  uavmap sitl --home 47.3977,8.5456,488,0 --vehicles 5    no mission: an empty meadow
+  uavmap sitl --home 47.3977,8.5456 --wind 6,270 --tcp    as ArduPilot's own simulator
+  uavmap sitl --home 47.3977,8.5456 --world oil.geojson --world field.tif
+
+A line a vehicle is printed on standard output: the URL that a client connects with. How to connect
+is said on standard error. Ctrl-C ends it.
+"""
+_WITHOUT_MISSION = ("home", "world", "world_crs", "wind", "optical_flow")
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "sitl",
+        description="Simulated vehicles and cameras on loopback sockets, over a mission's world "
+        "or without a mission.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--mission", metavar="MISSION", help="whose world to fly (default: runway, or --home)")
+    add("--home", metavar="LAT,LON,AMSL,YAW", help="where to start, without a mission")
+    add(
+        "--autopilot",
+        metavar="FLAVOUR",
+        help="ardupilot or px4 (default: the mission's, or ardupilot)",
+    )
+    add("--vehicles", metavar="N", type=vehicle_count, help="how many vehicles")
+    add("--seed", metavar="S", type=seed_number, default=1, help="of the simulation")
+    add("--speedup", metavar="X", type=speedup, default=1.0, help="times real time")
+    add("--wind", metavar="SPEED,FROM", help="m/s, and the bearing that it comes from")
+    add(
+        "--world",
+        metavar="FILE",
+        action="append",
+        help="GeoJSON regions, or a GeoTIFF, or a PNG or JPEG with a world file, as the ground; "
+        "may be given again",
+    )
+    add("--world-crs", metavar="EPSG", type=epsg_code, help="of a world file (default: 4326)")
+    add(
+        "--optical-flow",
+        action="store_true",
+        default=None,
+        help="without satellites it flies on (in a mission: [sim] optical_flow)",
+    )
+    add("--tcp", action="store_true", help="listen on TCP, instead of sending UDP to the client")
+    add(
+        "--port",
+        metavar="P",
+        type=port_number,
+        help="of the first vehicle (default: 14550, with --tcp 5760)",
+    )
+    add("--http-port", metavar="P", type=port_number, default=8150, help="of the picture server")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Serve until Ctrl-C."""
+    without = [name for name in _WITHOUT_MISSION if getattr(options, name) is not None]
+    if without and options.mission is not None:
+        raise UavmapError(f"--{without[0].replace('_', '-')} is for a simulation without --mission")
+    if without and options.home is None:
+        raise UavmapError(f"--{without[0].replace('_', '-')} needs --home LAT,LON,AMSL,YAW")
+    serving = _by_home(options) if options.home is not None else _by_mission(options)
+
+    async def serve() -> None:
+        task = asyncio.current_task()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, task.cancel if task else loop.stop)
+        await serving(lambda urls: _tell(options, urls))
+
+    try:
+        asyncio.run(serve())
+    except asyncio.CancelledError:
+        print("uavmap: simulation ended", file=sys.stderr)
+    except OSError as error:
+        raise LinkError(
+            f"a port of the simulator is taken ({error}); choose others with --port, --http-port"
+        ) from None
+    return 0
+
+
+_Serving = Callable[[Callable[[list[str]], None]], Coroutine[Any, Any, None]]
+
+
+def _by_mission(options: argparse.Namespace) -> _Serving:
+    """The vehicles and the world of a mission."""
+    from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
+
+    if options.autopilot is not None:
+        simulation.setup_without_mission(
+            autopilot=options.autopilot
+        )  # says what it thinks of the flavour
+    name = options.mission or "runway"
+    mission = load(name)
+    if options.vehicles not in (None, len(mission.vehicles)):
+        mission = with_vehicles(mission, options.vehicles)
+        check(mission, name, detectors=(mission.detector.name,))
+    return lambda on_ready: simulation.serve_vehicles(
+        mission,
+        options.seed,
+        autopilot=options.autopilot,
+        speedup=options.speedup,
+        tcp=options.tcp,
+        base_port=options.port,
+        http_port=options.http_port,
+        on_ready=on_ready,
+    )
+
+
+def _by_home(options: argparse.Namespace) -> _Serving:
+    """Vehicles over an empty meadow, or over what some files say."""
+    from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
+
+    speed_m_s, from_deg = 0.0, 0.0
+    if options.wind is not None:
+        expected = "SPEED,FROM in m/s and degrees, such as 6,270"
+        speed_m_s, from_deg = pair(f"--wind {options.wind}", options.wind, expected)
+    setup = simulation.setup_without_mission(
+        autopilot=options.autopilot or "ardupilot",
+        vehicles=options.vehicles or 1,
+        home=options.home,
+        speedup=options.speedup,
+        seed=options.seed,
+        tcp=options.tcp,
+        wind_speed_m_s=speed_m_s,
+        wind_from_deg=from_deg,
+        world=tuple(options.world or ()),
+        world_epsg=options.world_crs,
+        optical_flow=bool(options.optical_flow),
+    )
+    return lambda on_ready: simulation.serve_setup(
+        setup, base_port=options.port, http_port=options.http_port, on_ready=on_ready
+    )
+
+
+def _tell(options: argparse.Namespace, urls: list[str]) -> None:
+    """The URLs on standard output, for programs; for people what they are on standard error."""
+    for url in urls:
+        print(url, flush=True)
+    with contextlib.suppress(OSError):  # nobody listens, and vehicles fly all the same
+        print(how_to_connect(options, urls), file=sys.stderr, flush=True)
+
+
+def how_to_connect(options: argparse.Namespace, urls: Sequence[str]) -> str:
+    """What was started, who can connect and how, and how it ends: a few lines."""
+    scheme, _, address = urls[0].partition("://")
+    host, _, port = address.rpartition(":")
+    if scheme.startswith("tcp"):
+        place, master = f"listening on TCP port {port}", f"tcp:{address}"
+        station = f"Application Settings, Comm Links: TCP, {host}, port {port}"
+    else:
+        place, master = f"sending MAVLink to UDP port {port}", f"udpin:{address}"
+        station = "connects by itself" if port == "14550" else f"Comm Links: UDP, port {port}"
+    what = "1 simulated aircraft" if len(urls) == 1 else f"{len(urls)} simulated aircraft"
+    others = " and those of the other URLs" if len(urls) > 1 else ""
+    mission = options.mission or ("FILE" if options.home is not None else "runway")
+    fly = ["uavmap fly", shlex.quote(mission), *(f"--connect {url}" for url in urls)]
+    if options.speedup != 1.0:
+        fly.append(f"--speedup {options.speedup:g}")
+    lines = (
+        f"{what}, {place}{others}",
+        f"  fly a mission   {' '.join(fly)}",
+        f"  QGroundControl  {station}",
+        f"  MAVProxy        mavproxy.py --master={master}",
+        "  one program a port; for more, fly with --forward udpout://127.0.0.1:PORT",
+        "Ctrl-C ends it",
+    )
+    return "\n".join(lines)

@@ -1,0 +1,93 @@
+"""uavmap strategies: which there are, what each promises, and when to use it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from missions.planning.stepwise import EXPLORERS
+from missions.planning.sweep.strategies import ON_PATHS
+
+_EXAMPLES = """\
+examples:
+  uavmap strategies
+  uavmap fly runway --sim --strategy rdfs
+  uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
+  uavmap simulate --generate eden --strategy swath,survey --robots 3
+"""
+
+
+TABLE_WIDTH: Final = 76
+"""In fewer columns a table of four columns has words that do not fit."""
+
+
+class _Shown(Protocol):
+    """What is shown of a strategy."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def guarantee(self) -> str: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def when(self) -> str: ...
+
+
+_EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *ON_PATHS.values())
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "strategies",
+        description="The strategies that --strategy takes.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--json", action="store_true", help="print the list as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """List."""
+    if options.json:
+        listed = [
+            {"name": e.name, "guarantee": e.guarantee, "source": e.source, "when": e.when}
+            for e in _EVERY
+        ]
+        json.dump(listed, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+        return 0
+    console = Console()
+    if console.width < TABLE_WIDTH:
+        _list(console)
+        return 0
+    table = Table(show_lines=True)
+    for title in ("strategy", "use it when", "promises", "source"):
+        table.add_column(title, no_wrap=title == "strategy")
+    for explorer in _EVERY:
+        table.add_row(explorer.name, explorer.when, explorer.guarantee, explorer.source)
+    console.print(table)
+    return 0
+
+
+def _list(console: Console) -> None:
+    """One below the other, where a table would cut words."""
+    for explorer in _EVERY:
+        console.print(Text(explorer.name, style="bold"))
+        for title, text in (
+            ("use it when", explorer.when),
+            ("promises", explorer.guarantee),
+            ("source", explorer.source),
+        ):
+            console.print(Padding(Text(f"{title}: {text}"), (0, 0, 0, 2)))
+        console.print()

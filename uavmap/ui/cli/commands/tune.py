@@ -1,0 +1,130 @@
+"""uavmap tune: learn a detector from a few painted pictures."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from missions.errors import OutputError
+from uavmap.base.terminal import PipeConsole, Terminal
+from uavmap.journal.results_folder import refuse_unwritable
+from uavmap.photos.tune.paint_page import paint
+from uavmap.photos.tune.selection import KINDS, SETS
+from uavmap.photos.tune.tune_job import FILES, Wishes, tune
+from uavmap.ui.cli.common import number_type, overwrite_nothing
+from uavmap.ui.cli.option_table import add_options
+
+_EXAMPLES = """\
+examples:
+  uavmap tune photos/ --paint --examples painted/ --out my-field      paint, then learn
+  uavmap tune photos/ --examples painted/ --out my-field
+  uavmap tune photos/ --examples region.geojson --out my-field
+  uavmap replay photos/ --mission field.toml --detector my-field
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
+
+Paint at least two or three pictures, best of different light: for photos/DJI_0021.JPG a picture
+painted/DJI_0021.png of the same shape, white where the region is, black where it is not, mid-grey
+where you cannot tell. Polygons in GeoJSON (longitude, latitude) are projected into the pictures
+through the poses in their tags. Training needs scikit-learn, the extra `tune`.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "tune",
+        description="Learn what the region looks like from examples, test it on pictures that it "
+        "was not learned from, and write a detector for `replay` and `fly`.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("images", metavar="IMAGES", help="a folder of pictures (JPEG, PNG, TIFF)")
+    parser.add_argument(
+        "--examples",
+        metavar="DIR",
+        required=True,
+        help="a folder of masks NAME.png, or of polygons *.geojson, or one such file",
+    )
+    parser.add_argument(
+        "--paint",
+        action="store_true",
+        help="first paint masks into the folder of --examples, on a page of this computer",
+    )
+    parser.add_argument(
+        "--width",
+        metavar="PX",
+        type=number_type(int, 64, 4000),
+        default=1000,
+        help="the width at which pictures are judged (default 1000)",
+    )
+    parser.add_argument(
+        "--cell-px",
+        metavar="PX",
+        type=number_type(float, 8, 1000),
+        default=25.0,
+        help="the edge of a map's cell in a picture of that width (default 25)",
+    )
+    parser.add_argument(
+        "--model", choices=KINDS, help="logistic, trees or the mean of both (default: what is best)"
+    )
+    parser.add_argument(
+        "--features", choices=tuple(SETS), help="what to judge by (default: what is best)"
+    )
+    add_options(parser, "tune")
+    parser.set_defaults(seed=0)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Tune."""
+    if options.paint:
+        paint(Path(options.images), Path(options.examples), options.width, Terminal().show)
+        if options.out is None:
+            return 0
+    if options.out is None:
+        raise OutputError("--out is missing; name a folder for the detector")
+    out = Path(options.out)
+    overwrite_nothing(out, FILES)
+    refuse_unwritable(out)
+    wishes = Wishes(
+        options.seed,
+        options.width,
+        options.cell_px,
+        (options.model,) if options.model else KINDS,
+        (options.features,) if options.features else tuple(SETS),
+    )
+    report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().show)
+    if options.json:
+        json.dump(report, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+        return 0
+    _show(report)
+    print(f"detector in {out}: use it with --detector {out}, and look at {out}/overlays first")
+    return 0
+
+
+def _show(report: dict[str, Any]) -> None:
+    title = f"{report['model']} on {report['features']}; judged by models that have not seen them"
+    table = Table(title=title, title_justify="left")
+    table.add_column("picture")
+    for column in ("region", "pixels: precision", "recall", "IoU", "cells: precision", "recall",
+                   "IoU"):  # fmt: skip
+        table.add_column(column, justify="right")
+    for row in report["pictures"]:
+        table.add_row(escape(row["picture"]), f"{100 * row['region_share']:.0f} %", *_numbers(row))
+    table.add_section()
+    table.add_row("all", "", *_numbers(report))
+    PipeConsole().print(table)
+    low, high = report["cell_iou_spread"]
+    print(f"cell IoU from {low:.2f} to {high:.2f} over {len(report['pictures'])} pictures")
+
+
+def _numbers(row: dict[str, Any]) -> list[str]:
+    kinds = (row["pixels"], row["cells"])
+    return [f"{kind[key]:.2f}" for kind in kinds for key in ("precision", "recall", "iou")]

@@ -1,0 +1,107 @@
+"""From the options of a command to a flight, and the flight itself."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from missions.errors import LinkError, NotFlownError, leaves
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
+from uavmap.journal.flight_options import FleetNetwork, FlightOptions
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.results_folder import results_folder
+from uavmap.photos.after_flight import draw_boundary, kept_frames
+from uavmap.runner.before_flight import Preflight
+from uavmap.runner.flight import fly
+from uavmap.runner.ground_survey import with_ground
+from uavmap.runner.one_flight import Company
+from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.ui.cli.common import report
+from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
+from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, KEY_VARIABLE, TABLE
+from uavmap.ui.cli.page_options import beside
+
+
+def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:
+    """Make the options of a flight from those of its command; `more` are other fields.
+
+    Raises `UavmapError` as `FlightOptions`, and `LinkError` for a key without a name.
+    """
+    given: dict[str, Any] = {}
+    for option in TABLE:
+        if option.field is not None and hasattr(options, option.destination):
+            value = getattr(options, option.destination)
+            given[option.field] = tuple(value or ()) if option.several else value
+    given["key_file"] = None if given.get("simulated") else key_file(options)
+    return FlightOptions(**given | more)
+
+
+def key_file(options: argparse.Namespace) -> str | None:
+    """Return the file of the signing key as an absolute path, None without one."""
+    return _key_path("--key", options.key, KEY_VARIABLE)
+
+
+def network_of(options: argparse.Namespace, before: FleetNetwork | None = None) -> FleetNetwork:
+    """Make the network of the options; what is not given is as `before`. Raises `LinkError`."""
+    before = before or FleetNetwork()
+    given = options.listen, options.peer, options.router
+    if any(part is not None for part in given):
+        listen, peers, routers = (tuple(part or ()) for part in given)
+    else:
+        listen, peers, routers = before.listen, before.peers, before.routers
+    key = _key_path("--fleet-key", options.fleet_key, FLEET_KEY_VARIABLE)
+    return FleetNetwork(listen, peers, routers, key or before.key_file)
+
+
+def gives_network(options: argparse.Namespace) -> bool:
+    """Return whether any option of the fleet's network is given."""
+    given = (options.listen, options.peer, options.router, options.fleet_key)
+    return any(part is not None for part in given)
+
+
+def _key_path(option: str, given: str | None, variable: str) -> str | None:
+    if given == "":
+        raise LinkError(f"{option} is empty; name the file of a key")
+    name = os.environ.get(variable) if given is None else given
+    return str(Path(name).expanduser().absolute()) if name else None
+
+
+def preflight_of(options: argparse.Namespace) -> Preflight:
+    """What is asked for before the first take-off of real aircraft."""
+    return Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
+
+
+def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None) -> int:
+    """Fly a plan into the folder of --out, with what is asked for beside it; the exit code."""
+    terminal = Terminal()
+    with shown_on(terminal):
+        return _begin(options, plan, preflight, terminal)
+
+
+def _begin(
+    options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None, terminal: Terminal
+) -> int:
+    plan, mission = with_ground(plan), plan.mission
+    folder = results_folder(options.out, mission.name)
+    terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+    if mission.camera.calibration is not None:
+        terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
+    code, summary = 0, None
+    try:
+        with beside(options, plan, folder, terminal) as onlookers:
+            company = Company(onlookers=onlookers, preflight=preflight)
+            summary = fly(plan, folder, company, keep_frames=options.keep_frames)
+    except* NotFlownError as group:
+        for over in leaves(group):
+            complain(str(over))
+            if isinstance(over, NotFlownError) and not over.could_fly:
+                code = INCOMPLETE
+    if summary is None:
+        return code
+    code = report(summary, folder, as_json=options.json, verbose=options.verbose)
+    if kept_frames(folder) and code != AIRCRAFT_DOWN:
+        draw_boundary(folder, complain)
+    return code

@@ -1,0 +1,140 @@
+"""The process of a page, from the side of the flight: fed by a thread, listened to, ended.
+
+The flight never waits for it. What it is told goes into a short queue that a thread writes to the
+process; while that is full nothing more is put in, and the next delta holds what was left out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import queue
+import select
+import socket
+import subprocess
+import threading
+import time
+from typing import Final
+
+from missions.errors import OutputError
+from uavmap.base.child_process import Child
+from uavmap.ui.page.page_pipe import Lines, Words, packed
+
+_LOG: Final = logging.getLogger("uavmap.ui.page")
+START_S: Final = 60.0
+"""Real seconds in which the page must be ready; it takes some 3 on a small computer."""
+END_S: Final = 6.0
+"""Real seconds in which its process takes in what it was told last, and ends."""
+WAITING: Final = 8
+"""So many messages may wait to be written."""
+
+
+class Feed:
+    """A page's process under way. A line is logged when it ends before its time."""
+
+    def __init__(self, config: Words, listening: socket.socket) -> None:
+        self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
+        self._lines = Lines()
+        self._dead = self._told = False
+        self._child = Child("uavmap.ui.page.page_child", "page", (listening.fileno(),))
+        os.set_blocking(self.orders_file, False)
+        self.put({"kind": "start", "socket": listening.fileno(), **config})
+        self._writer = threading.Thread(target=self._write, name="page", daemon=True)
+        self._writer.start()
+
+    def wait_ready(self) -> None:
+        """Return when it can be looked at. Raises `OutputError` where it does not begin."""
+        due_s = time.monotonic() + START_S
+        why = f"it was not ready within {START_S:g} s"
+        while (left_s := due_s - time.monotonic()) > 0.0:
+            select.select([self.orders_file], [], [], min(left_s, 0.5))
+            for words in self.orders():
+                if words.get("ready"):
+                    return
+                why = str(words.get("failed", why))
+            if (code := self._child.process.poll()) is not None:
+                why = self._child.last_words(END_S) or f"its process ended with {code}"
+                break
+        raise OutputError(f"the live page does not begin: {why}")
+
+    # --- there -----------------------------------------------------------------------------
+    @property
+    def idle(self) -> bool:
+        """Whether it has taken nearly everything that it was told."""
+        return not self._dead and self._messages.qsize() <= 1
+
+    def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
+        """Tell it something, unless too much waits; whether it is told.
+
+        `wait_s`: for who has nothing else to do, how long to wait for room, real seconds.
+        """
+        if self._dead:
+            self._tell()
+            return False
+        try:
+            self._messages.put(packed(words, data), wait_s > 0.0, wait_s or None)
+        except queue.Full:
+            return False
+        return True
+
+    def _write(self) -> None:
+        pipe = self._child.stdin
+        try:
+            while (message := self._messages.get()) is not None:
+                pipe.write(message)
+                pipe.flush()
+        except (OSError, ValueError):
+            self._dead = True
+        finally:
+            with contextlib.suppress(OSError, ValueError):
+                pipe.close()
+
+    def _tell(self) -> None:
+        if not self._told:
+            self._told = True
+            why = self._child.last_words() or "its process has ended"
+            _LOG.info(f"the live page is gone ({why}); the flight goes on without it")
+
+    # --- back ------------------------------------------------------------------------------
+    @property
+    def orders_file(self) -> int:
+        """Readable when there are orders."""
+        return self._child.stdout.fileno()
+
+    def orders(self) -> list[Words]:
+        """What has come since it was asked last; none from a page that is gone."""
+        try:
+            piece = os.read(self.orders_file, 1 << 16)
+        except BlockingIOError:
+            return []
+        except (OSError, ValueError):
+            piece = b""
+        if not piece:
+            self._dead = True
+        return self._lines.of(piece)
+
+    @property
+    def dead(self) -> bool:
+        """Whether it is gone."""
+        return self._dead
+
+    @property
+    def pid(self) -> int:
+        """The number of its process on this machine."""
+        return self._child.process.pid
+
+    # --- over ------------------------------------------------------------------------------
+    def close(self) -> None:
+        """End it; what it was told last it still takes in, if it is quick."""
+        with contextlib.suppress(queue.Full):
+            self._messages.put(None, timeout=0.0 if self._dead else END_S)
+        self._writer.join(END_S)
+        process = self._child.process
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        self._dead = True
+        self._child.close(END_S)

@@ -1,0 +1,162 @@
+"""A page of a flight that another process flies, or has flown: its journal, folded as it grows."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from missions.errors import OutputError
+from missions.events import Event, FrameSeen
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
+from missions.mapping.evidence import Evidence
+from uavmap.journal.event_log import JournalReader
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
+from uavmap.photos.ground.rasters import ORTHO
+from uavmap.ui.page.background import of_mosaic, of_tiles
+from uavmap.ui.page.feed import Feed
+from uavmap.ui.page.live import tell_scene
+from uavmap.ui.page.page_scene import scene_of
+from uavmap.ui.page.photo_marks import marks_of
+from uavmap.ui.page.watching import Watcher
+
+LOOK_S: Final = 0.2
+"""The journal is looked at so often, real seconds."""
+STEP_S: Final = 0.5
+"""What is shown goes on in steps of at least so much mission time..."""
+MOST_STEPS: Final = 2000
+"""... and in a long flight in no more than about so many."""
+WATCHES: Final = (
+    "this page only watches: who flies is another program, which takes orders by the keys at its "
+    "terminal, or from the page of `uavmap fly --page`"
+)
+PAST: Final = "the flight is over"
+RECORDED: Final = "recorded pictures: nobody flies"
+GONE: Final = "the live page is gone; watch it anew"
+_UNMATCHED: Final = 64
+
+
+class Follower:
+    """Tells a page what a journal holds, and what is added to it.
+
+    `tiles`: an MBTiles file to lie under the map; else the mosaic in the folder does. Raises
+    `MissionFileError` for a mission that this program does not fly, `OutputError` for the tiles.
+    """
+
+    def __init__(self, reader: JournalReader, tiles: Path | None = None) -> None:
+        self._reader = reader
+        self._folder = reader.path.parent
+        self.recorded = "replay" in reader.meta
+        plan = FlightPlan.read(reader)
+        self.setting = plan.known_setting()
+        self._background = (
+            of_mosaic(self._folder / ORTHO, self.setting)
+            if tiles is None
+            else of_tiles(tiles, self.setting)
+        )
+        self._pictures = Pictures(self._folder, self.setting)
+        self._evidence: Evidence | None = None
+        self._version = 0
+
+    @property
+    def title(self) -> str:
+        """The name of the mission."""
+        return self.setting.mission.name
+
+    def run(self, feed: Feed, sleep: Callable[[float], None] = time.sleep) -> None:
+        """Follow until `KeyboardInterrupt`. Raises `OutputError` when the page is gone."""
+        events = self._reader.new_events()
+        if self.recorded and any(event.kind == "weighed" for event in events):
+            self._evidence = Evidence()
+        state = State.initial(self.setting)
+        watcher = Watcher(
+            self.setting, state, recorded=self.recorded, evidence=self._evidence, dear_s=math.inf
+        )
+        scene = scene_of(self.setting, self._background, recorded=self.recorded)
+        tell_scene(feed, scene, self._background)
+        last_s = events[-1].t_s if events else 0.0
+        step_s = max(STEP_S, last_s / MOST_STEPS)
+        due_s = float("-inf")
+        while True:
+            for event in events:
+                state, _ = step(self.setting, state, event)
+                watcher.take_in(event, state)
+                self._pictures.note(event)
+                if state.t_s >= due_s:
+                    due_s = state.t_s + step_s
+                    self._tell(watcher, feed)
+            fresh, events = bool(events), self._reader.new_events()
+            if fresh and not events:
+                self._tell(watcher, feed, whole=True)
+            elif not events:
+                sleep(LOOK_S)
+                feed.orders()  # there are none, but so it is seen that it has ended
+                if feed.dead:
+                    raise OutputError(GONE)
+
+    def _tell(self, watcher: Watcher, feed: Feed, *, whole: bool = False) -> None:
+        board = watcher.board
+        over = watcher.state.over
+        board.set_field("hands_off", RECORDED if self.recorded else PAST if over else WATCHES)
+        if (picture := self._pictures.newest()) is not None:
+            board.set_field("picture", picture)
+        watcher.refresh(whole=whole)
+        delta = board.since(self._version)
+        if delta["v"] == self._version:
+            return
+        while not feed.put({"kind": "delta", "delta": delta}, wait_s=LOOK_S):
+            if feed.dead:
+                raise OutputError(GONE)
+        self._version = delta["v"]
+
+
+class Pictures:
+    """The kept pictures of a flight, found by their events; they may be written later than these.
+
+    `setting` says where cells lie in them.
+    """
+
+    def __init__(self, folder: Path, setting: Setting) -> None:
+        self._folder = folder
+        self._setting = setting
+        self._size = -1
+        self._kept: dict[tuple[int, float], KeptFrame] = {}
+        self._seen: deque[FrameSeen] = deque(maxlen=_UNMATCHED)
+
+    def note(self, event: Event) -> None:
+        """An event was taken in."""
+        if isinstance(event, FrameSeen):
+            self._seen.append(event)
+
+    def newest(self) -> dict[str, object] | None:
+        """The newest judged picture that is there, for a board; None where there is no newer."""
+        if not self._seen:
+            return None
+        self._read()
+        while self._seen:
+            event = self._seen[-1]
+            kept = self._kept.get((event.vehicle, event.t_s))
+            if kept is not None:
+                self._seen.clear()
+                return {"id": kept.frame, **marks_of(self._setting, kept, event.votes)}
+            self._seen.pop()
+        return None
+
+    def _read(self) -> None:
+        """Read the list again if it has grown."""
+        poses = self._folder / FRAMES / POSES
+        try:
+            size = poses.stat().st_size
+            if size == self._size:
+                return
+            found = [kept for kept in read_kept(self._folder) if not isinstance(kept, str)]
+        except (OSError, UnicodeDecodeError):
+            return
+        self._size = size
+        self._kept = {(kept.vehicle, kept.t_s): kept for kept in found}

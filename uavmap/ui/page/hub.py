@@ -1,0 +1,162 @@
+"""What the process of a page knows: the board as it is now, and as it was at any time before."""
+
+from __future__ import annotations
+
+import asyncio
+import bisect
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from uavmap.ui.page.board import Board, Delta
+from uavmap.ui.page.page_pipe import Words
+
+MOST_PICTURES: Final = 24
+"""So many pictures are kept, for browsers that are late."""
+PICTURE_PX: Final = 640
+"""Pictures are shown no wider."""
+_QUALITY: Final = 75
+_SUFFIXES: Final = (".jpg", ".png")
+KEY_EVERY: Final = 40
+"""A timeline holds a snapshot so often, in deltas."""
+
+
+class Timeline:
+    """All the deltas of a flight, and the board at any time of it.
+
+    >>> board, timeline = Board(), Timeline()
+    >>> for t_s in (0.0, 2.0, 4.0):
+    ...     board.set_field("t_s", t_s)
+    ...     timeline.add(t_s, board.since(board.version))
+    >>> timeline.span, timeline.at(3.0).field("t_s")
+    ((0.0, 4.0), 2.0)
+    """
+
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._deltas: list[Delta] = []
+        self._keys: list[Delta] = []
+        self._newest = Board()
+
+    def add(self, t_s: float, delta: Delta) -> None:
+        """The next delta; mission times do not fall."""
+        self._newest.apply(delta)
+        if len(self._times) % KEY_EVERY == 0:
+            self._keys.append(self._newest.since(0))
+        self._times.append(max(t_s, self._times[-1] if self._times else t_s))
+        self._deltas.append(delta)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The first and the last time, mission seconds."""
+        return (self._times[0], self._times[-1]) if self._times else (0.0, 0.0)
+
+    def at(self, t_s: float) -> Board:
+        """The board at a mission time, or at the first one."""
+        index = max(bisect.bisect_right(self._times, t_s) - 1, 0)
+        board = Board()
+        if self._keys:
+            key = index // KEY_EVERY
+            board.apply(self._keys[key])
+            for delta in self._deltas[key * KEY_EVERY + 1 : index + 1]:
+                board.apply(delta)
+        return board
+
+
+class Hub:
+    """Takes what the flight tells; browsers ask it."""
+
+    def __init__(self, config: Words) -> None:
+        self.board = Board()
+        self.scene: Words | None = None
+        self.ended = ""
+        """Why nothing more will come; empty while it may."""
+        self.timeline = Timeline() if config.get("timeline") else None
+        self.background = b""
+        self.answers: dict[str, asyncio.Future[str]] = {}
+        self._frames = Path(config["frames"]) if config.get("frames") else None
+        self._pictures: dict[str, bytes] = {}
+        self._news = asyncio.Event()
+        self._present: set[object] = set()
+        self._nobody = asyncio.Event()
+        self._nobody.set()
+
+    def enter(self, visitor: object) -> None:
+        """A browser is there, and is told what is new."""
+        self._present.add(visitor)
+        self._nobody.clear()
+
+    def leave(self, visitor: object) -> None:
+        """It is gone, or knows that nothing more will come."""
+        self._present.discard(visitor)
+        if not self._present:
+            self._nobody.set()
+
+    async def nobody(self) -> None:
+        """Wait until no browser is left that has to be told something."""
+        await self._nobody.wait()
+
+    async def news(self) -> None:
+        """Wait until something is new."""
+        await self._news.wait()
+
+    def wake(self) -> None:
+        """Something is new."""
+        self._news.set()
+        self._news = asyncio.Event()
+
+    async def take(self, words: Words, data: bytes) -> None:
+        """Take in a message of the flight (`uavmap.ui.page.page_pipe`)."""
+        match words.get("kind"):
+            case "scene":
+                self.scene = words["scene"]
+            case "delta":
+                self.board.apply(words["delta"])
+                if self.timeline is not None:
+                    self.timeline.add(self.board.field("t_s") or 0.0, words["delta"])
+            case "picture":
+                shown = await asyncio.to_thread(_shown, data, words.get("shape"))
+                self._pictures[str(words["id"])] = shown
+                while len(self._pictures) > MOST_PICTURES:
+                    del self._pictures[next(iter(self._pictures))]
+            case "background":
+                self.background = data
+            case "answer":
+                answer = self.answers.pop(str(words.get("id")), None)
+                if answer is not None and not answer.done():
+                    answer.set_result(str(words["text"]))
+            case "ended":
+                self.ended = str(words["text"])
+        self.wake()
+
+    async def picture(self, name: str) -> bytes:
+        """A picture as JPEG; nothing where it is not there any more."""
+        if name in self._pictures:
+            return self._pictures[name]
+        plain = PurePath(name).name == name and not name.startswith(".")
+        if self._frames is None or not plain or not name.endswith(_SUFFIXES):
+            return b""
+        path = self._frames / name
+        return await asyncio.to_thread(lambda: _shown(path.read_bytes() if path.is_file() else b""))
+
+
+def _shown(data: bytes, shape: Sequence[int] | None = None) -> bytes:
+    """A picture small enough for a page, as JPEG; nothing for what cannot be decoded."""
+    pixels: Any = np.frombuffer(data, np.uint8)
+    if not data:
+        return b""
+    try:
+        image = cv2.imdecode(pixels, cv2.IMREAD_COLOR) if shape is None else pixels.reshape(shape)
+        if image is None:
+            return b""
+        height, width = image.shape[:2]
+        if width > PICTURE_PX:
+            size = (PICTURE_PX, max(round(height * PICTURE_PX / width), 1))
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        good, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    except (cv2.error, ValueError):
+        return b""
+    return encoded.tobytes() if good else b""

@@ -1,0 +1,78 @@
+"""The process of a page: `python -m uavmap.ui.page.page_child`, started by `uavmap.ui.page.feed`.
+
+What the flight tells comes in at standard input, orders go out at standard output. When the flight
+ends, or dies, this process ends too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import sys
+from typing import Final
+
+from uavmap.base.extras import install_command
+from uavmap.ui.page.hub import Hub
+from uavmap.ui.page.page_pipe import Words, read
+
+LAST_S: Final = 4.0
+"""So long, at most, browsers are still told what was new at the end, real seconds."""
+DIED: Final = "the flight's program has ended without a word; `uavmap resume` goes on with it"
+
+
+def main() -> None:
+    """Serve a page until the flight ends."""
+    out = os.dup(sys.stdout.fileno())
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody's print is an order
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(out))
+    os._exit(0)  # nothing is left to write, and a flight waits: to tear all this down takes seconds
+
+
+async def _serve(out: int) -> None:
+    reader = asyncio.StreamReader(limit=1 << 20)
+    loop = asyncio.get_running_loop()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    config, _ = await read(reader)
+
+    def send(words: Words) -> None:
+        with contextlib.suppress(OSError):
+            os.write(out, json.dumps(words).encode() + b"\n")
+
+    try:
+        from uavmap.ui.page.server import serving  # noqa: PLC0415 - an extra, and it takes seconds
+    except ImportError as error:
+        remedy = install_command("page")
+        send({"failed": f"NiceGUI cannot be loaded ({error}); install it: {remedy}"})
+        return
+    hub = Hub(config)
+    server = serving(hub, config, send)
+    listening = socket.socket(fileno=config["socket"])
+    running = asyncio.create_task(server.serve(sockets=[listening]))
+    begun = asyncio.create_task(server.begun.wait())
+    await asyncio.wait((running, begun), return_when=asyncio.FIRST_COMPLETED)
+    if begun.done():
+        send({"ready": True})
+        await _listen(hub, reader)
+    server.should_exit = True
+    await running
+
+
+async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
+    """Take in what the flight tells, to its end."""
+    try:
+        while True:
+            await hub.take(*await read(reader))
+    except (asyncio.IncompleteReadError, ValueError):
+        pass
+    hub.ended = hub.ended or DIED
+    hub.wake()
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(hub.nobody(), LAST_S)
+
+
+if __name__ == "__main__":
+    main()

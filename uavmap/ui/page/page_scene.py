@@ -1,0 +1,56 @@
+"""What a page is told once: the ground, the fence, the colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from missions.flight.setting import Setting
+from missions.mission.schema import positions
+from missions.units import LatLon
+from uavmap.output.drawing.palette import INK, LAND, LINES, RECORDED_NAMES, STATE_NAMES, TRACKS, css
+from uavmap.output.drawing.palette import STATES as COLOURS
+from uavmap.output.facts.map_model import State
+from uavmap.ui.page.background import Background
+
+STATES: Final[tuple[State, ...]] = tuple(COLOURS)
+"""The states of a cell; on a board each is told by its place in here."""
+
+
+def scene_of(
+    setting: Setting, background: Background | None = None, *, recorded: bool = False
+) -> dict[str, Any]:
+    """The scene of a mission, for JSON, with what lies under its map.
+
+    Points are metres east and north in the grid's fixed frame; cells are in the moving one, which
+    drifts with `drift_m_s`. The two are the same at mission time 0.
+    """
+    mission, grid = setting.mission, setting.grid
+
+    def ring(places: Iterable[LatLon]) -> list[list[float]]:
+        points = (grid.fixed(place) for place in places)
+        return [[round(point.east_m, 2), round(point.north_m, 2)] for point in points]
+
+    (home,) = ring([mission.home])
+    names = RECORDED_NAMES if recorded else STATE_NAMES
+    return {
+        "mission": mission.name,
+        "strategy": "recorded pictures" if recorded else mission.strategy,
+        "vehicles": 0 if recorded else len(mission.vehicles),
+        "cell_m": grid.cell_m,
+        "drift_m_s": [round(grid.drift_east_m_s, 6), round(grid.drift_north_m_s, 6)],
+        "home": home,
+        "box": ring(positions(mission.search.box)),
+        "fence": ring(positions(mission.fence.polygon)),
+        "holes": [ring(positions(hole)) for hole in mission.fence.holes],
+        "states": [[names[state], css(COLOURS[state])] for state in STATES],
+        "lines": {
+            key: {"name": name, "colour": css(style.colour), "dash": style.dash_px}
+            for key, (name, style) in LINES.items()
+            if key in ("box", "fence")
+        },
+        "ink": css(INK),
+        "land": css(LAND),
+        "background": None if background is None else background.place,
+        "tracks": [css(colour) for colour in TRACKS],
+    }

@@ -1,0 +1,303 @@
+"""The page itself, by NiceGUI: the frame around the map, the buttons, and a loop for each browser.
+
+Each browser is told what is new since what it has confirmed, and nothing more before it has
+confirmed that: a slow one gets fewer and larger deltas, and nothing piles up for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import uvicorn
+from fastapi import FastAPI, Response
+from nicegui import Client, background_tasks, ui
+
+from uavmap.ui.page.access_guard import Guard
+from uavmap.ui.page.board import Board
+from uavmap.ui.page.hub import Hub
+from uavmap.ui.page.page_orders import GO_ON, HOME, PAUSE
+from uavmap.ui.page.page_pipe import Words
+
+UPDATE_S: Final = 0.1
+"""A browser is told no more often, real seconds."""
+CONFIRM_S: Final = 8.0
+"""One that has not confirmed within this gets a snapshot, once it can be reached."""
+ANSWER_S: Final = 8.0
+"""So long the flight may take to answer an order."""
+_CSS: Final = (Path(__file__).parent / "page.css").read_text("utf-8")
+_ICON: Final = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" '
+    'fill="#74b27a"/><path d="M3 8h10M8 3v10" stroke="#fff" stroke-width="2"/></svg>'
+)
+
+Send = Callable[[Words], None]
+
+
+class FlightView(ui.element, component="flight_view.js"):
+    """The map, the table, the log: what `flight_view.js` draws."""
+
+
+class Server(uvicorn.Server):
+    """Tells when it has begun."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.begun = asyncio.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to answer."""
+        await super().startup(sockets)
+        if self.started:
+            self.begun.set()
+
+
+def serving(hub: Hub, config: Words, send: Send) -> Server:
+    """A server of the page, not yet begun. `send` passes an order on to the flight."""
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    numbers = itertools.count(1)
+
+    @app.get("/picture/{name}")
+    async def picture(name: str) -> Response:
+        data = await hub.picture(name)
+        headers = {"cache-control": "private, max-age=600"}
+        return Response(data, 200 if data else 404, headers, "image/jpeg")
+
+    @app.get("/background")
+    async def background() -> Response:
+        return Response(hub.background, 200 if hub.background else 404, None, "image/jpeg")
+
+    @ui.page("/")
+    def page(client: Client) -> None:
+        visitor = Visitor(hub, config, send, numbers)
+        following = background_tasks.create(visitor.follow(client), name="visitor")
+        client.on_delete(following.cancel)
+
+    ui.run_with(
+        app,
+        title=f"{config['title']} - uavmap",
+        favicon=_ICON,
+        tailwind=False,
+        reconnect_timeout=5.0,
+        message_history_length=0,
+        show_welcome_message=False,
+    )
+    guarded: Any = Guard(app, config["token"], f"uavmap-{config['port']}")
+    return Server(
+        uvicorn.Config(
+            guarded, lifespan="on", log_config=None, access_log=False, server_header=False,
+            proxy_headers=False, ws_max_size=1 << 20, timeout_graceful_shutdown=1,
+        )
+    )  # fmt: skip
+
+
+class Visitor:
+    """One open page."""
+
+    def __init__(self, hub: Hub, config: Words, send: Send, numbers: itertools.count[int]) -> None:
+        self._hub = hub
+        self._config = config
+        self._send = send
+        self._numbers = numbers
+        self._at_s: float | None = None
+        """The mission time that is looked at; None: now."""
+        self._changed = asyncio.Event()
+        self._buttons: dict[str, ui.button] = {}
+        self._listed: list[int] = []
+        ui.add_css(_CSS)
+        with ui.row().classes("flight-head"):
+            ui.label(config["title"]).classes("title")
+            self._why = ui.label("").classes("why")
+            if config.get("steers"):
+                self._add_buttons()
+        if hub.timeline is not None:
+            self._add_slider()
+        self._view = FlightView()
+
+    # --- orders ----------------------------------------------------------------------------
+    def _add_buttons(self) -> None:
+        for name, label, question in (
+            (PAUSE, "Pause", "Everybody holds where they are?"),
+            (GO_ON, "Continue", "The mission goes on?"),
+            (HOME, "Return", ""),
+        ):
+            button = ui.button(label).props("no-caps outline color=grey-9 padding='xs md'")
+            button.mark(name).props(f"data-order={name}")
+            button.on_click(self._return if name == HOME else self._asking(name, question))
+            self._buttons[name] = button
+
+    def _asking(self, name: str, question: str) -> Callable[[], Any]:
+        async def ask() -> None:
+            if await _confirmed(question):
+                await self._order({"do": name})
+
+        return ask
+
+    async def _return(self) -> None:
+        numbers = self._listed
+        choices = {0: "everybody"} | {number: f"vehicle {number}" for number in numbers}
+        with ui.dialog() as dialog, ui.card():
+            ui.label("Who comes home? A vehicle that is called stays there until a resume.")
+            chosen = ui.select(choices, value=0).props("outlined dense").classes("w-full")
+            with ui.row():
+                ui.button("Return", on_click=lambda: dialog.submit(True)).props(
+                    "no-caps data-confirm=yes"
+                )
+                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat")
+        if await dialog:
+            await self._order({"do": HOME, "vehicle": chosen.value or None})
+        dialog.delete()
+
+    async def _order(self, order: Words) -> None:
+        """Pass an order on, and show the answer."""
+        if self._hub.board.field("hands_off") or self._hub.ended:
+            ui.notify("nothing is ordered: the flight takes no orders now")
+            return
+        number = str(next(self._numbers))
+        answer = asyncio.get_running_loop().create_future()
+        self._hub.answers[number] = answer
+        self._send({**order, "id": number})
+        try:
+            ui.notify(await asyncio.wait_for(answer, ANSWER_S))
+        except TimeoutError:
+            ui.notify("the flight has not answered; look at the log, and at the aircraft")
+        finally:
+            self._hub.answers.pop(number, None)
+
+    def _show_buttons(self, board: Board) -> None:
+        why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
+        paused = bool(board.field("paused"))
+        self._why.set_text(why)
+        for name, button in self._buttons.items():
+            button.set_visibility(not why and (name == HOME or paused == (name == GO_ON)))
+
+    # --- time ------------------------------------------------------------------------------
+    def _add_slider(self) -> None:
+        with ui.row().classes("flight-time"):
+            self._play = ui.button("Play", on_click=self._toggle).props("no-caps flat dense")
+            self._slider = ui.slider(min=0.0, max=1.0, step=0.5, value=0.0).classes("grow")
+            self._slider.on("update:model-value", self._seek, throttle=0.1, leading_events=True)
+            self._now = ui.button("Now", on_click=lambda: self._go_to(None)).props(
+                "no-caps flat dense"
+            )
+        self._playing = False
+
+    def _seek(self, event: Any) -> None:
+        self._playing = False
+        self._go_to(float(event.args))
+
+    def _go_to(self, t_s: float | None) -> None:
+        self._at_s = t_s
+        self._changed.set()
+
+    def _toggle(self) -> None:
+        timeline = self._hub.timeline
+        assert timeline is not None
+        self._playing = not self._playing
+        first_s, last_s = timeline.span
+        if self._playing and (self._at_s is None or self._at_s >= last_s):
+            self._go_to(first_s)
+        self._changed.set()
+
+    def _show_time(self) -> None:
+        timeline = self._hub.timeline
+        if timeline is None:
+            return
+        first_s, last_s = timeline.span
+        if self._playing and self._at_s is not None:
+            self._at_s += max(last_s - first_s, 30.0) / 30.0 * UPDATE_S  # the whole in 30 s
+            if self._at_s >= last_s:
+                self._playing, self._at_s = False, None
+        self._play.set_text("Stop" if self._playing else "Play")
+        if (self._slider.props["min"], self._slider.props["max"]) != (first_s, last_s):
+            self._slider.props["min"], self._slider.props["max"] = first_s, last_s
+            self._slider.update()
+        at_s = last_s if self._at_s is None else self._at_s
+        if self._slider.value != at_s:
+            self._slider.set_value(at_s)
+        self._now.set_visibility(self._at_s is not None)
+
+    # --- what is shown ---------------------------------------------------------------------
+    async def follow(self, client: Client) -> None:
+        """Tell the browser what is new, until its page is closed, or nothing more will come."""
+        with client:
+            await client.connected()
+            self._hub.enter(self)
+            try:
+                await self._follow(client)
+            finally:
+                self._hub.leave(self)
+
+    async def _follow(self, client: Client) -> None:
+        version, scene, shown = 0, None, None
+        while not client.is_deleted:
+            if self._hub.scene is None and not self._hub.ended:
+                await self._hub.news()
+                continue
+            ended = self._hub.ended
+            try:
+                if scene is not self._hub.scene:
+                    scene, version = self._hub.scene, 0
+                    await self._view.run_method("setting", scene, timeout=CONFIRM_S)
+                board = self._board()
+                version = version if board is shown else 0
+                version, shown = await self._tell(board, version), board
+            except TimeoutError:
+                version, scene = 0, None  # whatever it has missed is in a snapshot
+                continue
+            if ended:
+                return
+            await self._rest(board, version)
+
+    def _board(self) -> Board:
+        """What is looked at: the flight as it is, or as it was."""
+        self._show_time()
+        if self._at_s is None or self._hub.timeline is None:
+            return self._hub.board
+        return self._hub.timeline.at(self._at_s)
+
+    async def _tell(self, board: Board, version: int) -> int:
+        """Tell the browser what is new; the version that it has confirmed, 0 for none."""
+        self._show_buttons(self._hub.board)
+        self._listed = sorted(board.vehicles)
+        link = {
+            "live": self._at_s is None and not self._hub.ended,
+            "text": self._hub.ended,
+            "pictures": self._config.get("pictures", ""),
+        }
+        delta = board.since(version)
+        told = await self._view.run_method("take", delta, link, timeout=CONFIRM_S)
+        return delta["v"] if told == delta["v"] else 0
+
+    async def _rest(self, board: Board, version: int) -> None:
+        """Wait a little, and then for something new."""
+        await asyncio.sleep(UPDATE_S)
+        if self._hub.timeline is not None and self._playing:
+            return
+        while board is not self._hub.board or board.version == version:
+            if self._changed.is_set() or self._hub.ended:
+                break
+            waits = [
+                asyncio.ensure_future(self._hub.news()),
+                asyncio.ensure_future(self._changed.wait()),
+            ]
+            _, pending = await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+            for task in pending:
+                task.cancel()
+        self._changed.clear()
+
+
+async def _confirmed(question: str) -> bool:
+    """Ask before something happens to aircraft."""
+    with ui.dialog() as dialog, ui.card():
+        ui.label(question)
+        with ui.row():
+            ui.button("Yes", on_click=lambda: dialog.submit(True)).props("no-caps data-confirm=yes")
+            ui.button("No", on_click=lambda: dialog.submit(False)).props("no-caps flat")
+    answer = await dialog
+    dialog.delete()
+    return bool(answer)

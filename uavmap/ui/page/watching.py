@@ -1,0 +1,300 @@
+"""A flight as its events come, on a board. Pure but for the clock that it is given.
+
+It is called from the loop that steers aircraft, so what it does at once is bounded: an event marks
+what it changes, and `refresh` looks at so many cells at most. Figures that cost more are asked for
+so seldom that they take a small share of the time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+from missions.events import (
+    Connected,
+    Continued,
+    Event,
+    FrameLost,
+    FrameSeen,
+    GivenUp,
+    Landed,
+    LiftedOff,
+    LinkLost,
+    OrderFailed,
+    Paused,
+    Recalled,
+    Resumed,
+    Told,
+    Tracked,
+    VehicleRecalled,
+    Weighed,
+)
+from missions.flight.setting import Setting
+from missions.flight.state import State, VehicleState
+from missions.mapping.evidence import Evidence
+from missions.mapping.tree import Tree
+from missions.units import Cell
+from uavmap.base.printable import printable
+from uavmap.output.facts.counting import LIFT_OFF_M, Counter
+from uavmap.output.facts.figures import figures_of, finding
+from uavmap.output.write_results import cell_state, weighed_state
+from uavmap.runner.operator.progress import cells_known, doing, phase, remarkable
+from uavmap.runner.operator.time_left import time_left
+from uavmap.ui.page.board import Board
+from uavmap.ui.page.flight_ahead import Ahead
+from uavmap.ui.page.page_scene import STATES
+
+MOST_CELLS: Final = 100
+"""A refresh looks at no more cells of the tree, and the next one goes on from there: what the
+pictures changed is looked at at once, and this finds what else has."""
+FIGURES_S: Final = 5.0
+"""The certificate and the time left are reckoned no more often, seconds of the clock."""
+FIGURES_SHARE: Final = 0.005
+"""... nor so often that they take a larger share of the time."""
+DEAR_S: Final = 0.02
+"""A certificate that takes longer, of a large region, is reckoned next when the flight is over."""
+STEP_M: Final = 0.5
+"""Points of a track lie no closer."""
+_LEVELS: Final = {0: "grave", 1: "grave", 2: "grave", 3: "grave", 4: "warning"}
+_WARNINGS: Final = (LinkLost, GivenUp, OrderFailed, FrameLost)
+_CODES: Final = {state: code for code, state in enumerate(STATES)}
+
+
+class Watcher:
+    """Puts a flight on a board.
+
+    Args:
+        setting: Of the mission.
+        state: Before the first event that will be told.
+        recorded: Whether the pictures were recorded, and nobody flies.
+        evidence: Where recorded pictures are weighed.
+        words: Whether what vehicles say goes into the log: not where somebody tells it anyway.
+        dear_s: How long a certificate may take, seconds of the clock, to be reckoned again.
+        now_s: A clock, seconds.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        state: State,
+        *,
+        recorded: bool = False,
+        evidence: Evidence | None = None,
+        words: bool = True,
+        dear_s: float = DEAR_S,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.board = Board()
+        self.state = state
+        self.setting = setting
+        self._recorded = recorded
+        self._evidence = evidence
+        self._words = words
+        self._dear_s = dear_s
+        self._now_s = now_s
+        self._counter = Counter(state.vehicles)
+        self._ahead = Ahead(setting)
+        self._marked: dict[Cell, None] = {}
+        self._waiting: deque[Cell] = deque()
+        """Cells of the tree that are still to be looked at."""
+        self._tree: Tree | None = None
+        self._seen: FrameSeen | None = None
+        self._judged = self._lost = 0
+        self._last: dict[int, tuple[float, float]] = {}
+        self._due_s = self._certificate_due_s = float("-inf")
+
+    # --- events ----------------------------------------------------------------------------
+    def take_in(self, event: Event, state: State) -> None:
+        """Note what an event changes; `state` is that after it."""
+        self._counter.before(event, self.state)
+        self._counter.after(event)
+        self.state = state
+        if isinstance(event, FrameSeen):
+            self._seen, self._judged = event, self._judged + 1
+            if self._evidence is None:
+                self._mark(vote.cell for vote in event.votes)
+        elif isinstance(event, Weighed):
+            self._weigh(event)
+        elif isinstance(event, FrameLost):
+            self._lost += 1
+        elif isinstance(event, Tracked | Connected):
+            self._track(event)
+        self._tell(event, state)
+
+    def _mark(self, voted: Iterable[Cell]) -> None:
+        """Note the cells that a frame may have changed."""
+        if not self.setting.sees_box:
+            self._marked.update(dict.fromkeys(voted))
+            return
+        # without a tree a cell is explored once those beside it are decided, and what is plain
+        # from high up depends on all around it
+        steps, judged = (-1, 0, 1), self.state.belief.open_ballots
+        near = {Cell(c.east + e, c.north + n) for c in voted for e in steps for n in steps}
+        self._marked.update(dict.fromkeys(cell for cell in sorted(near) if cell in judged))
+
+    def say(self, text: str, level: str = "said") -> None:
+        """Add to the log what was said to the operator."""
+        for line in text.splitlines():
+            self.board.add_line(round(self.state.t_s, 1), level, printable(line))
+
+    def _weigh(self, event: Weighed) -> None:
+        if self._evidence is not None and self._seen is not None:
+            self._evidence.add(self._seen.votes, event.weights)
+            self._marked.update(dict.fromkeys(vote.cell for vote in self._seen.votes))
+
+    def _track(self, event: Tracked | Connected) -> None:
+        if event.height_m < LIFT_OFF_M:
+            return
+        place = self.setting.grid.to_moving(event.position, event.t_s)
+        last = self._last.get(event.vehicle)
+        if last is None or max(abs(place.east_m - last[0]), abs(place.north_m - last[1])) >= STEP_M:
+            self._last[event.vehicle] = (place.east_m, place.north_m)
+            self.board.add_point(event.vehicle, round(place.east_m, 2), round(place.north_m, 2))
+
+    def _tell(self, event: Event, state: State) -> None:
+        if isinstance(event, Told):
+            if self._words:
+                again = f" ({event.times} times)" if event.times > 1 else ""
+                self.say(
+                    f"vehicle {event.vehicle} says: {event.text}{again}",
+                    _LEVELS.get(event.severity, "said"),
+                )
+            if event.cause is None:
+                return
+        if text := remarkable(event, state) or _ordered(event):
+            self.say(text, "warning" if isinstance(event, _WARNINGS) else "event")
+
+    # --- the board -------------------------------------------------------------------------
+    def refresh(self, *, whole: bool = False) -> bool:
+        """Bring the board up to date; whether anything changed. `whole`: however much it is."""
+        tree = self.state.tree
+        for cell in self._marked:
+            at: Cell | None = cell
+            while at is not None and self._show(at):  # what is found below changes those above
+                at = tree.parent(at) if tree is not None and at in tree else None
+        self._marked.clear()
+        if tree is not None and tree is not self._tree and not self._waiting:
+            self._tree = tree
+            self._waiting.extend(tree.vertices)
+        if whole and tree is not None:
+            self._tree, self._waiting = tree, deque(tree.vertices)
+        if whole and self._evidence is not None:  # what is usual in the whole set tells each cell
+            self._waiting = deque(self._evidence.cells())
+        for _ in range(len(self._waiting) if whole else min(MOST_CELLS, len(self._waiting))):
+            self._show(self._waiting.popleft())
+        for number, vehicle in self.state.vehicles.items():
+            if not self._recorded:
+                self.board.set_vehicle(number, self._record(vehicle))
+                if (path := self._ahead.news(vehicle, self.state.t_s)) is not None:
+                    self.board.set_field(f"path {number}", path)
+        self._show_fields()
+        if whole or self._now_s() >= self._due_s:
+            self._due_s = self._paced(self._show_left)
+        if whole or self._now_s() >= self._certificate_due_s:
+            self._certificate_due_s = self._paced(self._show_certificate, self._dear_s)
+        return self.board.commit()
+
+    def _show(self, cell: Cell) -> bool:
+        """Put a cell on the board; whether it is another than before."""
+        if self._evidence is None:
+            state = cell_state(cell, self.state, recorded=self._recorded)
+        else:
+            state = weighed_state(cell, self._evidence, self.setting.mission.detector.share)
+        place, code = (cell.east, cell.north), _CODES[state]
+        changed = self.board.cell(place) != code
+        self.board.set_cell(place, code)
+        return changed
+
+    def _record(self, vehicle: VehicleState) -> dict[str, Any]:
+        energy = self.setting.energy
+        place = self.setting.grid.to_moving(vehicle.position, self.state.t_s)
+        count = self._counter.vehicles[vehicle.vehicle]
+        left_wh = vehicle.remaining_wh - energy.reserve_wh
+        left_s = 3600.0 * left_wh / energy.power_w(vehicle.drawn_w)
+        return {
+            "e": round(place.east_m, 2),
+            "n": round(place.north_m, 2),
+            "up": round(vehicle.height_m, 1),
+            "battery": round(100.0 * vehicle.remaining_wh / energy.capacity_wh, 1),
+            "left_s": 0 if vehicle.landed else max(round(left_s), 0),
+            "phase": vehicle.phase.value,
+            "doing": doing(vehicle),
+            "landed": vehicle.landed,
+            "called": vehicle.called_home,
+            "sorties": count.sorties,
+            "swaps": count.swaps,
+        }
+
+    def _show_fields(self) -> None:
+        state, board = self.state, self.board
+        board.set_field("t_s", round(state.t_s, 1))
+        board.set_field("phase", "replay of pictures" if self._recorded else phase(state))
+        board.set_field("roi", len(state.belief.roi))
+        board.set_field("frames", [self._judged, self._lost])
+        board.set_field("paused", state.paused)
+        board.set_field("recalled", state.recalled)
+        board.set_field("over", state.over or self._recorded)
+        board.set_field("completed", state.completed)
+
+    def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
+        """Do what is dear; when it may be done again, by what it cost."""
+        begin_s = self._now_s()
+        show()
+        cost_s = self._now_s() - begin_s
+        if cost_s > dear_s:
+            return math.inf
+        return begin_s + max(FIGURES_S, cost_s / FIGURES_SHARE)
+
+    def _show_left(self) -> None:
+        """What is known, and the time that is left."""
+        state, board = self.state, self.board
+        board.set_field("finding", finding(self.setting, state))
+        if not self._recorded:
+            left = time_left(self.setting, state)
+            about_s = None if left.about_s is None else round(left.about_s)
+            words = {"what": left.what, "of": left.of, "share": left.share, "about_s": about_s}
+            board.set_field("left", words)
+            board.set_field("known", cells_known(state))
+
+    def _show_certificate(self) -> None:
+        """The exploration between its bounds, as far as it has come."""
+        if self._recorded or self.state.tree is None:
+            return
+        found = figures_of(self.setting, self.state, self._counter)
+        self.board.set_field(
+            "certificate",
+            {
+                "exploration_s": found.exploration_s,
+                "lower_bound_s": found.lower_bound_s,
+                "ratio": found.ratio,
+                "bound_s": found.bound_makespan_s,
+                "t_s": round(self.state.t_s, 1),
+            },
+        )
+
+
+def _ordered(event: Event) -> str:
+    """What the operator, or a vehicle, did that the terminal tells elsewhere.
+
+    >>> _ordered(Paused(1.0))
+    'paused: everybody holds'
+    """
+    match event:
+        case Paused():
+            return "paused: everybody holds"
+        case Continued():
+            return "the mission goes on"
+        case Recalled():
+            return "everybody is called home"
+        case VehicleRecalled(vehicle=number):
+            return f"vehicle {number} is called home"
+        case Resumed():
+            return "the mission was interrupted, and is resumed"
+        case LiftedOff(vehicle=number):
+            return f"vehicle {number} has taken off"
+        case Landed(vehicle=number):
+            return f"vehicle {number} has landed"
+    return ""

@@ -1,0 +1,1 @@
+"""Markers on vehicles: found in pictures, and the pose that they give."""

@@ -1,0 +1,1 @@
+"""Where a vehicle is, by its own pictures."""

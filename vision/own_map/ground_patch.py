@@ -1,0 +1,183 @@
+"""The level ground that a picture shows, north up, in gray levels without light and shade."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.geo.footprint import Optics
+from missions.units import Pose
+from vision.look import Frame
+
+NOTHING: Final = -128
+"""The value of what a picture does not show."""
+STEPS: Final = 40.0
+"""Of the stored values in a unit of contrast."""
+
+_RESOLUTIONS_M: Final = (0.05, 0.1, 0.2, 0.4)
+_WANTED_PX: Final = 75.0  # along the shorter side of a footprint
+_REACH_HEIGHTS: Final = 2.0  # what is farther from below the camera is seen too flatly
+_WINDOW_PX: Final = 15  # light is what changes over more pixels of the raster than these
+_LEAST_CONTRAST: Final = 2.0  # gray levels; what differs by less counts as noise
+_FEW: Final = 4  # of the pixels in a row one in so many tells the shading
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """Level ground as one picture shows it, as a raster around the place below the camera.
+
+    `values` are int8, row by row from the north: contrast to the surroundings in 1/40 of the local
+    deviation, `NOTHING` where nothing is seen. The centre of the pixel in row 0 and column 0 lies
+    `west_px` pixels east (so negative) and `north_px` pixels north of the place below the camera.
+    """
+
+    values: NDArray[np.int8]
+    west_px: int
+    north_px: int
+    metres_per_pixel: float
+
+    @property
+    def centre_m(self) -> tuple[float, float]:
+        """The middle of what is shown, metres east and north of the place below the camera."""
+        rows, columns = self.values.shape
+        east = self.west_px + (columns - 1) / 2.0
+        north = self.north_px - (rows - 1) / 2.0
+        return east * self.metres_per_pixel, north * self.metres_per_pixel
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """How far it reaches from west to east, and from south to north."""
+        rows, columns = self.values.shape
+        return columns * self.metres_per_pixel, rows * self.metres_per_pixel
+
+    @property
+    def pixels(self) -> int:
+        """How many pixels show ground."""
+        return int(np.count_nonzero(self.values != NOTHING))
+
+    @property
+    def texture(self) -> float:
+        """How much there is to be seen, 0 (nothing but noise: 0.2) to about 1."""
+        seen = self.values[self.values != NOTHING].astype(np.float32)
+        return float(np.sqrt(np.mean(np.square(seen)))) / STEPS if seen.size else 0.0
+
+
+def resolution_m(camera: Optics, height_m: float) -> float:
+    """Metres to a pixel of a patch from this height: fine enough, and not finer.
+
+    >>> resolution_m(Optics(math.radians(80.0), 640, 480), 12.0)
+    0.2
+    """
+    wanted = camera.footprint(max(height_m, 0.1)).short_m / _WANTED_PX
+    return min(_RESOLUTIONS_M, key=lambda m: abs(math.log(m / wanted)))
+
+
+def patch(
+    frame: Frame, *, metres_per_pixel: float | None = None, up_rad: float = 0.0
+) -> Patch | None:
+    """The ground that a picture shows, as its pose has it.
+
+    Args:
+        frame: The picture and its pose.
+        metres_per_pixel: Of the raster, above 0; by default `resolution_m` of the height. Only
+            patches of the same one can be matched.
+        up_rad: The true bearing of the raster's upper edge: 0, or `Grid.convergence_rad` to have
+            the axes of a grid.
+
+    Returns:
+        The patch; None where the pose shows no ground: on the ground, or near the horizon.
+    """
+    pose, camera = frame.pose, frame.camera
+    if pose.height_m <= 0.0:
+        return None
+    pitch_m = metres_per_pixel or resolution_m(camera, pose.height_m)
+    matrix = camera.pixels_of_ned(pose) @ _ned_of_ground(pose, up_rad)
+    box = _box(camera, matrix, pose.height_m, pitch_m)
+    if box is None:
+        return None
+    west, south, east, north = box
+    small, pixels_of_raster = _shrunk(frame, pitch_m)
+    to_ground = np.array(
+        [[pitch_m, 0.0, west * pitch_m], [0.0, -pitch_m, north * pitch_m], [0.0, 0.0, 1.0]]
+    )
+    size = (east - west + 1, north - south + 1)
+    to_pixel = pixels_of_raster @ matrix @ to_ground
+    inverse = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    gray = cv2.warpPerspective(small, to_pixel, size, flags=inverse).astype(np.float32)
+    whole = np.full(small.shape, 255, np.uint8)
+    seen = cv2.warpPerspective(whole, to_pixel, size, flags=inverse) == 255
+    return Patch(_without_light(gray, seen), west, north, pitch_m)
+
+
+def _ned_of_ground(pose: Pose, up_rad: float) -> NDArray[np.float64]:
+    """From metres east and north of below the camera, along the raster's axes, to NED of it."""
+    cos, sin = math.cos(up_rad), math.sin(up_rad)
+    return np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, pose.height_m]])
+
+
+def _box(
+    camera: Optics, matrix: NDArray[np.float64], height_m: float, pitch_m: float
+) -> tuple[int, int, int, int] | None:
+    """West, south, east and north of what is shown, in pixels of the raster."""
+    right, low = camera.width_px - 1.0, camera.height_px - 1.0
+    corners = np.array([[0.0, right, right, 0.0], [0.0, 0.0, low, low], [1.0] * 4])
+    ground = np.linalg.solve(matrix, corners)
+    if not bool((ground[2] > 0.0).all()):
+        return None  # a corner shows the sky
+    places = np.clip(ground[:2] / ground[2], -_REACH_HEIGHTS * height_m, _REACH_HEIGHTS * height_m)
+    west, south = (math.ceil(c) for c in places.min(axis=1) / pitch_m)
+    east, north = (math.floor(c) for c in places.max(axis=1) / pitch_m)
+    return (west, south, east, north) if east > west and north > south else None
+
+
+def _shrunk(frame: Frame, pitch_m: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """The gray picture, as small as the raster allows, and its pixels from those of the frame."""
+    camera = frame.camera
+    factor = max(1, math.floor(pitch_m / camera.gsd_m(frame.pose.height_m)))
+    rows, columns = camera.height_px // factor, camera.width_px // factor
+    image = frame.image[: rows * factor, : columns * factor]
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    small = cv2.resize(gray, (columns, rows), interpolation=cv2.INTER_AREA)
+    offset = (1.0 / factor - 1.0) / 2.0  # pixel 0 is a centre in both
+    scaled = np.array([[1 / factor, 0.0, offset], [0.0, 1 / factor, offset], [0.0, 0.0, 1.0]])
+    return np.asarray(small, dtype=np.uint8), scaled
+
+
+def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """Contrast to the surroundings, over how much it differs there."""
+    window = (_WINDOW_PX, _WINDOW_PX)
+
+    def around(values: NDArray[np.floating]) -> NDArray[np.float32]:
+        mean = cv2.boxFilter(values, cv2.CV_32F, window, borderType=cv2.BORDER_CONSTANT)
+        return np.asarray(mean, dtype=np.float32)
+
+    gray = gray - _shading(gray, seen)
+    there = seen.astype(np.float32)
+    share = np.maximum(around(there), np.float32(1e-3))
+    contrast = (gray - around(gray * there) / share) * there
+    spread = np.sqrt(np.maximum(around(contrast * contrast) / share, np.float32(0.0)))
+    steps = contrast * (np.float32(STEPS) / (spread + np.float32(_LEAST_CONTRAST)))
+    values = np.clip(np.rint(steps), NOTHING + 1, 127).astype(np.int8)
+    values[~seen] = NOTHING
+    return values
+
+
+def _shading(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The paraboloid that fits best: at the rim of what is seen, local means leave a lens's."""
+    rows, columns = gray.shape
+    y = np.linspace(-1.0, 1.0, rows, dtype=np.float32)[:, None]
+    x = np.linspace(-1.0, 1.0, columns, dtype=np.float32)[None, :]
+    few = (slice(None, None, _FEW), slice(None, None, _FEW))
+    there = seen[few]
+    terms = [np.broadcast_to(t, gray.shape)[few][there] for t in (x, y, x * x, x * y, y * y)]
+    terms.append(np.ones_like(terms[0]))
+    if len(terms[0]) < 2 * len(terms):
+        return np.zeros_like(gray)
+    basis = np.stack(terms, axis=1)
+    a, b, c, d, e, f = np.linalg.lstsq(basis, gray[few][there], rcond=None)[0]
+    return np.asarray((a + c * x + d * y) * x + (b + e * y) * y + f, dtype=np.float32)

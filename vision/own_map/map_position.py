@@ -1,0 +1,314 @@
+"""Where a vehicle is, by its own pictures: each is matched with those that it took before.
+
+Some pictures are kept, as keyframes with their patches of ground. Each new one is matched with the
+last of them, and with the oldest that show the same ground: those were taken while satellites were
+good, and hold the estimate when it comes back over them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from missions.navigation import Disagreement, Estimate, ToldErrors, Track
+from vision.own_map.ground_match import Match, Patch, match
+from vision.own_map.own_motion import OwnWay
+from vision.own_map.patch_mosaic import coarser, mosaic
+from vision.own_map.patch_overlap import overlaps, side_m
+from vision.own_map.patch_zoom import compare, resized
+
+_KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
+_KEYFRAME_S: Final = 2.0
+_LEAST_OVERLAP: Final = 1.0 / 3.0
+_OLDEST, _NEAREST = 2, 1  # how many keyframes besides the last one a picture is matched with
+_LEAST_SEARCH_M: Final = 0.6
+_SEARCH_SIGMAS: Final = 3.5
+_WIDEST_SHARE: Final = 0.5  # of a footprint's side: the farthest a place is searched
+_LEAP_S: Final = 3.0  # for so long a leap waits for a second picture that shows it
+_CERTAIN_M: Final = 2.5  # what is found within such a reach is where the vehicle is
+_LOST_M: Final = 1.0
+_SEARCH_EVERY_S: Final = 1.0
+_REACH_SIGMAS: Final = 3.7  # what is farther off would not be believed
+_FARTHEST_M: Final = 60.0  # beyond, a search would take too long
+_COARSE_PX: Final = 25.0  # a search that reaches farther is made with larger pixels
+_FINE_M: Final = 1.5
+_ALIKE: Final = 0.01  # pictures whose sizes differ by less are held against each other as they are
+_LEAST_ZOOM: Final = 0.02  # what is known less well of a difference says nothing
+_OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
+
+
+@dataclass(frozen=True, slots=True)
+class _Leap:
+    """After a keyframe the told position may have leapt so far; other pictures have to say so."""
+
+    t_s: float
+    after: int
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What a picture and a keyframe have in common.
+
+    `moved_m` is by the mean scale and rotation of both; `certain`: as the vehicle moved before.
+    """
+
+    moved_m: tuple[float, float]
+    sigma_m: float
+    zoom: tuple[complex, float] | None = None
+    certain: bool = False
+
+
+@dataclass(slots=True)
+class OwnMap:
+    """The pictures that a vehicle has taken, and where it is by them.
+
+    Attributes:
+        errors: What told positions err by.
+        most_keyframes: No more are kept; what goes is near others.
+        track: Keyframes and links: what to ask for the disagreement, and to tell of distrust.
+    """
+
+    errors: ToldErrors = field(default_factory=ToldErrors)
+    most_keyframes: int = 250
+    track: Track = field(init=False)
+    _patches: dict[int, Patch] = field(default_factory=dict)
+    _sides_m: dict[int, float] = field(default_factory=dict)
+    _passing: int | None = None  # the newest picture, if it is no keyframe
+    _last_t_s: float = -math.inf  # of the newest keyframe
+    _seen_s: float = -math.inf  # when ground was last recognised
+    _searched_s: float = -math.inf  # when the whole map was last searched
+    _found_anew_s: float = -math.inf
+    _sigma_now_m: float = 0.0
+    _leap: _Leap | None = None
+    _way: OwnWay | None = None
+
+    def __post_init__(self) -> None:
+        self.track = Track(self.errors)
+
+    @property
+    def keyframes(self) -> int:
+        """How many pictures are kept."""
+        return len(self._patches)
+
+    def take(
+        self, t_s: float, patch: Patch | None, told_m: tuple[float, float], trusted: bool
+    ) -> Estimate:
+        """The next picture of the vehicle; gives the error of its told position.
+
+        Only for pictures that are plausible (`vision.plausible`): a camera that gives the same
+        picture again shows a vehicle that stands while it is told to move.
+
+        Args:
+            t_s: Mission time, later than of all pictures before.
+            patch: The ground that it shows, along the axes of `told_m`; None where it shows none.
+            told_m: The told position, metres east and north.
+            trusted: It comes from satellites, and there is no reason to doubt them.
+
+        Raises:
+            ValueError: it is not later than the last one.
+        """
+        if self._passing is not None:
+            self.track.remove(self._passing, bridged=False)
+            self._passing = None
+        last = next(reversed(self._patches), None)
+        number = self.track.add(t_s, told_m, trusted)
+        kept = patch is not None
+        if patch is not None and last is not None:
+            kept = self._tie(number, patch, t_s, last)
+        estimate = self.track.estimate()
+        self._sigma_now_m = estimate.sigma_m
+        if patch is None or not kept:
+            self._passing = number
+            return estimate
+        if self._way is not None and self._way.t_s == t_s:
+            self._way = self._way.told_from(number)
+        else:
+            self._way = OwnWay(t_s, number, 0.0, 0.0, patch)
+        self._patches[number] = patch
+        self._sides_m[number] = side_m(patch)
+        self._last_t_s = t_s
+        self._thin_out()
+        return estimate
+
+    def disagreement(self) -> Disagreement:
+        """How far satellites and the pictures disagree; see `Track.disagreement`."""
+        return self.track.disagreement()
+
+    def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> bool:
+        """Link a new picture to keyframes that show the same ground; whether it is to be one."""
+        if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
+            self._leap = None
+        leap = self._leap
+        chosen = self._partners(patch, last)
+        if leap is not None and leap.after in self._patches and leap.after not in chosen:
+            chosen.append(leap.after)
+        expected = self.track.expected_m(chosen)
+        zooms = self.track.expected_zoom(chosen)
+        kept = t_s - self._last_t_s >= _KEYFRAME_S
+        away_m, slip = expected[0][:2], (0.0, 0.0)  # the last one is the first to be asked
+        for key, (east, north, sigma_m), zoom in zip(chosen, expected, zooms, strict=True):
+            search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
+            search_m = min(search_m, _WIDEST_SHARE * side_m(patch))
+            there = east + slip[0], north + slip[1]
+            seen = self._seen(key, patch, there, search_m, zoom)
+            if seen is None and leap is not None:
+                there = east + leap.east_m, north + leap.north_m
+                seen = self._seen(key, patch, there, search_m, zoom)
+            if seen is None and key == last:
+                seen = self._flown_on(key, patch, t_s, zoom)
+                if seen is None and leap is None:
+                    widest_m = _WIDEST_SHARE * side_m(patch)
+                    seen = self._seen(key, patch, (east, north), widest_m, zoom)
+                if seen is not None:
+                    kept, slip = True, (seen.moved_m[0] - east, seen.moved_m[1] - north)
+                    if not seen.certain:
+                        self._leap = leap = _Leap(t_s, key, *slip)
+            if key == last:
+                away_m = away_m if seen is None else seen.moved_m
+                kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * side_m(patch)
+                self._go_on(t_s, key, seen, patch)
+            if seen is not None:
+                self._link(key, number, seen, patch if kept else None, zoom)
+                self._seen_s = t_s
+        if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
+            self._searched_s = t_s
+            self._find_anew(number, patch, t_s)
+        return kept or self._found_anew_s == t_s
+
+    def _seen(
+        self, key: int, patch: Patch, there: tuple[float, float], search_m: float,
+        zoom: tuple[complex, float],
+    ) -> _Seen | None:  # fmt: skip
+        """A keyframe's ground in a picture, around a place."""
+        larger = zoom[0] if abs(zoom[0]) > _ALIKE else 0j
+        found = match(
+            self._patches[key], resized(patch, larger) if larger else patch, there, search_m
+        )
+        if found is None:
+            return None
+        moved = complex(*found.moved_m) * (1.0 + larger / 2.0)
+        return _Seen((moved.real, moved.imag), found.sigma_m)
+
+    def _flown_on(
+        self, key: int, patch: Patch, t_s: float, zoom: tuple[complex, float]
+    ) -> _Seen | None:
+        """The same where the vehicle can be as it moved before, whatever it is told."""
+        way = self._way
+        reach = None if way is None or way.key != key else way.reach(t_s)
+        if way is None or reach is None:
+            return None
+        within_m = min(reach.within_m, _WIDEST_SHARE * side_m(patch))
+        seen = self._seen(key, patch, (reach.east_m, reach.north_m), within_m, zoom)
+        if seen is None and way.patch.metres_per_pixel == patch.metres_per_pixel:
+            east, north = reach.east_m - way.east_m, reach.north_m - way.north_m
+            found = match(way.patch, patch, (east, north), within_m)
+            if found is not None:
+                moved_m = way.east_m + found.moved_m[0], way.north_m + found.moved_m[1]
+                seen = _Seen(moved_m, math.hypot(found.sigma_m, self.errors.pointing_m))
+        return None if seen is None else replace(seen, certain=reach.within_m <= _CERTAIN_M)
+
+    def _go_on(self, t_s: float, key: int, seen: _Seen | None, patch: Patch) -> None:
+        """Note place and velocity, where the ground has just been recognised."""
+        if seen is None:
+            return
+        before = self._way
+        if before is None or (self._leap is not None and self._leap.t_s == t_s):
+            self._way = OwnWay(t_s, key, *seen.moved_m, patch)  # it may be of another place
+        else:
+            self._way = before.on(t_s, key, *seen.moved_m, patch)
+
+    def _link(
+        self, key: int, number: int, seen: _Seen, kept: Patch | None, zoom: tuple[complex, float]
+    ) -> None:
+        """Link two pictures; if both are kept, by how much one is larger, too."""
+        if kept is not None:
+            seen = self._compared(key, kept, seen, zoom[0])
+        self.track.link(
+            key, number, seen.moved_m, self._sigma_m(seen), seen.zoom, certain=seen.certain
+        )
+
+    def _compared(self, key: int, patch: Patch, seen: _Seen, zoom: complex) -> _Seen:
+        """With the zoom between both, where that can be told."""
+        pitch_m = patch.metres_per_pixel
+        moved = complex(*seen.moved_m) / pitch_m * (1.0 - zoom / 2.0)
+        found = compare(self._patches[key], patch, moved, zoom)
+        if found is None or found.sigma > _LEAST_ZOOM:
+            return seen
+        at = found.moved_px * pitch_m
+        return replace(
+            seen,
+            moved_m=(at.real, at.imag),
+            sigma_m=found.sigma_px * pitch_m,
+            zoom=(found.zoom, found.sigma),
+        )
+
+    @property
+    def _lost_m(self) -> float:
+        """From which standard deviation on the whole map is searched."""
+        return _LOST_M + 2.0 * self.errors.satellites_m
+
+    def _find_anew(self, number: int, patch: Patch, t_s: float) -> None:
+        """Search a picture on the mosaic of all others, and link it to those that it is among."""
+        here = self.track.places_m()[-1]
+        reach_m = min(_REACH_SIGMAS * self._sigma_now_m, _FARTHEST_M)
+        wide_m, pitch_m = side_m(patch), patch.metres_per_pixel
+        away = dict(zip(self.track.numbers, self.track.places_m() - here, strict=True))
+        laid = [
+            (other, (float(away[key][0]), float(away[key][1])))
+            for key, other in self._patches.items()
+            if other.metres_per_pixel == pitch_m and np.abs(away[key]).max() < reach_m + wide_m
+        ]
+        ground = mosaic(laid, reach_m + wide_m, pitch_m)
+        if reach_m / pitch_m > _COARSE_PX:
+            rough = match(coarser(ground), coarser(patch), (0.0, 0.0), reach_m)
+        else:
+            rough = match(ground, patch, (0.0, 0.0), reach_m)
+        if rough is None:
+            return
+        found = []
+        for key, other in self._patches.items():
+            moved = np.array(rough.moved_m) - away[key]
+            if other.metres_per_pixel != pitch_m or np.hypot(*moved) > _KEYFRAME_SHARE * wide_m:
+                continue
+            seen = match(other, patch, (float(moved[0]), float(moved[1])), _FINE_M)
+            if seen is not None:
+                found.append((key, seen))
+            if len(found) == _OLDEST:
+                break
+        for key, seen in found:
+            self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
+            self._seen_s = self._found_anew_s = t_s
+
+    def _sigma_m(self, found: Match | _Seen) -> float:
+        way_m = math.hypot(*found.moved_m)
+        return math.hypot(found.sigma_m, math.sqrt(2.0) * self.errors.pointing_m, _OF_WAY * way_m)
+
+    def _partners(self, patch: Patch, last: int) -> list[int]:
+        """The last keyframe, the oldest, and the nearest ones that show the same ground."""
+        where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
+        away_m = np.array([where[key] for key in self._patches]) - where[self.track.newest]
+        overlap = overlaps(patch, self._patches.values(), self._sides_m.values(), away_m)
+        keys = list(self._patches)
+        near = [k for k in range(len(keys) - 1) if overlap[k] >= _LEAST_OVERLAP]
+        oldest = near[:_OLDEST]
+        rest = sorted(near[_OLDEST:], key=lambda k: -overlap[k])[:_NEAREST]
+        return [last, *(keys[k] for k in (*oldest, *rest))]
+
+    def _thin_out(self) -> None:
+        """Forget the keyframe that is nearest to an older one, if there are too many."""
+        if len(self._patches) <= self.most_keyframes:
+            return
+        where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
+        keys = list(self._patches)
+        places = np.array([where[key] for key in keys])
+        away_m = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+        away_m[np.triu_indices(len(keys))] = math.inf  # of each, only the older ones
+        away_m[-_OLDEST - 1 :] = math.inf  # the newest hold what comes next
+        gone = keys[int(away_m.min(axis=1).argmin())]
+        del self._patches[gone], self._sides_m[gone]
+        self.track.remove(gone)
