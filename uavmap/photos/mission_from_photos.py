@@ -10,7 +10,6 @@ from pathlib import PurePath
 from statistics import median
 from typing import Final
 
-from missions.errors import ImageError
 from missions.geo.footprint import Optics
 from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
@@ -54,10 +53,10 @@ def derived(
     verdicts = credible(gathered.posed, any_day=any_day)
     placed = [verdict for verdict in verdicts if isinstance(verdict, Placed)]
     if not placed:
-        first = next(v for v in verdicts if isinstance(v, str))
-        name = gathered.pictures[0].name
-        more = f" (and {len(verdicts) - 1} more)" if len(verdicts) > 1 else ""
-        raise ImageError(f"{gathered.source}: no picture can be used: {name}: {first}{more}")
+        names = (picture.name for picture in gathered.pictures)
+        raise gathered.none_usable(
+            {name: str(reason) for name, reason in zip(names, verdicts, strict=True)}
+        )
     optics = _optics(placed, lens)
     height_m = median(p.pose.height_m for p in placed)
     short_m = optics.footprint(height_m).short_m

@@ -25,7 +25,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from missions.errors import ImageError
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
 from missions.mapping.evidence import Evidence
@@ -49,9 +48,7 @@ from uavmap.photos.height_above_ground import above_ground
 from uavmap.photos.memory import set_apart
 from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.photos.registration.lenses import Lenses
-from uavmap.photos.registration.refined_pictures import refined
-from uavmap.photos.sources.inventory import Gathered, gather
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, credible
 from uavmap.photos.verdict_spool import Said, Spool
 from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
@@ -96,29 +93,6 @@ class Options:
     lens: Lens | None = None
     any_day: bool = False
     refine: bool = False
-
-
-def replay(
-    images: Path,
-    setting: Setting,
-    journal: Journal,
-    folder: Path,
-    options: Options | None = None,
-) -> dict[str, Any]:
-    """Map what the pictures at a path show; returns the summary.
-
-    Raises `ImageError` where there is no picture that can be used.
-    """
-    options = options or Options()
-    gathered = gather(open_source(images))
-    if options.refine:
-        better = refined(gathered, setting.mission, lens=options.lens, crew=options.crew)
-        if better is not None:
-            better.write(folder)
-            gathered = better.gathered
-    with Spool() as spool:
-        looked = look_at_all(gathered, setting, spool, options)
-        return looked.written(journal, folder)
 
 
 @dataclass(slots=True)
@@ -221,7 +195,7 @@ class Looked:
         """Raise `ImageError` where no picture at all is used."""
         if not self._used:
             reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
-            raise ImageError(none_usable(self.gathered, {**reasons, **self.refused}))
+            raise self.gathered.none_usable({**reasons, **self.refused})
 
     def footings(self) -> list[Footing]:
         """The used pictures, where they were taken."""
@@ -265,34 +239,16 @@ class Looked:
 
     def _rows(self) -> list[PictureRow]:
         """A row for each picture and each file that is none, by name."""
-        better = self.gathered.refined
-        tagged = {picture.name: picture for picture in self.gathered.pictures}
-        rows = [
-            PictureRow(
-                tagged[name],
-                name,
-                s.reason,
-                s.cells,
-                s.turned or name in self.gathered.upside_down,
-                better.get(name),
-            )
-            for s in self.shots
-            for name in (s.placed.picture.name,)
-        ]
-        shown = {row.name for row in rows}
-        rows += [
-            PictureRow(
-                picture,
-                picture.name,
-                self.refused[picture.name],
-                0,
-                False,
-                better.get(picture.name),
-            )
-            for picture in self.gathered.pictures
-            if picture.name not in shown
-        ]
-        rows += [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
+        shots = {shot.placed.picture.name: shot for shot in self.shots}
+        rows = [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
+        for picture in self.gathered.pictures:
+            name, shot = picture.name, shots.get(picture.name)
+            better = self.gathered.refined.get(name)
+            if shot is None:
+                rows.append(PictureRow(picture, name, self.refused[name], 0, False, better))
+            else:
+                turned = shot.turned or name in self.gathered.upside_down
+                rows.append(PictureRow(picture, name, shot.reason, shot.cells, turned, better))
         return sorted(rows, key=lambda row: row.name)
 
     def _log(self) -> None:
@@ -332,7 +288,7 @@ def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Opt
         if isinstance(verdict, str)
     }
     if not placed:
-        raise ImageError(none_usable(gathered, refused))
+        raise gathered.none_usable(refused)
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
     judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
@@ -357,13 +313,6 @@ def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
         shares = judge.turned(shot.placed, shot.t_s, shot.camera, said)
         spool.put(number, said._replace(shares=shares))
         shot.turned = True
-
-
-def none_usable(gathered: Gathered, refused: Mapping[str, str]) -> str:
-    """A line for a set of which no picture can be used."""
-    name, reason = next(iter(refused.items()))
-    more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-    return f"{gathered.source}: no picture can be used: {name}: {reason}{more}"
 
 
 def _timed(placed: Sequence[Placed]) -> list[Shot]:

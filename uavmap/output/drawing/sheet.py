@@ -61,11 +61,6 @@ def draw_sheet(scene: Scene, photograph: NDArray[np.uint8] | None = None) -> Ima
     return sheet
 
 
-def map_corner_px() -> tuple[int, int]:
-    """Return column and row in the picture of the map's upper left corner."""
-    return MARGIN_PX, TITLE_PX
-
-
 def _map(scene: Scene, photograph: NDArray[np.uint8] | None) -> Image.Image:
     view = scene.view
     wide, high = view.width_px, view.height_px

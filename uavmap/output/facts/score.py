@@ -95,18 +95,14 @@ def cells_near(truth: BaseGeometry, grid: Grid) -> list[Cell]:
     ]
 
 
-def share_of(cell: Cell, truth: BaseGeometry, grid: Grid) -> float:
-    """The part of a cell that the region covers, 0 to 1.
+def shares_of(cells: Collection[Cell], truth: BaseGeometry, grid: Grid) -> dict[Cell, float]:
+    """The part of each cell that the region covers, 0 to 1, in the order given.
 
     >>> from missions.units import LatLon
-    >>> share_of(Cell(0, 0), shapely.box(0, -9, 9, 9), Grid.at(LatLon(48.0, 11.0), cell_m=4.0))
-    0.5
+    >>> grid = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
+    >>> shares_of([Cell(0, 0)], shapely.box(0, -9, 9, 9), grid)
+    {Cell(east=0, north=0): 0.5}
     """
-    return shares_of([cell], truth, grid)[cell]
-
-
-def shares_of(cells: Collection[Cell], truth: BaseGeometry, grid: Grid) -> dict[Cell, float]:
-    """The part of each cell that the region covers, 0 to 1, in the order given."""
     if not cells:
         return {}
     centres = grid.cell_m * np.array(list(cells), dtype=np.float64)

@@ -17,7 +17,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint, LatLon, Pose, Quaternion
-from vision.camera import euler, rotation
+from vision.camera import rotation
 from vision.registration import (
     Described,
     Many,
@@ -75,23 +75,6 @@ class Tags:
     pitch_rad: float | None = None
     roll_rad: float | None = None
     tilt_sigma_rad: float = TILT_SIGMA_RAD
-
-    @classmethod
-    def of_pose(cls, name: str, pose: Pose, hfov_rad: float, camera: str, sigma: float) -> Tags:
-        """Of a picture whose tags tell everything; `sigma` is that of the focal length, a share."""
-        roll, pitch, yaw = euler(pose.attitude)
-        height = (pose.height_m, math.hypot(HEIGHT_SIGMA_M, HEIGHT_SIGMA * pose.height_m))
-        return cls(
-            name,
-            pose.position,
-            hfov_rad,
-            camera,
-            hfov_sigma=sigma,
-            height_m=height if pose.height_m > 0.0 else None,
-            yaw_rad=(yaw, YAW_SIGMA_RAD),
-            pitch_rad=pitch,
-            roll_rad=roll,
-        )
 
 
 @dataclass(frozen=True, slots=True)

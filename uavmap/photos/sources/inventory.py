@@ -38,6 +38,12 @@ class Gathered:
         """The pictures with the best poses that there are, in the same order."""
         return tuple(self.refined.get(picture.name, picture) for picture in self.pictures)
 
+    def none_usable(self, refused: Mapping[str, str]) -> ImageError:
+        """Return the error for pictures of which none can be used, from the reasons by name."""
+        name, reason = next(iter(refused.items()))
+        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        return ImageError(f"{self.source}: no picture can be used: {name}: {reason}{more}")
+
 
 def gather(source: PictureSource) -> Gathered:
     """Read the tags of every picture.

@@ -24,7 +24,12 @@ from tests.support.small_missions import CELL_M, START, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.photos.picture_replay import Options, replay
+from uavmap.photos.picture_replay import Options, look_at_all
+from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.verdict_spool import Spool
+from uavmap.photos.workers import Threads
 
 REAL = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -87,12 +92,23 @@ def setting(recorded: str = "evidence") -> Setting:
     return Setting.of(parse_mission(text, "painted"))
 
 
+def replayed(
+    images: Path, made: Setting, journal: Journal, out: Path, *, refine: bool = False
+) -> dict[str, Any]:
+    gathered = gather(open_source(images))
+    if refine and (better := refined(gathered, made.mission, crew=Threads())) is not None:
+        better.write(out)
+        gathered = better.gathered
+    with Spool() as spool:
+        return look_at_all(gathered, made, spool, Options()).written(journal, out)
+
+
 def mapped(
     images: Path, made: Setting, out: Path, *, refine: bool = True
 ) -> tuple[dict[str, Any], dict[Cell, str]]:
     """The summary, and the states of the cells in the map."""
     with Journal.create(out / JOURNAL, META) as journal:
-        summary = replay(images, made, journal, out, Options(refine=refine))
+        summary = replayed(images, made, journal, out, refine=refine)
     features = json.loads((out / "map.geojson").read_text())["features"]
     states = {
         Cell(f["properties"]["column"], f["properties"]["row"]): f["properties"]["state"]
@@ -188,7 +204,7 @@ def test_a_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
     images = row(tmp_path / "images", good, good, cap, paint(16.0, 12.0, 0.0, seed=2))
     with Journal.create(tmp_path / JOURNAL, META) as journal:
-        summary = replay(images, setting(), journal, tmp_path)
+        summary = replayed(images, setting(), journal, tmp_path)
         lost = [e for e in journal.events() if isinstance(e, FrameLost)]
     assert [line.split(":")[0] for line in said if "not judged" in line] == [
         "1.jpg",

@@ -18,7 +18,7 @@ from uavmap.output.drawing.palette import STATES, TRUTH, Colour, Style, css, tra
 from uavmap.output.drawing.raster import THROUGH, THROUGH_OPAQUE, cell_picture
 from uavmap.output.drawing.scale import step_down
 from uavmap.output.drawing.scene import Cells, View
-from uavmap.output.drawing.sheet import draw_sheet, map_corner_px, write_sheet
+from uavmap.output.drawing.sheet import MARGIN_PX, TITLE_PX, draw_sheet, write_sheet
 from uavmap.output.facts.map_model import MapData
 
 MapMaker = Callable[..., MapData]
@@ -26,7 +26,7 @@ MapMaker = Callable[..., MapData]
 
 def at(image: Image.Image, data: MapData, east_m: float, north_m: float) -> Colour:
     """The colour at a point of the ground."""
-    left, top = map_corner_px()
+    left, top = MARGIN_PX, TITLE_PX
     x, y = map_view(data).pixel(GridPoint(east_m, north_m))
     red, green, blue = image.getpixel((round(left + x), round(top + y)))  # type: ignore[misc]
     return red, green, blue
@@ -101,7 +101,7 @@ def test_a_photograph_shows_through_cells_and_less_through_the_region(make_map: 
     photograph[..., 3] = 255
     image = np.asarray(draw_sheet(scene, photograph))
     plain = np.asarray(draw_sheet(scene))
-    left, top = map_corner_px()
+    left, top = MARGIN_PX, TITLE_PX
     dark = image[top : top + view.height_px, left : left + view.width_px].astype(int)
     light = plain[top : top + view.height_px, left : left + view.width_px].astype(int)
     for state, through in (("explored", THROUGH_OPAQUE), ("non-roi", THROUGH)):

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon, box
 
 from missions.geo.grid import Grid
 from missions.units import Cell, LatLon
-from uavmap.output.facts.score import cells_near, score, share_of, shares_of
+from uavmap.output.facts.score import cells_near, score, shares_of
 
 GRID = Grid.at(LatLon(37.2, -80.58), cell_m=4.0)
 # columns 0 to 4 wholly, column 5 to a quarter; rows 0 and 1
@@ -70,7 +70,7 @@ def test_a_detection_repeated_counts_again() -> None:
 
 def test_a_hole_is_not_region() -> None:
     ring = Polygon(box(-2, -2, 18, 18).exterior, [box(6, 6, 10, 10).exterior])
-    assert share_of(Cell(2, 2), ring, GRID) == 0.0
+    assert shares_of([Cell(2, 2)], ring, GRID)[Cell(2, 2)] == 0.0
     assert score([Cell(2, 2)], ring, GRID, [(Cell(2, 1), Cell(2, 2), True)]).false_positives == 1
 
 

@@ -13,10 +13,10 @@ import pytest
 from PIL import Image
 
 from missions.geo.geodesy import LocalPlane
-from missions.units import GridPoint, LatLon, Pose, Quaternion
+from missions.units import GridPoint, LatLon, Quaternion
 from tests.support.photographs import dji, write_photo
 from tests.unit.vision.flights import CAMERA, GRID, Shot, meadow, passes
-from uavmap.photos.registration.refinement import Tags, attitude
+from uavmap.photos.registration.refinement import attitude
 from uavmap.ui.cli import main
 from vision.camera import euler, rotation
 from vision.registration.ground_plane import bearing
@@ -159,8 +159,3 @@ def test_attitudes_there_and_back(angles: tuple[float, float, float]) -> None:
     forward, right, down = rotation(turn).T
     axes = np.array([[v[1], v[0], -v[2]] for v in (right, down, forward)]).T
     assert np.allclose(rotation(attitude(axes)), rotation(turn), atol=1e-9)
-
-
-def test_a_height_below_the_ground_is_no_height() -> None:
-    pose = Pose(ORIGIN, -3.0, Quaternion.from_euler(0.0, -math.pi / 2, 0.0))
-    assert Tags.of_pose("a", pose, 1.0, "one", 0.05).height_m is None
