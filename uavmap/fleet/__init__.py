@@ -2,14 +2,13 @@
 
     talking        a member talks as long as its flight, and a while after   .talking
       member       when we speak, and what becomes of what is heard          .member
-        presence   what we tell of our vehicle                               .presence
-        telling    which facts we tell next                                  .telling
+        reports    which facts we tell next                                  .reports
         clock      the same seconds for all                                  .fleet_clock
-        airspace   air that is asked for, and promised                       .airspace
-        peer       what we know of another one                               .peer
+        airspace   air that is asked for, and promised                       .airspace_leases
+        peer       what we know of another one, and tell of our vehicle      .peer
       seal         who may be believed: key, starts, counters                .sealing
       radio        carries datagrams: simulated air, a multicast group or zenoh
-                                  .radio, .air, .multicast_radio, .zenoh_radio
+                                  .radio, .simulated_radio, .multicast_radio, .zenoh_radio
 
-What is said is in `missions.fleet`. Nothing here commands a vehicle.
+What is said is in `missions.fleet_events`. Nothing here commands a vehicle.
 """

@@ -13,10 +13,9 @@ from typing import Any, Final, Protocol
 from missions.errors import LinkError
 from missions.mission.schema import Mission
 from uavmap.fleet.endpoints import FleetEndpoint, parse_endpoint
-from uavmap.fleet.fleet_key import fleet_key
 from uavmap.fleet.multicast_radio import MulticastRadio
 from uavmap.fleet.radio import Radio, Radios, SealedRadio
-from uavmap.fleet.sealing import Seal
+from uavmap.fleet.sealing import Seal, fleet_key
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
 from uavmap.journal.flight_options import FleetNetwork
 from uavmap.journal.flight_plan import FlightPlan

@@ -36,8 +36,7 @@ from missions.mapping.belief import Belief
 from uavmap.base import messages
 from uavmap.fleet.airspace_leases import Airspace
 from uavmap.fleet.fleet_clock import FleetClock
-from uavmap.fleet.peer import Peer
-from uavmap.fleet.presence import heard_of, presence_of
+from uavmap.fleet.peer import Peer, heard_of, presence_of
 from uavmap.fleet.radio import Radio
 from uavmap.fleet.reports import Telling
 from uavmap.fleet.sealing import CODE_BYTES, Seal

@@ -13,6 +13,7 @@ asks with a number of its own, never used before, and the answer holds that numb
 from __future__ import annotations
 
 import hmac
+import json
 import secrets
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ from hashlib import blake2s
 from typing import Final
 
 from missions.flight.team.bits import BytesError, Reader, Writer
+from missions.mission.schema import Mission
 
 CODE_BYTES: Final = 8
 NONCE_BYTES: Final = 8
@@ -159,3 +161,28 @@ def _is_new(heard: _Heard, counter: int) -> bool:
         return False
     heard.window |= 1 << back
     return True
+
+
+LABEL: Final = b"uavmap fleet 1"
+_MEANING: Final = (
+    *("strategy", "start", "search", "fence", "grid", "flight", "votes", "drift", "team"),
+)
+
+
+def fleet_key(key: bytes, mission: Mission) -> bytes:
+    """What the datagrams of a fleet are sealed with: 32 bytes, of the key of a file.
+
+    The file is one of `uavmap keys new`. It may be the one that signs MAVLink: what comes out here
+    reveals nothing of it. Members whose missions differ in what facts mean (grid, box, votes), or
+    in which air is whose (pads, heights, layers), have different keys: none takes another's for its
+    own.
+    """
+    return blake2s(LABEL + meaning_of(mission), key=key).digest()
+
+
+def meaning_of(mission: Mission) -> bytes:
+    """What has to be the same in the missions of all members: 32 bytes."""
+    # a height may be a word, "auto", which is no number to warn of
+    told = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
+    told["pads"] = [vehicle.home for vehicle in mission.vehicles]
+    return blake2s(json.dumps(told, sort_keys=True).encode()).digest()

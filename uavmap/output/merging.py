@@ -20,7 +20,7 @@ from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.joined_map import Facts
 from missions.flight.team.knowledge import Knowledge
 from missions.mission.fleet_checks import with_vehicles
-from uavmap.fleet.fleet_key import meaning_of
+from uavmap.fleet.sealing import meaning_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import read_journal

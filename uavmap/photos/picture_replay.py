@@ -44,12 +44,11 @@ from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
-from uavmap.photos.height_above_ground import above_ground
 from uavmap.photos.memory import set_apart
 from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.inventory import Gathered
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
 from uavmap.photos.verdict_spool import Said, Spool
 from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
 from vision.camera import Camera

@@ -24,14 +24,12 @@ from uavmap.load.kept_detector import keep_detector, with_relative_model
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output import documents
 from uavmap.photos.ground.rasters import ORTHO, Wishes
-from uavmap.photos.memory import give_back
-from uavmap.photos.memory_limit import memory_told
+from uavmap.photos.memory import give_back, memory_told
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.picture_replay import Looked, Options, look_at_all
 from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.registration.refined_pictures import refined
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Crew, beside
 

@@ -15,10 +15,9 @@ from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.projection import Laid
-from uavmap.photos.height_above_ground import above_ground
 from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.picture_record import Picture
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
 from vision.camera import project
 from vision.lens import Lens
 from vision.look import Frame, Verdict, marks_of

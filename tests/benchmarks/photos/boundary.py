@@ -41,8 +41,7 @@ from uavmap.photos.after_flight import draw_boundary
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.picture_replay import Options, look_at_all
 from uavmap.photos.replay_job import journal_meta
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, learned
 from uavmap.photos.tune.tune_job import Wishes as TuneWishes
 from uavmap.photos.verdict_spool import Spool

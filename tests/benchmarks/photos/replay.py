@@ -39,10 +39,9 @@ from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.picture_replay import Options, look_at_all
 from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.replay_job import journal_meta
-from uavmap.photos.sources.inventory import Gathered, gather
+from uavmap.photos.sources.inventory import Gathered, gather, open_source
 from uavmap.photos.sources.photo_file import decoded, read_photo
 from uavmap.photos.sources.picture_record import Refused
-from uavmap.photos.sources.source_opening import open_source
 from uavmap.photos.sources.tag_validation import Placed, credible
 from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads, in_order, worker_count

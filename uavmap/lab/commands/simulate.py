@@ -12,7 +12,8 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from missions.errors import OutputError, RoiError, StrategyError, UavmapError
+from missions.errors import LinkError, OutputError, RoiError, StrategyError, UavmapError
+from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown
 from missions.lab.strategies import EXPLORERS
@@ -21,7 +22,6 @@ from missions.planning.stepwise.metric import Metric
 from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.comms_option import add_comms_option, comms_of, team_told
 from uavmap.lab.commands.cooperation_options import (
     add_cooperation_options,
     refuse_cooperation_options,
@@ -31,7 +31,7 @@ from uavmap.lab.commands.nonstop_options import add_nonstop_options, refuse_nons
 from uavmap.lab.commands.runs import run_all
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
-from uavmap.lab.simulated_links import draws
+from uavmap.lab.simulated_links import draws, simulated_links
 from uavmap.lab.trials import Terms, Trial, explored, means, trials
 from uavmap.load.planner_setup import tell_if_uncompiled
 from uavmap.ui.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
@@ -302,3 +302,37 @@ def _table(done: Sequence[Trial], explorers: Sequence[Explorer], team: str) -> N
     if done:
         mean_s = means(done)["lower_bound_wall_s"]
         print(f"s real time of a run; the lower bound of a ROI took another {mean_s:.3f} s")
+
+
+# --- the radio -----------------------------------------------------------------------------------
+_HELP: Final = (
+    "who knows what the others saw: shared (or free), all at once (default); meeting, only who "
+    "stands at one vertex; or a radio, range:CELLS. After range:CELLS or shared, with commas: "
+    "loss:SHARE, delay:TIME, rate:CELLS_A_UNIT_OF_TIME, apart:BEGIN-END (nobody hears "
+    "anybody then; apart:10-30:1+2/3+4: only those in one group do)"
+)
+
+
+def add_comms_option(parser: argparse.ArgumentParser) -> None:
+    """Add it; it has no default, so that it is known whether it was given."""
+    parser.add_argument("--comms", metavar="HOW", help=_HELP)
+
+
+def comms_of(options: argparse.Namespace, seed: int) -> Comms | Links:
+    """Who tells whom what; the seed is of what is lost. Raises `LinkError`."""
+    if options.comms is None:
+        return Comms.SHARED
+    try:
+        return simulated_links(options.comms, options.robots, seed)
+    except ValueError as error:
+        raise LinkError(f"--comms {options.comms}: {error}") from None
+
+
+def team_told(robots: int, radio: str | None) -> str:
+    """How many robots, and over what radio they talk, if over one.
+
+    >>> team_told(1, None), team_told(4, "range:8")
+    ('1 robot', '4 robots, range:8')
+    """
+    told = f"{robots} robot" + "s" * (robots > 1)
+    return told if radio is None else f"{told}, {radio}"

@@ -12,9 +12,9 @@ from uavmap.base.version import __version__
 from uavmap.output.facts.boundary_summary import BoundaryTold
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.report import facts
+from uavmap.output.report.facts import box_told, patch_rows
 from uavmap.output.report.kept_pictures import boundary_frames
 from uavmap.output.report.map_drawing import draw_map
-from uavmap.output.report.patch_rows import box_told, patch_rows
 from uavmap.output.report.timeline import draw_timeline, minutes
 
 _TEMPLATE: Final = "page.html"

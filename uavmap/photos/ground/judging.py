@@ -23,7 +23,7 @@ from missions.units import Cell
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.photos.ground.projection import Cells, Laid
 from uavmap.photos.registration.lenses import Lenses
-from uavmap.photos.sources.pixels import eight_bits
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.tag_validation import Placed
 from uavmap.photos.verdict_spool import Said
 from vision.camera import Camera

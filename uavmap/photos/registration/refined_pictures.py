@@ -35,8 +35,8 @@ from uavmap.photos.registration.refinement import (
 )
 from uavmap.photos.registration.registration_report import FILE, lines, report
 from uavmap.photos.sources.inventory import Gathered
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Measured, Picture
-from uavmap.photos.sources.pixels import eight_bits
 from uavmap.photos.workers import Crew, Threads, in_order, worker_count
 from vision.camera import euler
 from vision.lens import Lens

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.pixels import eight_bits
 from uavmap.photos.sources.tag_validation import distance_m
 
 SAME_PLACE_M: Final = 0.5

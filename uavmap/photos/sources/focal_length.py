@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from PIL import ExifTags
 
-from uavmap.photos.sources.sensor_sizes import WIDTH_MM
 from uavmap.photos.sources.xmp import Values, number
 from vision.lens import Lens
 
@@ -148,3 +148,32 @@ def _positive(detail: Exif, tag: ExifTags.Base) -> float | None:
         return None
     number = float(value)
     return number if math.isfinite(number) and number > 0.0 else None
+
+
+WIDTH_MM: Mapping[str, float] = MappingProxyType(
+    {
+        # 1/2.3 inch
+        "FC300C": 6.16,
+        "FC300S": 6.16,
+        "FC300X": 6.16,
+        "FC300XW": 6.16,
+        "FC330": 6.16,
+        "FC350": 6.16,
+        "FC220": 6.16,
+        # 1 inch
+        "FC6310": 13.2,
+        "FC6310R": 13.2,
+        "FC6310S": 13.2,
+        "L1D-20c": 13.2,
+        "FC3411": 13.2,
+        "XT705": 13.2,
+        # four thirds
+        "FC550": 17.3,
+        "FC6520": 17.3,
+        "L2D-20c": 17.3,
+        "M3E": 17.3,
+        # full frame
+        "ZenmuseP1": 35.9,
+    }
+)
+"""By EXIF Model."""

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from missions.errors import ImageError
+from uavmap.journal.kept_frames import FRAMES, POSES
 from uavmap.photos.sources.duplicate_pictures import different
+from uavmap.photos.sources.flight_frames import FlightFrames
+from uavmap.photos.sources.photo_folder import VIDEOS, Folder
 from uavmap.photos.sources.picture_record import Picture, PictureSource, Refused
+from uavmap.photos.sources.video import Video
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,3 +77,15 @@ def gather(source: PictureSource) -> Gathered:
         )
     kept, copies = different(pictures)
     return Gathered(source.name, kept, (*refused, *copies), len(copies), left_out)
+
+
+def open_source(path: Path, video_start_s: float | None = None) -> PictureSource:
+    """The source at a path. Raises `ImageError` where there is none.
+
+    `video_start_s`: when a video begins, in seconds since 1970; for one with a .tlog beside it.
+    """
+    if path.is_file() and path.suffix.lower() in VIDEOS:
+        return Video(path, video_start_s)
+    if (path / FRAMES / POSES).is_file():
+        return FlightFrames(path)
+    return Folder(path)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median_low
 
+from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from missions.units import LatLon, Pose, Quaternion
 from uavmap.photos.sources.picture_record import Measured, Picture
@@ -216,3 +217,15 @@ def distance_m(one: LatLon, other: LatLon) -> float:
     east = math.radians(other.lon_deg - one.lon_deg)
     half = math.sin((b - a) / 2) ** 2 + math.cos(a) * math.cos(b) * math.sin(east / 2) ** 2
     return 2.0 * _EARTH_M * math.asin(min(1.0, math.sqrt(half)))
+
+
+def above_ground(pose: Pose, setting: Setting) -> Pose:
+    """A pose whose height is above the ground below, of one whose height is above the start.
+
+    The same where the ground is flat. Whoever took the photographs took off at the mission's start.
+    """
+    if setting.ground is None:
+        return pose
+    ground_m = setting.ground.height_m(setting.grid.fixed(pose.position))
+    start_m = setting.ground.height_m(setting.grid.fixed(setting.mission.home))
+    return replace(pose, height_m=pose.height_m - (ground_m - start_m))

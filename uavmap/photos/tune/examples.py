@@ -25,10 +25,8 @@ from missions.units import LatLon
 from uavmap.base.messages import muted
 from uavmap.base.text_files import read_text
 from uavmap.photos.registration.refined_pictures import refined
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.photo_file import SUFFIXES, decoded
-from uavmap.photos.sources.pixels import eight_bits
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
+from uavmap.photos.sources.photo_file import SUFFIXES, decoded, eight_bits
 from uavmap.photos.sources.tag_validation import Placed, credible
 from uavmap.photos.tune.masks import BLACK, WHITE, mask_of, masks_by_picture
 from vision.camera import Camera, project

@@ -14,8 +14,7 @@ from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
 from uavmap.base.atomic_write import write_bytes
-from uavmap.output.drawing.preflight_page import plan_page
-from uavmap.output.drawing.preflight_scene import preflight_scene
+from uavmap.output.drawing.preflight_scene import plan_page, preflight_scene
 from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet
 

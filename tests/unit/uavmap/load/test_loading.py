@@ -17,8 +17,7 @@ from missions.mission.sections.search_sections import PriorPlace
 from tests.support.hills import over, slope
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.load.key_lines import with_lines
-from uavmap.load.mission_source import load, mission_of_text, shipped_missions
+from uavmap.load.mission_source import load, mission_of_text, shipped_missions, with_lines
 from uavmap.runner import flight
 from uavmap.ui.cli import main
 

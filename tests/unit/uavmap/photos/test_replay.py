@@ -26,8 +26,7 @@ from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
 from uavmap.photos.picture_replay import Options, look_at_all
 from uavmap.photos.registration.refined_pictures import refined
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads
 

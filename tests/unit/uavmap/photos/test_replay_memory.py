@@ -22,8 +22,7 @@ from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.picture_replay import Looked, Options, look_at_all
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads
 

@@ -20,8 +20,7 @@ from uavmap.output.summary import encode
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.single_picture import Looked, annotated, look_at
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.ui.cli.option_table import add_options
 
 _ROWS = 40

@@ -17,8 +17,8 @@ from uavmap.lab.commands import study as command
 from uavmap.lab.studies import STUDIES, greedy_table_1, lrv_figure_3, roi_bounds, roi_figure_7
 from uavmap.lab.studies import executors as spread
 from uavmap.lab.studies.executors import Progress
-from uavmap.lab.studies.lawn_mower import lawn_mower
 from uavmap.lab.studies.outcomes import PLAIN
+from uavmap.lab.studies.roi_figure_7 import lawn_mower
 from uavmap.lab.studies.strategy_comparison import reference
 from uavmap.ui.cli import main
 

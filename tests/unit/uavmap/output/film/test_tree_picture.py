@@ -18,8 +18,15 @@ from missions.units import Cell
 from tests.unit.uavmap.output.film.runs import START, explored, small_roi, tree_until
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.film import draw_tree
-from uavmap.output.film.backbone import backbone, ribs, spread
-from uavmap.output.film.tree_picture import BACKBONE, HEAD_PX, MARGIN_PX, tree_shapes
+from uavmap.output.film.tree_picture import (
+    BACKBONE,
+    HEAD_PX,
+    MARGIN_PX,
+    backbone,
+    ribs,
+    spread,
+    tree_shapes,
+)
 
 SVG = "{http://www.w3.org/2000/svg}"
 

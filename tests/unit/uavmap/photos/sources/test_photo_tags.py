@@ -17,10 +17,9 @@ from missions.geo.grid import Grid
 from missions.units import Quaternion
 from tests.support.photographs import DJI, dji, write_photo
 from uavmap.base.image_files import read_image
-from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import decoded
 from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.source_opening import open_source
 from uavmap.photos.sources.tag_validation import Placed, credible
 from vision.camera import Camera, rotation
 from vision.look import Frame

@@ -23,11 +23,10 @@ from uavmap.journal.kept_frames import WAITING, FrameKeeper, KeptFrame, read_kep
 from uavmap.output.facts.boundary_summary import FILE
 from uavmap.photos.registration.calibration import read_calibration
 from uavmap.photos.sources.geo_txt import read_geo_file
-from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.inventory import gather, open_source
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.pixels import eight_bits
-from uavmap.photos.sources.source_opening import open_source
 from uavmap.photos.sources.srt import parse_srt
 from uavmap.photos.sources.tag_validation import Placed, credible
 from uavmap.photos.sources.tlog_track import read_tlog

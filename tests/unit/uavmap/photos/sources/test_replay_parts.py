@@ -20,9 +20,8 @@ from uavmap.journal.event_log import Journal
 from uavmap.output.drawing.scale import step_near
 from uavmap.output.facts.vote_tally import Votes
 from uavmap.photos.ground.projection import Laid
-from uavmap.photos.sources.inventory import gather
-from uavmap.photos.sources.pixels import eight_bits
-from uavmap.photos.sources.source_opening import open_source
+from uavmap.photos.sources.inventory import gather, open_source
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.workers import in_order
 
 
