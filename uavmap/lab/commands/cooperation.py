@@ -13,18 +13,18 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from missions.errors import AreaError, OutputError, StrategyError
+from missions.errors import AreaError, StrategyError
 from missions.lab.cooperation.space import Point
 from missions.lab.cooperation.trapezoids import Cover
 from missions.units import LatLon
-from uavmap.base.atomic_write import write_text
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.cooperation_options import checked_robots
+from uavmap.lab.commands.runs import free_file
+from uavmap.lab.commands.simulate_options import checked_robots
 from uavmap.lab.cooperation_film import write_animation, write_picture
 from uavmap.lab.cooperation_trials import Cooperation, Mode, Report, cooperate
 from uavmap.lab.polygon_file import Ground, read_polygon_file
-from uavmap.output.film.film_writers import FILMS, check_path
-from uavmap.ui.cli.common import overwrite_nothing, pair, print_figures
+from uavmap.output.film.film_writers import FILMS, check_path, save
+from uavmap.ui.cli.common import pair, print_figures
 from uavmap.ui.cli.endings import INCOMPLETE, INTERRUPTED
 
 FILES: Final = ("summary.json", "moves.csv", "map.png")
@@ -41,7 +41,8 @@ def run_cooperation(options: argparse.Namespace) -> int:
         cover=Cover(options.cover or Cover.TRIANGLES),
         seed=1 if options.seed is None else options.seed,
     )
-    out = _folder(options.out)
+    summary = free_file(options.out, FILES)
+    out = None if summary is None else summary.parent
     if options.animate is not None:
         check_path(options.animate, FILMS)
     ground = read_polygon_file(options.polygon)
@@ -55,27 +56,16 @@ def run_cooperation(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("uavmap: interrupted", file=sys.stderr)
         return INTERRUPTED
-    summary = None if out is None else out / FILES[0]
     if not print_figures(report.figures(), summary, as_json=options.json):
         _table(report, Path(options.polygon).name)
     if out is not None:
-        _write(out / FILES[1], moves_csv(report))
+        save(out / FILES[1], moves_csv(report).encode())
         write_picture(report, out / FILES[2])
         print(f"results in {out}", file=sys.stderr)
     if options.animate is not None:
         write_animation(report, options.animate)
         print(f"animation in {options.animate}", file=sys.stderr)
     return 0 if report.complete else INCOMPLETE
-
-
-def _folder(out: str | None) -> Path | None:
-    """The folder of the results; nothing is overwritten."""
-    if out is None:
-        return None
-    if not out or (Path(out).exists() and not Path(out).is_dir()):
-        raise OutputError(f"--out {out}: not a folder; choose another")
-    overwrite_nothing(Path(out), FILES)
-    return Path(out)
 
 
 def _start(text: str | None, ground: Ground) -> Point | None:
@@ -85,13 +75,6 @@ def _start(text: str | None, ground: Ground) -> Point | None:
         return pair(f"--start {text}", text, "EAST,NORTH in metres, as the file has them")
     lat_deg, lon_deg = pair(f"--start {text}", text, "LAT,LON in degrees")
     return ground.plane.to_plane(LatLon(lat_deg, lon_deg))
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        write_text(path, text)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def moves_csv(report: Report) -> str:

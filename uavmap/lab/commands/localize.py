@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -13,8 +12,8 @@ from rich.table import Table
 from missions.lab.arena.roi import Roi
 from missions.lab.localization.methods import Method
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.localize_options import methods_of, terms_of
-from uavmap.lab.commands.runs import run_all
+from uavmap.lab.commands.runs import figures_by_name, run_all
+from uavmap.lab.commands.simulate_options import methods_of, terms_of
 from uavmap.lab.localization_trials import (
     LocalizationTrial,
     Terms,
@@ -34,21 +33,14 @@ def run_localize(
     if out is not None:
         make_folder(out.parent)  # before anything is computed
     done, code = run_all(localization_trials(rois, methods, terms), len(rois) * len(methods))
-    if not print_figures(_figures(done, methods), out, as_json=options.json):
+    figures = figures_by_name({m.name: _of(m, done) for m in methods}, localization_means)
+    if not print_figures(figures, out, as_json=options.json):
         _table(done, methods, terms)
     return code
 
 
-def _figures(done: Sequence[LocalizationTrial], methods: Sequence[Method]) -> dict[str, Any]:
-    """The figures of one method, or of several by name."""
-    every = {}
-    for method in methods:
-        mine = [trial for trial in done if trial.method == method.name]
-        every[method.name] = {
-            "rois": [trial.figures() for trial in mine],
-            "means": localization_means(mine),
-        }
-    return every if len(methods) > 1 else every[methods[0].name]
+def _of(method: Method, done: Sequence[LocalizationTrial]) -> list[LocalizationTrial]:
+    return [trial for trial in done if trial.method == method.name]
 
 
 def _table(done: Sequence[LocalizationTrial], methods: Sequence[Method], terms: Terms) -> None:
@@ -63,7 +55,7 @@ def _table(done: Sequence[LocalizationTrial], methods: Sequence[Method], terms: 
     for title in ("moves", "most", "bound", "held", "right", "certainty"):
         table.add_column(title, justify="right", no_wrap=title == "bound")
     for method in methods:
-        mean = localization_means([trial for trial in done if trial.method == method.name])
+        mean = localization_means(_of(method, done))
         if mean:
             table.add_row(
                 method.name,

@@ -6,24 +6,29 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 from rich.console import Console
 from rich.table import Table
 
 from missions.errors import StrategyError, UavmapError
+from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.sweep.strategies import WithoutStopping
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.nonstop_options import DEFAULTS
-from uavmap.lab.commands.runs import run_all
+from uavmap.lab.commands.runs import figures_by_name, run_all
+from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
 from uavmap.lab.nonstop_film import film_of_nonstop
+from uavmap.lab.nonstop_trials import (
+    FlightTerms,
+    NonstopTrial,
+    flown_under,
+    nonstop_means,
+    nonstop_trials,
+)
 from uavmap.load.planner_setup import tell_if_uncompiled
 from uavmap.ui.cli.common import pair, print_figures
 from uavmap.ui.cli.picture_options import wants_pictures, write_pictures
-
-if TYPE_CHECKING:
-    from uavmap.lab.nonstop_trials import FlightTerms, NonstopTrial
 
 _SPEED_M_S: Final = 6.0
 _CELL_M: Final = 4.0
@@ -36,15 +41,14 @@ def run_nonstop(
     out: Path | None,
 ) -> int:
     """Simulate; returns the exit code."""
-    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415 - numba takes a second
-
     terms = _terms(options)
     if out is not None:
         make_folder(out.parent)  # before anything is computed
     tell_if_uncompiled((s.name for s in strategies), lambda text: print(text, file=sys.stderr))
-    runs = trials.nonstop_trials(rois, strategies, terms)
+    runs = nonstop_trials(rois, strategies, terms)
     done, code = run_all(runs, len(rois) * len(strategies))
-    if not print_figures(_figures(done, strategies), out, as_json=options.json):
+    figures = figures_by_name({s.name: _of(s, done) for s in strategies}, nonstop_means)
+    if not print_figures(figures, out, as_json=options.json):
         _table(done, strategies, terms)
     if wants_pictures(options) and code == 0:
         _pictures(options, rois[options.index], strategies[0], terms)
@@ -57,9 +61,6 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     Raises:
         UavmapError: what these strategies do not take, or a footprint that is none.
     """
-    from missions.lab.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
-    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
-
     for name, why in (
         ("drift", "these strategies are simulated on resting regions only"),
         (
@@ -71,8 +72,8 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     ):
         if getattr(options, name) is not None:
             raise StrategyError(f"--{name}: {why}")
-    given = {name: getattr(options, name) for name in DEFAULTS}
-    value = {name: DEFAULTS[name] if v is None else v for name, v in given.items()}
+    given = {name: getattr(options, name) for name in NONSTOP_DEFAULTS}
+    value = {name: NONSTOP_DEFAULTS[name] if v is None else v for name, v in given.items()}
     text = value["footprint"]
     both = text if "," in text else f"{text},{text}"
     east_m, north_m = pair(f"--footprint {text}", both, "metres, such as 15 or 20,15")
@@ -85,29 +86,17 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     cell_m, speed_m_s = options.cell_m or _CELL_M, options.speed or _SPEED_M_S
     team = Team(options.robots, camera, cell_m, speed_m_s, value["accel"])
     seed = 1 if options.seed is None else options.seed  # of the errors, and of the search for plans
-    return trials.FlightTerms(team, value["box_factor"], offline=value["offline"], seed=seed)
+    return FlightTerms(team, value["box_factor"], offline=value["offline"], seed=seed)
 
 
-def _figures(done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping]) -> dict[str, Any]:
-    """The figures of one strategy, or of several by name."""
-    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
-
-    every = {}
-    for strategy in strategies:
-        mine = [trial for trial in done if trial.strategy == strategy.name]
-        every[strategy.name] = {
-            "rois": [trial.figures() for trial in mine],
-            "means": trials.nonstop_means(mine),
-        }
-    return every if len(strategies) > 1 else every[strategies[0].name]
+def _of(strategy: WithoutStopping, done: Sequence[NonstopTrial]) -> list[NonstopTrial]:
+    return [trial for trial in done if trial.strategy == strategy.name]
 
 
 def _table(
     done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping], terms: FlightTerms
 ) -> None:
     """For people: of a ROI, or the means of several."""
-    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
-
     runs = len(done) // len(strategies)
     what = f"means of {runs} ROIs" if runs != 1 else done[0].roi
     title = f"{what}, {_vehicles(terms)}" if done else ""
@@ -117,7 +106,7 @@ def _table(
     for title in ("T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"):
         table.add_column(title, justify="right")
     for strategy in strategies:
-        mean = trials.nonstop_means([trial for trial in done if trial.strategy == strategy.name])
+        mean = nonstop_means(_of(strategy, done))
         if mean:
             known = (f"{mean[k]:.2f}" for k in ("offline_s", "ratio_offline") if k in mean)
             table.add_row(
@@ -145,9 +134,7 @@ def _pictures(
     options: argparse.Namespace, roi: Roi, strategy: WithoutStopping, terms: FlightTerms
 ) -> None:
     """One run again, to be looked at."""
-    from uavmap.lab import nonstop_trials as trials  # noqa: PLC0415, as above
-
-    shown = trials.flown_under(roi, strategy, terms, record=True)
+    shown = flown_under(roi, strategy, terms, record=True)
     camera, title = terms.team.camera, f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
     shows_m = (camera.east_m, camera.north_m)
     film = film_of_nonstop(shown, roi, terms.team.cell_m, shows_m, title)

@@ -1,12 +1,16 @@
-"""Simulated runs as they are done: how far they are is told, and Ctrl-C ends them."""
+"""Simulated runs: how far they are, where their results go, and their figures by name."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable
-from typing import Final, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, TypeVar
 
+from missions.errors import OutputError
+from uavmap.ui.cli.common import overwrite_nothing
 from uavmap.ui.cli.endings import INTERRUPTED
 
 T = TypeVar("T")
@@ -31,3 +35,29 @@ def run_all(trials: Iterable[T], runs: int) -> tuple[list[T], int]:
         print(f"uavmap: interrupted after {len(done)} of {runs} runs", file=sys.stderr)
         return done, INTERRUPTED
     return done, 0
+
+
+def free_file(out: str | None, names: Sequence[str]) -> Path | None:
+    """The first of some files of a folder for results; nothing is overwritten.
+
+    Raises `OutputError` where one of them is there, or the folder is none.
+    """
+    if out is None:
+        return None
+    if not out or (Path(out).exists() and not Path(out).is_dir()):
+        raise OutputError(f"--out {out}: not a folder; choose another")
+    overwrite_nothing(Path(out), names)
+    return Path(out) / names[0]
+
+
+def figures_by_name(
+    done: Mapping[str, Sequence[Any]],
+    means: Callable[[Sequence[Any]], dict[str, Any]],
+    more: Mapping[str, Any] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """The figures of the trials of one strategy or method, or of several by name."""
+    every = {
+        name: {**more, "rois": [trial.figures() for trial in some], "means": means(some)}
+        for name, some in done.items()
+    }
+    return every if len(every) > 1 else next(iter(every.values()))

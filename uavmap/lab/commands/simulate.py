@@ -6,13 +6,18 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
 from rich.table import Table
 
-from missions.errors import LinkError, OutputError, RoiError, StrategyError, UavmapError
+from missions.errors import (
+    LinkError,
+    LocalizationError,
+    RoiError,
+    StrategyError,
+    UavmapError,
+)
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown
@@ -22,19 +27,22 @@ from missions.planning.stepwise.metric import Metric
 from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.cooperation_options import (
+from uavmap.lab.commands.runs import figures_by_name, free_file, run_all
+from uavmap.lab.commands.simulate_options import (
+    COOPERATION_OPTIONS,
+    LOCALIZE_OPTIONS,
+    NONSTOP_DEFAULTS,
     add_cooperation_options,
-    refuse_cooperation_options,
+    add_localize_options,
+    add_nonstop_options,
+    refuse,
 )
-from uavmap.lab.commands.localize_options import add_localize_options, refuse_localize_options
-from uavmap.lab.commands.nonstop_options import add_nonstop_options, refuse_nonstop_options
-from uavmap.lab.commands.runs import run_all
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
 from uavmap.lab.simulated_links import draws, simulated_links
 from uavmap.lab.trials import Terms, Trial, explored, means, trials
 from uavmap.load.planner_setup import tell_if_uncompiled
-from uavmap.ui.cli.common import number_type, overwrite_nothing, pair, print_figures, seed_number
+from uavmap.ui.cli.common import number_type, pair, print_figures, seed_number
 from uavmap.ui.cli.picture_options import (
     add_picture_options,
     check_pictures,
@@ -142,15 +150,15 @@ def run(options: argparse.Namespace) -> int:
                 "--localize is of one robot on a grid, --polygon of several in a polygon; leave "
                 "out the one or the other"
             )
-        refuse_cooperation_options(options)
+        refuse(options, COOPERATION_OPTIONS, StrategyError, "is for --polygon FILE")
         return _localize(options)
-    refuse_localize_options(options)
+    refuse(options, LOCALIZE_OPTIONS, LocalizationError, "is for --localize METHOD")
     if options.polygon is not None:
         # its readers and pictures are nobody else's
         from uavmap.lab.commands.cooperation import run_cooperation  # noqa: PLC0415
 
         return run_cooperation(options)
-    refuse_cooperation_options(options)
+    refuse(options, COOPERATION_OPTIONS, StrategyError, "is for --polygon FILE")
     options.robots = options.robots or 1
     names = _names(options.strategy)
     nonstop = [NONSTOP[name] for name in names if name in NONSTOP]
@@ -159,7 +167,7 @@ def run(options: argparse.Namespace) -> int:
             f"--strategy: {', '.join(NONSTOP)} count in seconds, the others in steps; they cannot "
             "be compared in one table"
         )
-    out = _free(options.out)
+    out = free_file(options.out, [_SUMMARY])
     check_pictures(options)
     if nonstop:
         # its kernels take a second to load
@@ -167,7 +175,8 @@ def run(options: argparse.Namespace) -> int:
 
         rois = _rois(options, nonstop=True)
         return run_nonstop(options, rois, nonstop, out)
-    refuse_nonstop_options(options)
+    others = f"is for --strategy {' or '.join(NONSTOP)}"
+    refuse(options, NONSTOP_DEFAULTS, StrategyError, others)
     explorers = [EXPLORERS[name] for name in names]
     metric = _metric(options.speed or 1.0, options.drift)
     comms = comms_of(options, _SEED if options.seed is None else options.seed)
@@ -189,7 +198,9 @@ def _localize(options: argparse.Namespace) -> int:
     """Robots that do not know where they are."""
     from uavmap.lab.commands.localize import run_localize  # noqa: PLC0415 - not for the others
 
-    return run_localize(options, lambda: _rois(options, nonstop=True), _free(options.out))
+    return run_localize(
+        options, lambda: _rois(options, nonstop=True), free_file(options.out, [_SUMMARY])
+    )
 
 
 def _pictures(
@@ -229,48 +240,30 @@ def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = 
 
 def _read_or_grown(options: argparse.Namespace, *, nonstop: bool, seeded: bool) -> list[Roi]:
     if options.generate is not None:
-        _refuse(
-            options, ("start",) if nonstop else ("cell_m", "start"), "is for --roi with GeoJSON"
-        )
+        geojson = ("start",) if nonstop else ("cell_m", "start")
+        refuse(options, geojson, RoiError, "is for --roi with GeoJSON")
         seed = _SEED if options.seed is None else options.seed
         cells = options.cells or _CELLS
         return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]
-    _refuse(options, ("cells", "count"), "is for --generate")
+    refuse(options, ("cells", "count"), RoiError, "is for --generate")
     if not seeded:
-        _refuse(options, ("seed",), "is for --generate, or for --comms with a loss")
+        refuse(options, ("seed",), RoiError, "is for --generate, or for --comms with a loss")
     start = None
     if options.start is not None:
         start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
     return load_rois(options.roi, cell_m=options.cell_m or 4.0, start=start)
 
 
-def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
-    for name in names:
-        if getattr(options, name) is not None:
-            raise RoiError(f"--{name.replace('_', '-')} {why}")
-
-
-def _free(out: str | None) -> Path | None:
-    """The file for the figures; nothing is overwritten."""
-    if out is None:
-        return None
-    if not out or (Path(out).exists() and not Path(out).is_dir()):
-        raise OutputError(f"--out {out}: not a folder; choose another")
-    overwrite_nothing(Path(out), [_SUMMARY])
-    return Path(out) / _SUMMARY
-
-
 def _figures(
     done: Sequence[Trial], explorers: Sequence[Explorer], comms: str | None
 ) -> dict[str, Any]:
     """The figures of one strategy, or of several by name; with the radio where there is one."""
-    every = {}
     told = {} if comms is None else {"comms": comms}
-    for explorer in explorers:
-        mine = [trial for trial in done if trial.strategy == explorer.name]
-        rows = [trial.figures() for trial in mine]
-        every[explorer.name] = {**told, "rois": rows, "means": means(mine)}
-    return every if len(explorers) > 1 else every[explorers[0].name]
+    return figures_by_name({e.name: _of(e, done) for e in explorers}, means, told)
+
+
+def _of(explorer: Explorer, done: Sequence[Trial]) -> list[Trial]:
+    return [trial for trial in done if trial.strategy == explorer.name]
 
 
 def _table(done: Sequence[Trial], explorers: Sequence[Explorer], team: str) -> None:
@@ -284,7 +277,7 @@ def _table(done: Sequence[Trial], explorers: Sequence[Explorer], team: str) -> N
     for title in ("T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"):
         table.add_column(title, justify="right")
     for explorer in explorers:
-        mean = means([trial for trial in done if trial.strategy == explorer.name])
+        mean = means(_of(explorer, done))
         if mean:
             table.add_row(
                 explorer.name,
