@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
-import threading
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import IO, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.errors import OutputError
 from missions.units import Cell
+from uavmap.photos.scratch_file import ScratchFile
 
 
 class Said(NamedTuple):
@@ -35,25 +30,7 @@ class _Kept(NamedTuple):
     vantage: Cell
 
 
-@contextlib.contextmanager
-def _told() -> Iterator[None]:
-    """What the disk refuses, as a line for people."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(
-            f"what pictures say waits in a file in the folder for temporary files, which cannot be "
-            f"written ({error.strerror}); make room there, or have TMPDIR name another folder"
-        ) from None
-
-
-def _temporary() -> IO[bytes]:
-    with _told():
-        return tempfile.TemporaryFile()
-
-
-@dataclass(slots=True)
-class Spool:
+class Spool(ScratchFile):
     """What pictures say by a number, in a file that vanishes with this object; for any thread.
 
     >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
@@ -64,36 +41,26 @@ class Spool:
     ([[1, 2]], [0.5], b'marks')
     """
 
-    _file: IO[bytes] = field(default_factory=_temporary)
-    _kept: dict[int, _Kept] = field(default_factory=dict)
-    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with contextlib.suppress(OSError):  # the buffer of a full disk; nobody wants it any more
-            self._file.close()
+    def __init__(self) -> None:
+        super().__init__("what pictures say waits", "or have TMPDIR name another folder")
+        self._kept: dict[int, _Kept] = {}
 
     def put(self, number: int, said: Said) -> None:
         """Keep what a picture says; it may be told anew. Raises `OutputError` on a full disk."""
-        with self._one_at_a_time, _told():
-            offset = self._file.seek(0, 2)
-            self._file.write(np.ascontiguousarray(said.cells, dtype=np.int32).tobytes())
-            for numbers in (said.shares, said.weights):
-                self._file.write(np.ascontiguousarray(numbers, dtype=np.float64).tobytes())
-            self._file.write(said.marks)
-            self._file.write(said.small)
+        cells = np.ascontiguousarray(said.cells, dtype=np.int32).tobytes()
+        shares, weights = (
+            np.ascontiguousarray(numbers, dtype=np.float64).tobytes()
+            for numbers in (said.shares, said.weights)
+        )
+        offset = self.append(cells, shares, weights, said.marks, said.small)
         sizes = len(said.cells), len(said.marks), len(said.small)
         self._kept[number] = _Kept(offset, *sizes, said.vantage)
 
     def get(self, number: int) -> Said:
         """What was kept under a number. Raises `KeyError` where nothing was."""
         offset, count, marks, small, vantage = self._kept[number]
-        with self._one_at_a_time, _told():
-            self._file.seek(offset)  # what waits in the buffer goes to the disk
-            places = self._file.read(8 * count)
-            shares, weights = (np.frombuffer(self._file.read(8 * count), np.float64) for _ in "12")
-            kept = self._file.read(marks), weights, self._file.read(small)
-        cells = np.frombuffer(places, np.int32).reshape(count, 2)
-        return Said(vantage, cells.astype(np.intp), shares, *kept)
+        data = self.read(offset, 24 * count + marks + small)
+        cells = np.frombuffer(data, np.int32, 2 * count).reshape(count, 2).astype(np.intp)
+        shares, weights = (np.frombuffer(data, np.float64, count, 8 * count * k) for k in (1, 2))
+        end = 24 * count + marks
+        return Said(vantage, cells, shares, data[24 * count : end], weights, data[end:])

@@ -23,6 +23,7 @@ from missions.geo.grid import Grid
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.output.facts.boundary_model import Boundary
+from uavmap.output.facts.map_model import on_earth
 from uavmap.output.facts.outline import Runs, runs
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats.layers import turned
@@ -206,10 +207,7 @@ def _geometry(shape: BaseGeometry) -> dict[str, Any]:
 
 def _lon_lat(data: BoundaryMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Longitudes, in the turn of the start's, and latitudes of points of the moving frame."""
-    grid = data.grid
-    drift = np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * data.t_s
-    origin = np.array([grid.origin.east_m, grid.origin.north_m])
-    found = grid.zone.lon_lat(origin + (points + drift) * grid.scale)
+    found = on_earth(points, data.grid, data.t_s)
     found[:, 0] = turned(found[:, 0], data.start)
     if not np.isfinite(found).all():  # JSON has no word for it
         raise ValueError("a point of the boundary lies nowhere on Earth")

@@ -47,6 +47,7 @@ from uavmap.base.extras import install_command
 from uavmap.journal.kept_frames import FRAMES, KeptFrame, read_kept
 from uavmap.output.drawing.palette import STATES, track_colour
 from uavmap.output.film.film import Change, Film
+from vision.camera import rotation
 
 SUFFIX: Final = ".rrd"
 SNAPSHOTS: Final = 300
@@ -214,15 +215,7 @@ def turn_enu(pose: Pose) -> NDArray[np.float64]:
     >>> turn_enu(Pose(LatLon(0.0, 0.0), 10.0, down)).round(6)[:, 0].tolist()
     [0.0, 0.0, -1.0]
     """
-    w, x, y, z = pose.attitude
-    ned = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    turned: NDArray[np.float64] = _NED_TO_ENU @ ned
+    turned: NDArray[np.float64] = _NED_TO_ENU @ rotation(pose.attitude)
     return turned
 
 

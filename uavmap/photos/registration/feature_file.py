@@ -2,42 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
-import threading
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import IO, Self
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.errors import OutputError
+from uavmap.photos.scratch_file import ScratchFile
 from vision.registration import Features
 
 _WORDS: int = 128
 
 
-@contextlib.contextmanager
-def _told() -> Iterator[None]:
-    """What the disk refuses, as a line for people."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(
-            "features of pictures wait in a file in the folder for temporary files, which cannot "
-            f"be written ({error.strerror}); make room there, have TMPDIR name another folder, or "
-            "replay with --refine off"
-        ) from None
-
-
-def _temporary() -> IO[bytes]:
-    with _told():
-        return tempfile.TemporaryFile(buffering=0)
-
-
-@dataclass(slots=True)
-class FeatureFile:
+class FeatureFile(ScratchFile):
     """Features in a file that vanishes with this object; for any thread.
 
     >>> some = Features(np.array([[1.5, 2.0]]), np.full((1, 128), 7, np.uint8), 320, 240)
@@ -47,34 +23,16 @@ class FeatureFile:
     ([[1.5, 2.0]], 896, 320)
     """
 
-    _file: IO[bytes] = field(default_factory=_temporary)
-    _end: int = 0
-    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
+    def __init__(self) -> None:
+        remedy = "have TMPDIR name another folder, or replay with --refine off"
+        super().__init__("features of pictures wait", remedy)
 
     def put(self, features: Features) -> KeptFeatures:
         """Keep features; raises `OutputError` on a full disk."""
-        data = features.points.astype(np.float64).tobytes() + features.descriptors.tobytes()
-        with self._one_at_a_time, _told():
-            offset = self._end
-            self._file.seek(offset)
-            rest = memoryview(data)
-            while rest:
-                rest = rest[self._file.write(rest) :]
-            self._end += len(data)
+        points = features.points.astype(np.float64).tobytes()
+        offset = self.append(points, features.descriptors.tobytes())
         size = features.width_px, features.height_px
         return KeptFeatures(self, offset, len(features.points), *size)
-
-    def read(self, offset: int, length: int) -> bytes:
-        """Bytes of the file."""
-        with self._one_at_a_time, _told():
-            self._file.seek(offset)
-            return self._file.read(length)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from missions.errors import OutputError
-from uavmap.photos.registration import feature_file
+from uavmap.photos import scratch_file
 from uavmap.photos.registration.feature_file import FeatureFile
 from vision.registration import Features
 
@@ -30,7 +30,7 @@ def test_a_full_disk_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip("no /dev/full")
     full = Path("/dev/full")
     monkeypatch.setattr(
-        feature_file.tempfile, "TemporaryFile", lambda **_: full.open("r+b", buffering=0)
+        scratch_file.tempfile, "TemporaryFile", lambda **_: full.open("r+b", buffering=0)
     )
     some = Features(np.zeros((1, 2)), np.zeros((1, 128), np.uint8), 320, 240)
     with FeatureFile() as file, pytest.raises(OutputError, match="--refine off"):

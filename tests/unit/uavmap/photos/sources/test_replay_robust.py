@@ -21,7 +21,7 @@ from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
 from tests.unit.uavmap.photos.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
 from uavmap.load.mission_source import mission_of_text
-from uavmap.photos import verdict_spool as spool
+from uavmap.photos import scratch_file
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.registration import refined_pictures
 from uavmap.photos.sources.inventory import gather
@@ -382,7 +382,7 @@ def test_a_full_disk_is_said_in_a_line(
     line = ["replay", str(good), "--mission", str(good / "m.toml"), "--refine", "off"]
     with monkeypatch.context() as patch:
         full = Path("/dev/full")
-        patch.setattr(spool.tempfile, "TemporaryFile", lambda: full.open("w+b", 0))
+        patch.setattr(scratch_file.tempfile, "TemporaryFile", lambda **_: full.open("w+b", 0))
         assert main([*line, "--out", str(tmp_path / "map")]) == 2
     err = capsys.readouterr().err
     assert "No space left" in err
