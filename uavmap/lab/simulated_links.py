@@ -9,7 +9,7 @@ from typing import Final
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.partition import Partition
-from uavmap.fleet.link_models import RANGE, LinkWords, link_words
+from uavmap.fleet.link_models import RANGE, link_words
 
 KINDS: Final = ("shared", "free", "meeting")
 _KEYS: Final = ("loss", "delay", "rate")
@@ -43,7 +43,7 @@ def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
         loss=words.numbers.get("loss", 0.0),
         delay=words.numbers.get("delay", 0.0),
         rate=words.numbers.get("rate", math.inf),
-        apart=_aparts(words, robots),
+        apart=tuple(_apart(text, robots) for _, text in words.others),
         seed=seed,
     )
 
@@ -55,10 +55,6 @@ def draws(comms: Comms | Links) -> bool:
     (True, False, False)
     """
     return isinstance(comms, Links) and 0.0 < comms.loss < 1.0
-
-
-def _aparts(words: LinkWords, robots: int) -> tuple[Partition, ...]:
-    return tuple(_apart(text, robots) for _, text in words.others)
 
 
 def _apart(text: str, robots: int) -> Partition:

@@ -286,13 +286,10 @@ def with_area(shapes: list[Shape], flown: list[Point], home: Point | None, sourc
         ]
         hull = shapely.convex_hull(MultiPoint(away)) if len(away) > 2 else None
         if isinstance(hull, Polygon):
-            shapes.append(polygon("waypoints", [_corners(hull)], source, Role.AREA))
+            corners = [(float(x), float(y)) for x, y, *_ in hull.exterior.coords]
+            shapes.append(polygon("waypoints", [corners], source, Role.AREA))
             notices.append(f"no survey; the area is what its {len(away)} waypoints span")
     return layer_of(shapes, crs.WGS84, source, notices)
-
-
-def _corners(hull: Polygon) -> list[Point]:
-    return [(float(x), float(y)) for x, y, *_ in hull.exterior.coords]
 
 
 def _circle(centre: Point, radius_m: float, role: Role, where: str) -> Shape:

@@ -79,18 +79,14 @@ def write(data: BoundaryMap, path: Path) -> list[Feature]:
     return features
 
 
-def encode(data: BoundaryMap) -> str:
-    """The boundary as a FeatureCollection, a feature a line."""
-    return _text(data, features_of(data))
-
-
 def features_of(data: BoundaryMap) -> list[Feature]:
     """What is in the file."""
+    open_lines = data.boundary.open_lines
     return [
         _region(data),
         *_lines(data),
         _shape(data, "band", data.boundary.band, {"from": 0.1, "to": 0.9}),
-        _shape(data, "open", data.boundary.open_lines, _length(data.boundary.open_lines)),
+        _shape(data, "open", open_lines, {"length_m": round(float(open_lines.length), 1)}),
         _cells(data, "undecided", runs(data.undecided)),
         _cells(data, "unseen", unseen(data)),
     ]
@@ -221,10 +217,6 @@ def _bbox(features: Sequence[Feature]) -> list[float]:
         return []
     low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return [float(value) for value in (*low, *high)]
-
-
-def _length(lines: BaseGeometry) -> dict[str, float]:
-    return {"length_m": round(float(lines.length), 1)}
 
 
 def _rounded(value: float | None) -> float | None:

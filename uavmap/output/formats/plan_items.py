@@ -64,7 +64,8 @@ def search_flight(
         GeodesyError: No path inside the fence leads back to the home.
     """
     mission, grid, fence = setting.mission, setting.grid, setting.fence
-    home, height_m = homes(mission)[vehicle], _height_m(mission, vehicle)
+    home = homes(mission)[vehicle]
+    height_m = mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
     at_height_m = height_m + (mission.start.amsl_m if frame == mav.MAV_FRAME_GLOBAL else 0.0)
 
     def at(place: LatLon, command: int = mav.MAV_CMD_NAV_WAYPOINT) -> Item:
@@ -98,10 +99,6 @@ def search_flight(
     return SearchFlight(
         vehicle, home, speed_m_s, tuple(items), _fence(mission), (rally,), tuple(left_out)
     )
-
-
-def _height_m(mission: Mission, vehicle: int) -> float:
-    return mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
 
 
 def _order(command: int, first: float = 0.0, second: float = 0.0, third: float = 0.0) -> Item:

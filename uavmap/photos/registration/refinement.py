@@ -32,11 +32,6 @@ from vision.registration import (
 )
 
 POSITION_SIGMA_M: Final = 10.0
-HEIGHT_SIGMA: Final = 0.05
-"""Of a tagged height, as a share, beside what all heights of a set have in common."""
-
-HEIGHT_SIGMA_M: Final = 1.0
-YAW_SIGMA_RAD: Final = math.radians(6.0)
 TILT_SIGMA_RAD: Final = math.radians(2.0)
 """Of a tagged tilt: a gimbal's. Without a tag a camera looks down within `UNKNOWN_TILT_RAD`."""
 
