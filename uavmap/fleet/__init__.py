@@ -1,6 +1,6 @@
 """Members of a fleet talk to each other: sealed datagrams over whatever radio there is.
 
-    talking        a member talks as long as its flight, and a while after   .talking
+    talking        a member talks as long as its flight, and a while after   .exchange
       member       when we speak, and what becomes of what is heard          .member
         reports    which facts we tell next                                  .reports
         clock      the same seconds for all                                  .fleet_clock
@@ -10,5 +10,5 @@
       radio        carries datagrams: simulated air, a multicast group or zenoh
                                   .radio, .simulated_radio, .multicast_radio, .zenoh_radio
 
-What is said is in `missions.fleet_events`. Nothing here commands a vehicle.
+What is said is in `missions.flight.team`. Nothing here commands a vehicle.
 """
