@@ -13,28 +13,6 @@ from missions.mapping.persistent import PersistentMap, PersistentSet
 ONE = {"b": 1, "a": 2}
 
 
-def test_each_version_stays_what_it_is() -> None:
-    one = PersistentMap(ONE)
-    two = one.updated({"a": 3, "c": 4})
-    three = two.updated({"d": 5})
-    assert list(two.items()) == [("b", 1), ("a", 3), ("c", 4)]
-    assert list(one.items()) == [("b", 1), ("a", 2)]
-    assert list(three.items()) == [("b", 1), ("a", 3), ("c", 4), ("d", 5)]
-    assert [len(m) for m in (one, two, three)] == [2, 3, 4]
-    assert [m.get("c") for m in (one, two, three)] == [None, 4, 4]
-    assert [m.get("c", 0) for m in (one, two, three)] == [0, 4, 4]
-    assert ["d" in m for m in (one, two, three)] == [False, False, True]
-
-
-def test_an_older_version_goes_on_by_itself() -> None:
-    one = PersistentMap(ONE)
-    two = one.updated({"c": 3})
-    other = one.updated({"c": 4, "b": 0})
-    assert (dict(one), dict(two), dict(other)) == (
-        ONE, {**ONE, "c": 3}, {**ONE, "c": 4, "b": 0}
-    )  # fmt: skip
-
-
 def test_a_key_that_is_missing_is_an_error() -> None:
     one = PersistentMap(ONE)
     one.updated({"c": 3})

@@ -75,6 +75,7 @@ def test_unknown_keys_get_the_nearest_known_one(line: str, expected: str) -> Non
         ("grid.cell_m = '4'", "grid.cell_m = '4': input should be a valid number"),
         ("grid.cell_m = true", "grid.cell_m = True: input should be a valid number"),
         ("votes.frames = 2.5", "votes.frames = 2.5: input should be a valid integer"),
+        ("votes.frames = [1, 1]", "votes.frames = list: input should be a valid integer"),
         ("votes.positive = 9", "votes: positive = 9 can never be reached with frames = 5"),
         ("vehicles = []", "vehicles: 0 given, at least 1 needed"),
         ("grid = 3", "grid: must be a table, [grid]"),
@@ -96,12 +97,6 @@ def test_a_latitude_beyond_range_suggests_that_it_was_swapped() -> None:
 def test_half_a_position_is_a_fault() -> None:
     (line,) = faults(HEAD.replace("[48.0, 11.0]\nsearch", "[48.0]\nsearch"))
     assert line == "start.position[1]: missing; positions are [latitude, longitude]"
-
-
-def test_what_is_not_toml_says_where() -> None:
-    (line,) = faults("name = = 3")
-    assert line.startswith("not a TOML file: ")
-    assert "line 1" in line
 
 
 def test_all_faults_come_at_once() -> None:

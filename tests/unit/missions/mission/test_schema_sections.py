@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
-
 import pytest
-from pydantic import BaseModel, Field, ValidationError
 
 from missions.errors import MissionFileError
-from missions.mission.messages import explain
-from missions.mission.schema import MAX_VEHICLES, Mission, parse_fields, parse_toml, positions
+from missions.mission.schema import MAX_VEHICLES, Mission, parse_fields, parse_toml
 from missions.mission.sections.sim_section import SimFault
-from missions.units import LatLon
 from tests.unit.missions.mission.test_mission_file import HEAD, faults
 
 
@@ -56,31 +51,6 @@ def test_a_fleet_has_a_limit() -> None:
     assert len(mission("vehicles = [" + "{}, " * MAX_VEHICLES + "]").vehicles) == MAX_VEHICLES
     (line,) = faults(HEAD + "vehicles = [" + "{}, " * (MAX_VEHICLES + 1) + "]")
     assert line.startswith("vehicles")
-
-
-@pytest.mark.parametrize("frames", [1, 3, 5])
-def test_as_many_positive_votes_as_frames_may_be_asked_for(frames: int) -> None:
-    assert mission(f"votes = {{frames = {frames}, positive = {frames}}}").votes.frames == frames
-    (line,) = faults(HEAD + f"votes = {{frames = {frames}, positive = {frames + 1}}}")
-    assert f"positive = {frames + 1} can never be reached with frames = {frames}" in line
-
-
-def test_only_a_simulated_camera_is_without_noise() -> None:
-    assert not mission().camera.noiseless
-    assert mission("camera.noiseless = true").camera.noiseless
-    (line,) = faults(HEAD + "camera.noiseless = 'yes please'")
-    assert line.startswith("camera.noiseless = 'yes please'")
-
-
-# --- rings and positions ---------------------------------------------------------------------
-def test_rings_become_positions_in_their_order() -> None:
-    ring = ((48.0, 11.0), (48.5, 11.0), (48.5, 11.5))
-    assert positions(ring) == (LatLon(48.0, 11.0), LatLon(48.5, 11.0), LatLon(48.5, 11.5))
-
-
-def test_a_mission_knows_where_it_starts() -> None:
-    assert mission().home == LatLon(48.0, 11.0)
-    assert mission().altitude_m(0) == mission().flight.altitude_m
 
 
 # --- faults of a simulation ------------------------------------------------------------------
@@ -145,76 +115,13 @@ def test_an_unknown_kind_lists_the_known_ones() -> None:
     assert "'camera_black'" in line
 
 
-# --- messages --------------------------------------------------------------------------------
-class Inner(BaseModel, extra="forbid"):
-    metres: float = Field(default=1.0, gt=0)
-    names: tuple[str, ...] = ()
-
-
-class Outer(BaseModel, extra="forbid"):
-    inner: Inner = Inner()
-    inners: tuple[Inner, ...] = ()
-    home: tuple[float, float] = (0.0, 0.0)
-    needed: int
-
-
-def told(values: dict[str, object]) -> list[str]:
-    with pytest.raises(ValidationError) as caught:
-        Outer.model_validate(values)
-    return explain(caught.value, Outer)
-
-
-@pytest.mark.parametrize(
-    ("values", "line"),
-    [
-        ({}, "needed: missing; add it (see a shipped mission for an example)"),
-        ({"needed": 1, "nedeed": 2}, "nedeed: unknown key; did you mean 'needed'?"),
-        ({"needed": 1, "inner": {"metre": 2}}, "inner.metre: unknown key; did you mean 'metres'?"),
-        ({"needed": 1, "inners": [{}, {"metre": 2}]},
-         "inners[1].metre: unknown key; did you mean 'metres'?"),
-        ({"needed": 1, "qqq": 2}, "qqq: unknown key"),
-        ({"needed": 1, "inner": 3}, "inner: must be a table, [inner]"),
-        ({"needed": 1, "inner": {"metres": 0}},
-         "inner.metres = 0: input should be greater than 0"),
-        ({"needed": 1, "home": [1.0]}, "home[1]: missing; positions are [latitude, longitude]"),
-        ({"needed": 1, "inners": 4}, "inners = 4: input should be a valid list"),
-    ],
-)  # fmt: skip
-def test_messages_name_the_key_the_value_and_what_is_expected(
-    values: dict[str, object], line: str
-) -> None:
-    assert told(values) == [line]
-
-
-def test_messages_come_one_a_fault() -> None:
-    lines = told({"inner": {"metres": -1, "names": [3]}})
-    assert sorted(line.split(":")[0].split(" ")[0] for line in lines) == [
-        "inner.metres", "inner.names[0]", "needed",
-    ]  # fmt: skip
-
-
-def test_a_list_is_not_printed_whole() -> None:
-    (line,) = told({"needed": [1] * 500})
-    assert line == "needed = list: input should be a valid integer"
-
-
 def test_a_list_that_is_short_because_of_a_faulty_item_has_one_fault() -> None:
     text = HEAD.replace("[48.0, 11.001]", "['x', 11.001]", 1)
     (line,) = faults(text)
     assert line.startswith("search.box[1][0] = 'x': ")
 
 
-# --- TOML ------------------------------------------------------------------------------------
-def test_toml_comes_as_tables() -> None:
-    assert parse_toml("a.b = 1\n[c]\nd = [1, 2]", "x") == {"a": {"b": 1}, "c": {"d": [1, 2]}}
-
-
 @pytest.mark.parametrize("text", ["a = ", "[a", "a = 1\na = 2", "\x00", 'a = "\\q"'])
 def test_what_is_not_toml_is_named_with_its_file(text: str) -> None:
     with pytest.raises(MissionFileError, match=r"^field\.toml: not a TOML file: "):
         parse_toml(text, "field.toml")
-
-
-def test_the_head_of_these_tests_is_a_mission() -> None:
-    assert set(tomllib.loads(HEAD)) == {"start", "search", "fence"}
-    assert mission().name == "mission"

@@ -1,7 +1,4 @@
-"""Bytes that no client should send: nothing raises, nothing changes, nothing grows.
-
-`tests/benchmarks/fuzz.py` is the long version.
-"""
+"""Bytes that no client should send: nothing raises, nothing changes, nothing grows."""
 
 from __future__ import annotations
 
