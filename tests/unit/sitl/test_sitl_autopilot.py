@@ -59,12 +59,6 @@ def test_becomes_ready_in_order(make_client):
     assert client.result(ARM, 1) == ACCEPTED
 
 
-def test_a_refusal_is_explained_after_the_ack(make_client):
-    client = make_client()
-    answer = [m.get_type() for m in client.command(ARM, 1)]
-    assert answer == ["COMMAND_ACK", "STATUSTEXT"]
-
-
 def test_a_whole_flight(make_client):
     client = make_client()
     client.run(6.0)

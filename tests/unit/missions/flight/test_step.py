@@ -27,8 +27,6 @@ from missions.events import (
     Resumed,
     Tracked,
     Vote,
-    from_json,
-    to_json,
 )
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State
@@ -740,28 +738,6 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     again = pair.order(2)
     assert isinstance(again, FlyTo)
     assert again.cell == east
-
-
-# --- the journal -----------------------------------------------------------------------------
-def test_every_event_survives_its_text() -> None:
-    made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0)
-    flight = fleet(made, roi={Cell(2, 6), Cell(2, 7)})
-    flight.start()
-    flight.run()
-    events: list[Event] = [
-        *flight.events,
-        Overridden(1, 1.0, "RTL"),
-        Released(1, 2.0, HOME, 3.0),
-        LinkLost(1, 3.0),
-        OrderFailed(1, 4.0, "take off", "no"),
-        Recalled(5.0),
-        Resumed(6.0),
-    ]
-    for event in events:
-        again = from_json(to_json(event))
-        assert again == event
-        assert type(again) is type(event)
-        assert to_json(again) == to_json(event)
 
 
 def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import MissionFileError
 from missions.mission.schema import parse_fields
 from missions.units import LatLon
 from sitl.body.battery import Battery
@@ -424,20 +423,3 @@ def test_every_kind_can_be_written(kind):
     assert vehicle.fail.scheduled
     assert all(f.begin_s == 3.0 for f in vehicle.fail.scheduled)
     vehicle.step(4.0)
-
-
-@pytest.mark.parametrize(
-    ("fault", "says"),
-    [
-        ('at_s = 1\nkind = "gps_glitch"', r"sim.faults\[0\]: kind = 'gps_glitch' needs metres"),
-        ('at_s = 1\nkind = "gps"\nvolts = 2', "kind = 'gps' has no volts"),
-        ('at_s = 1\nkind = "link"', "needs one of loss"),
-        ('at_s = 1\nkind = "link"\nloss = 3', r"sim.faults\[0\].loss = 3"),
-        ('at_s = 1\nkind = "birds"', r"sim.faults\[0\].kind = 'birds'"),
-        ('at_s = 1\nkind = "battery_cell"\nfor_s = 2', "has no for_s"),
-        ('at_s = 1\nkind = "gps"\nvehicel = 2', "did you mean 'vehicle'"),
-    ],
-)
-def test_a_wrong_scenario_is_explained(fault, says):
-    with pytest.raises(MissionFileError, match=says):
-        parse_fields(scenario(fault), "x.toml")
