@@ -234,14 +234,6 @@ def test_a_retreat_leaves_out_what_is_explored() -> None:
     assert moves == {1: EAST}
 
 
-def test_a_cell_found_late_brings_its_path_back() -> None:
-    tree = fork(NORTH, EAST).looked(NORTH, [])
-    retreat = Retreat.of(tree)
-    late = tree.looked(NORTH, [Cell(0, 2)])
-    _, after = retreat.moves(Situation(late, {1: START}, (1,)))
-    assert NORTH not in after.dropped
-
-
 # --- what all say of themselves --------------------------------------------------------------
 @pytest.mark.parametrize("name", sorted(EXPLORERS))
 def test_a_strategy_names_itself_its_promise_and_its_source(name: str) -> None:

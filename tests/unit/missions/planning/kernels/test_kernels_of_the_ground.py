@@ -57,13 +57,6 @@ def half_explored(seed: int, size: int = 30) -> tuple[set[Cell], set[Cell]]:
     return looked, seen - looked
 
 
-def test_a_corner_between_two_open_cells_is_imagined_where_the_region_is_compact() -> None:
-    block = {Cell(e, n) for e in range(3) for n in range(3)}
-    drawn = Drawn(block, {Cell(3, 0), Cell(3, 1), Cell(0, 3), Cell(1, 3), Cell(2, 3), Cell(3, 2)})
-    imagine(drawn.picture, drawn.width)
-    assert drawn.of(IMAGINED) == {Cell(3, 3)}
-
-
 def test_nothing_is_imagined_in_a_corridor() -> None:
     corridor = {Cell(e, 0) for e in range(5)} | {Cell(4, n) for n in range(4)}
     drawn = Drawn(corridor - {Cell(4, 3)}, {Cell(4, 3)})
