@@ -33,6 +33,7 @@ from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.benchmarks.path_following import followed, mean, most
 from tests.support.flights import Flight, Message, fly, small_mission
+from tests.support.running import by
 
 UP_M = 12.0
 EVERY_S = 0.2
@@ -166,51 +167,51 @@ def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(autopilot: str)
     assert max(errors) < 1.5
 
 
-def test_the_timeout_is_short_while_paths_are_flown_and_set_back_at_the_end() -> None:
-    async def body(flight: Flight) -> None:
-        parameters = flight.vehicle._ap.parameters
-        assert parameters["GUID_TIMEOUT"] == 3.0
-        await on_the_way(flight)
-        assert parameters["GUID_TIMEOUT"] == 1.0
-        await flight.sees(Arrived, within_s=20.0)
-        await flight.driver.leave_as_found()
-        assert parameters["GUID_TIMEOUT"] == 3.0
-
-    fly(body)
+@by(fly)
+async def test_the_timeout_is_short_while_paths_are_flown_and_set_back_at_the_end(
+    flight: Flight, /
+) -> None:
+    parameters = flight.vehicle._ap.parameters
+    assert parameters["GUID_TIMEOUT"] == 3.0
+    await on_the_way(flight)
+    assert parameters["GUID_TIMEOUT"] == 1.0
+    await flight.sees(Arrived, within_s=20.0)
+    await flight.driver.leave_as_found()
+    assert parameters["GUID_TIMEOUT"] == 3.0
 
 
 # --- what ends a stream --------------------------------------------------------------------------
-def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told() -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        assert speed_of(flight) > 5.0
-        lost_s, lost_at = flight.now_s(), where(flight)
-        flight.to_vehicle = lambda m: m.get_type() != SETPOINT
-        failed = await flight.sees(OrderFailed, within_s=9.0)
-        assert failed.order == "FlyPath"
-        assert "off its path" in failed.reason
-        assert failed.t_s - lost_s < 9.0
-        await asyncio.sleep(8.0)
-        assert speed_of(flight) < 0.3
-        assert where(flight).distance_to(lost_at) < 16.0
+@by(fly)
+async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told(
+    flight: Flight, /
+) -> None:
+    await on_the_way(flight, 5.0)
+    assert speed_of(flight) > 5.0
+    lost_s, lost_at = flight.now_s(), where(flight)
+    flight.to_vehicle = lambda m: m.get_type() != SETPOINT
+    failed = await flight.sees(OrderFailed, within_s=9.0)
+    assert failed.order == "FlyPath"
+    assert "off its path" in failed.reason
+    assert failed.t_s - lost_s < 9.0
+    await asyncio.sleep(8.0)
+    assert speed_of(flight) < 0.3
+    assert where(flight).distance_to(lost_at) < 16.0
 
-    fly(body)
 
-
-def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone() -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        flight.to_vehicle = lambda m: m.get_type() != SETPOINT
-        lost_s = flight.now_s()
-        overridden = await flight.sees(Overridden, within_s=3.0)
-        assert overridden.mode == "RTL by a failsafe"
-        assert overridden.t_s - lost_s < 2.5
-        flight.to_vehicle = lambda m: True
-        index = len(flight.sent)
-        await flight.sees(Landed)
-        assert flight.commands_after(index) == []
-
-    fly(body, over("px4"))
+@by(fly, lambda: over("px4"))
+async def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone(
+    flight: Flight, /
+) -> None:
+    await on_the_way(flight, 5.0)
+    flight.to_vehicle = lambda m: m.get_type() != SETPOINT
+    lost_s = flight.now_s()
+    overridden = await flight.sees(Overridden, within_s=3.0)
+    assert overridden.mode == "RTL by a failsafe"
+    assert overridden.t_s - lost_s < 2.5
+    flight.to_vehicle = lambda m: True
+    index = len(flight.sent)
+    await flight.sees(Landed)
+    assert flight.commands_after(index) == []
 
 
 def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
@@ -243,23 +244,23 @@ def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
         ("px4", Px4Mode.RTL),
     ],
 )
-def test_a_pilot_takes_over_on_a_path(autopilot: str, mode: Mode | Px4Mode) -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        if isinstance(mode, Px4Mode):
-            flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
-        else:
-            flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
-        assert flight.vehicle.truth.mode == mode
-        await flight.sees(Overridden, within_s=1.1)
-        index = len(flight.sent)
-        await asyncio.sleep(5.0)
-        assert flight.commands_after(index) == []
-        assert flight.vehicle.truth.mode == mode
-        assert not flight.seen(Released)
-        assert not flight.seen(OrderFailed)
-
-    fly(body, over(autopilot))
+@by(fly, over)
+async def test_a_pilot_takes_over_on_a_path(
+    flight: Flight, /, autopilot: str, mode: Mode | Px4Mode
+) -> None:
+    await on_the_way(flight)
+    if isinstance(mode, Px4Mode):
+        flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
+    else:
+        flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
+    assert flight.vehicle.truth.mode == mode
+    await flight.sees(Overridden, within_s=1.1)
+    index = len(flight.sent)
+    await asyncio.sleep(5.0)
+    assert flight.commands_after(index) == []
+    assert flight.vehicle.truth.mode == mode
+    assert not flight.seen(Released)
+    assert not flight.seen(OrderFailed)
 
 
 # --- other orders on the way ---------------------------------------------------------------------
@@ -372,20 +373,15 @@ def test_a_path_with_another_interval_changes_the_pace_of_the_pictures() -> None
     assert not flight.seen(FrameLost)
 
 
-def test_a_path_that_was_called_off_is_not_gone_on_with() -> None:
+@by(fly)
+async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /) -> None:
     """Two orders in one breath: the path after them begins anew."""
-
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        flight.driver.give(Hold())
-        plan = rounded_path(
-            [GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0
-        )
-        flight.driver.give(order(plan))
-        await flight.sees(Arrived, within_s=20.0)
-        assert where(flight).distance_to(GridPoint(25, 20)) < 0.5
-
-    fly(body)
+    await on_the_way(flight)
+    flight.driver.give(Hold())
+    plan = rounded_path([GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0)
+    flight.driver.give(order(plan))
+    await flight.sees(Arrived, within_s=20.0)
+    assert where(flight).distance_to(GridPoint(25, 20)) < 0.5
 
 
 @both
@@ -406,17 +402,15 @@ def test_a_path_over_a_drifting_region_moves_with_it(autopilot: str) -> None:
     assert not fly(body, over(autopilot, drift_m_s=0.4, toward_deg=60.0)).seen(OrderFailed)
 
 
-def test_a_camera_that_refuses_ends_the_order_and_the_stream() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.vehicle.fail.reject(START_CAPTURE)
-        plan = corner(flight.now_s() + NOTICE_S)
-        flight.driver.give(order(plan))
-        failed = await flight.sees(OrderFailed, within_s=30.0)
-        assert "IMAGE_START_CAPTURE was refused" in failed.reason
-        await asyncio.sleep(0.2)
-        index = len(kinds(flight, SETPOINT))
-        await asyncio.sleep(2.0)
-        assert len(kinds(flight, SETPOINT)) == index
-
-    fly(body)
+@by(fly)
+async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.vehicle.fail.reject(START_CAPTURE)
+    plan = corner(flight.now_s() + NOTICE_S)
+    flight.driver.give(order(plan))
+    failed = await flight.sees(OrderFailed, within_s=30.0)
+    assert "IMAGE_START_CAPTURE was refused" in failed.reason
+    await asyncio.sleep(0.2)
+    index = len(kinds(flight, SETPOINT))
+    await asyncio.sleep(2.0)
+    assert len(kinds(flight, SETPOINT)) == index

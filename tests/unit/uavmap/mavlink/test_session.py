@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, text
+from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.session import ACK_TRIES, ACK_WAIT_S, GROUND_SYSTEM_ID
 
@@ -137,17 +138,17 @@ def test_a_refusal_is_final_and_carries_the_text_that_follows(result: int, name:
     assert len(conversation(body).commands()) == 1
 
 
-def test_a_refusal_carries_the_text_of_the_same_datagram_but_no_old_one() -> None:
-    async def body(peer: Peer) -> None:
-        peer.session.feed(peer.frame(text("Calibrating barometer")))
-        await asyncio.sleep(60.0)
-        script(peer, [ack(ARM, DENIED), text("Arm: Mode not armable")])
-        with pytest.raises(CommandRefusedError) as caught:
-            await peer.session.command(ARM, 1)
-        assert "Arm: Mode not armable" in str(caught.value)
-        assert "Calibrating" not in str(caught.value)
-
-    conversation(body)
+@by(conversation)
+async def test_a_refusal_carries_the_text_of_the_same_datagram_but_no_old_one(
+    peer: Peer, /
+) -> None:
+    peer.session.feed(peer.frame(text("Calibrating barometer")))
+    await asyncio.sleep(60.0)
+    script(peer, [ack(ARM, DENIED), text("Arm: Mode not armable")])
+    with pytest.raises(CommandRefusedError) as caught:
+        await peer.session.command(ARM, 1)
+    assert "Arm: Mode not armable" in str(caught.value)
+    assert "Calibrating" not in str(caught.value)
 
 
 def test_acks_for_others_and_of_other_commands_are_not_ours() -> None:
@@ -162,20 +163,18 @@ def test_acks_for_others_and_of_other_commands_are_not_ours() -> None:
     assert [c for _, _, c in conversation(body).commands()] == [0, 1]
 
 
-def test_only_the_component_that_was_asked_acknowledges() -> None:
+@by(conversation)
+async def test_only_the_component_that_was_asked_acknowledges(peer: Peer, /) -> None:
     """An ArduPilot with a camera of its own accepts a command that went to another camera."""
 
-    async def body(peer: Peer) -> None:
-        def answer(message: Message) -> None:
-            peer.say(ack(message.command, OK), after_s=0.1, component=1)
-            peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
+    def answer(message: Message) -> None:
+        peer.say(ack(message.command, OK), after_s=0.1, component=1)
+        peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
 
-        peer.answer = answer
-        await peer.session.command(ARM, 1)
-        with pytest.raises(LinkError, match="IMAGE_START_CAPTURE was not acknowledged"):
-            await peer.session.command(CAPTURE, 0, component=100)
-
-    conversation(body)
+    peer.answer = answer
+    await peer.session.command(ARM, 1)
+    with pytest.raises(LinkError, match="IMAGE_START_CAPTURE was not acknowledged"):
+        await peer.session.command(CAPTURE, 0, component=100)
 
 
 def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
@@ -202,19 +201,17 @@ def test_a_number_that_does_not_fit_is_a_link_error_and_the_session_goes_on() ->
     assert len(conversation(body).commands()) == 1
 
 
-def test_feeding_says_whether_the_vehicle_spoke() -> None:
-    async def main() -> None:
-        peer, other = Peer(), Peer(system=7)
-        camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
-        assert not peer.session.feed(b"?" * 50)
-        assert not peer.session.feed(peer.frame(text("before the first heartbeat")))
-        assert not peer.session.feed(peer.frame(camera, 100))
-        assert peer.session.feed(peer.frame(heartbeat()))
-        assert peer.session.feed(peer.frame(camera, 100))
-        assert not peer.session.feed(other.frame(heartbeat()))
-        assert not peer.session.feed(peer.frame(heartbeat(99_999)))
-
-    run(main(), VirtualClock())
+@by(on_virtual_time)
+async def test_feeding_says_whether_the_vehicle_spoke() -> None:
+    peer, other = Peer(), Peer(system=7)
+    camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
+    assert not peer.session.feed(b"?" * 50)
+    assert not peer.session.feed(peer.frame(text("before the first heartbeat")))
+    assert not peer.session.feed(peer.frame(camera, 100))
+    assert peer.session.feed(peer.frame(heartbeat()))
+    assert peer.session.feed(peer.frame(camera, 100))
+    assert not peer.session.feed(other.frame(heartbeat()))
+    assert not peer.session.feed(peer.frame(heartbeat(99_999)))
 
 
 def test_two_commands_at_once_both_get_their_ack() -> None:
@@ -265,94 +262,81 @@ def test_a_place_goes_as_command_int() -> None:
     assert message.frame == 3
 
 
-def test_until() -> None:
-    async def body(peer: Peer) -> None:
-        session, loop = peer.session, asyncio.get_running_loop()
-        assert await session.until(lambda: True)
-        assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
-        assert loop.time() == pytest.approx(2.0)
-        peer.say(heartbeat(armed=True), after_s=1.0)
-        assert await session.until(lambda: session.view.armed, timeout_s=2.0)
-        assert loop.time() == pytest.approx(3.0)
-        waiting = asyncio.create_task(session.until(lambda: False))
-        await asyncio.sleep(1.0)
-        waiting.cancel()
-        await asyncio.wait([waiting])
-        assert session._waiters == []
-
-    conversation(body)
+@by(conversation)
+async def test_until(peer: Peer, /) -> None:
+    session, loop = peer.session, asyncio.get_running_loop()
+    assert await session.until(lambda: True)
+    assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
+    assert loop.time() == pytest.approx(2.0)
+    peer.say(heartbeat(armed=True), after_s=1.0)
+    assert await session.until(lambda: session.view.armed, timeout_s=2.0)
+    assert loop.time() == pytest.approx(3.0)
+    waiting = asyncio.create_task(session.until(lambda: False))
+    await asyncio.sleep(1.0)
+    waiting.cancel()
+    await asyncio.wait([waiting])
+    assert session._waiters == []
 
 
-def test_frames_of_others_are_recorded_but_not_believed() -> None:
-    async def body(peer: Peer) -> None:
-        session, heard = peer.session, []
-        session.listen(heard.append)
-        other = Peer(system=7)
-        recorded = len(peer.frames)
-        session.feed(other.frame(heartbeat(mode=6, armed=True)) + other.frame(text("Mayday")))
-        assert (session.view.system_id, session.view.mode, session.view.armed) == (1, 4, False)
-        assert not session.view.texts
-        assert heard == []
-        assert len(peer.frames) == recorded + 2
-
-    conversation(body)
+@by(conversation)
+async def test_frames_of_others_are_recorded_but_not_believed(peer: Peer, /) -> None:
+    session, heard = peer.session, []
+    session.listen(heard.append)
+    other = Peer(system=7)
+    recorded = len(peer.frames)
+    session.feed(other.frame(heartbeat(mode=6, armed=True)) + other.frame(text("Mayday")))
+    assert (session.view.system_id, session.view.mode, session.view.armed) == (1, 4, False)
+    assert not session.view.texts
+    assert heard == []
+    assert len(peer.frames) == recorded + 2
 
 
-def test_a_ground_station_or_a_camera_is_no_vehicle() -> None:
-    async def main() -> None:
-        peer = Peer(system=255, component=190)
-        peer.session.feed(peer.frame(heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)))
-        assert (peer.session.view.system_id, peer.session.view.autopilot) == (0, None)
-
-    run(main(), VirtualClock())
+@by(on_virtual_time)
+async def test_a_ground_station_or_a_camera_is_no_vehicle() -> None:
+    peer = Peer(system=255, component=190)
+    peer.session.feed(peer.frame(heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)))
+    assert (peer.session.view.system_id, peer.session.view.autopilot) == (0, None)
 
 
-def test_a_second_component_that_calls_itself_an_autopilot_changes_nothing() -> None:
+@by(conversation)
+async def test_a_second_component_that_calls_itself_an_autopilot_changes_nothing(
+    peer: Peer, /
+) -> None:
     """Some gimbals and companions send heartbeats with MAV_AUTOPILOT_GENERIC and mode 0."""
-
-    async def body(peer: Peer) -> None:
-        gimbal = Peer(system=1, component=mav.MAV_COMP_ID_GIMBAL)
-        peer.session.feed(peer.frame(heartbeat(4, armed=True)))
-        peer.session.feed(gimbal.frame(heartbeat(0, autopilot=mav.MAV_AUTOPILOT_GENERIC)))
-        view = peer.session.view
-        assert (view.mode, view.armed) == (4, True)
-        assert view.autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA
-
-    conversation(body)
+    gimbal = Peer(system=1, component=mav.MAV_COMP_ID_GIMBAL)
+    peer.session.feed(peer.frame(heartbeat(4, armed=True)))
+    peer.session.feed(gimbal.frame(heartbeat(0, autopilot=mav.MAV_AUTOPILOT_GENERIC)))
+    view = peer.session.view
+    assert (view.mode, view.armed) == (4, True)
+    assert view.autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
-def test_garbage_between_frames() -> None:
+@by(conversation)
+async def test_garbage_between_frames(peer: Peer, /) -> None:
     rng = np.random.default_rng(5)
-
-    async def body(peer: Peer) -> None:
-        heard: list[Message] = []
-        peer.session.listen(heard.append)
-        for number in range(200):
-            # no start byte in the garbage: that may rightly swallow the frame behind it
-            noise = rng.integers(0, 0xFD, int(rng.integers(1, 60)), dtype=np.uint8).tobytes()
-            frame = peer.frame(text(f"number {number}"))
-            cut = int(rng.integers(0, len(frame)))
-            peer.session.feed(noise + frame[:cut])
-            peer.session.feed(frame[cut:])
-        assert [m.text for m in heard] == [f"number {n}" for n in range(200)]
-
-    conversation(body)
+    heard: list[Message] = []
+    peer.session.listen(heard.append)
+    for number in range(200):
+        # no start byte in the garbage: that may rightly swallow the frame behind it
+        noise = rng.integers(0, 0xFD, int(rng.integers(1, 60)), dtype=np.uint8).tobytes()
+        frame = peer.frame(text(f"number {number}"))
+        cut = int(rng.integers(0, len(frame)))
+        peer.session.feed(noise + frame[:cut])
+        peer.session.feed(frame[cut:])
+    assert [m.text for m in heard] == [f"number {n}" for n in range(200)]
 
 
-def test_damaged_frames_never_raise() -> None:
+@by(conversation)
+async def test_damaged_frames_never_raise(peer: Peer, /) -> None:
     rng = np.random.default_rng(6)
-
-    async def body(peer: Peer) -> None:
-        for _ in range(500):
-            frame = bytearray(peer.frame(text("a few words")))
-            for at in rng.integers(0, len(frame), 3):
-                frame[int(at)] = int(rng.integers(0, 256))
-            peer.session.feed(bytes(frame))
-        peer.session.feed(bytes(600))
-        peer.session.feed(peer.frame(heartbeat(9)))
-        assert peer.session.view.mode == 9
-
-    conversation(body)
+    for _ in range(500):
+        frame = bytearray(peer.frame(text("a few words")))
+        for at in rng.integers(0, len(frame), 3):
+            frame[int(at)] = int(rng.integers(0, 256))
+        peer.session.feed(bytes(frame))
+    peer.session.feed(bytes(600))
+    peer.session.feed(peer.frame(heartbeat(9)))
+    assert peer.session.view.mode == 9
 
 
 def test_every_frame_of_both_directions_is_recorded_whole() -> None:

@@ -27,6 +27,7 @@ from missions.orders import FlyPath, FlyTo, Hold, Land, ReturnToLaunch, Sweep, T
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from tests.support.flights import Flight, fly, small_mission
+from tests.support.running import by
 from tests.support.small_missions import square
 
 UP_M = 12.0
@@ -136,33 +137,29 @@ def test_an_order_to_return_by_itself_is_carried_out_around_a_hole(autopilot: st
     ]
 
 
-def test_a_pilot_who_takes_it_on_the_way_around_keeps_it() -> None:
-    async def body(flight: Flight) -> None:
-        await behind_the_house(flight)
-        homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
-        await asyncio.sleep(3.0)
-        flight.pilot_mode(LOITER)
-        await homeward
-        sent = len(flight.sent)
-        await asyncio.sleep(20.0)
-        assert flight.commands_after(sent) == []
-        assert flight.session.view.mode == LOITER
-
-    fly(body, beside_a_house("ardupilot"))
+@by(fly, lambda: beside_a_house("ardupilot"))
+async def test_a_pilot_who_takes_it_on_the_way_around_keeps_it(flight: Flight, /) -> None:
+    await behind_the_house(flight)
+    homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
+    await asyncio.sleep(3.0)
+    flight.pilot_mode(LOITER)
+    await homeward
+    sent = len(flight.sent)
+    await asyncio.sleep(20.0)
+    assert flight.commands_after(sent) == []
+    assert flight.session.view.mode == LOITER
 
 
-def test_a_terminal_that_is_gone_keeps_nobody_in_the_air() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
+@by(fly)
+async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight: Flight, /) -> None:
+    await out(flight)
 
-        def gone(text: str) -> None:
-            raise BrokenPipeError(text)
+    def gone(text: str) -> None:
+        raise BrokenPipeError(text)
 
-        flight.driver.guardian._operator = gone
-        await flight.driver.guardian.bring_home("the terminal was closed")
-        assert flight.vehicle.truth.landed
-
-    fly(body)
+    flight.driver.guardian._operator = gone
+    await flight.driver.guardian.bring_home("the terminal was closed")
+    assert flight.vehicle.truth.landed
 
 
 def test_on_the_ground_nothing_is_sent() -> None:
@@ -175,15 +172,15 @@ def test_on_the_ground_nothing_is_sent() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_over_a_link_that_loses_half_of_everything_it_still_comes_home(seed: int) -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        rng = np.random.default_rng(seed)
-        flight.to_driver = flight.to_vehicle = lambda message: rng.random() > 0.5
-        await flight.driver.guardian.bring_home("the mission failed")
-        assert flight.vehicle.truth.landed
-
-    fly(body)
+@by(fly)
+async def test_over_a_link_that_loses_half_of_everything_it_still_comes_home(
+    flight: Flight, /, seed: int
+) -> None:
+    await out(flight)
+    rng = np.random.default_rng(seed)
+    flight.to_driver = flight.to_vehicle = lambda message: rng.random() > 0.5
+    await flight.driver.guardian.bring_home("the mission failed")
+    assert flight.vehicle.truth.landed
 
 
 def test_an_autopilot_that_does_not_return_lands() -> None:
@@ -232,137 +229,127 @@ def test_who_hurries_lands_from_near_the_ground_and_does_not_break(autopilot: st
     fly(body, made)
 
 
-def test_who_hurries_needs_no_command_for_its_target() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION)
-        begun_s = flight.vehicle.t_s
-        flight.driver.guardian.take_over("land", "a test", hurry=True)
-        await flight.sees(Landed, within_s=20.0)
-        assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 3.0
-
-    fly(body)
+@by(fly)
+async def test_who_hurries_needs_no_command_for_its_target(flight: Flight, /) -> None:
+    await out(flight)
+    flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION)
+    begun_s = flight.vehicle.t_s
+    flight.driver.guardian.take_over("land", "a test", hurry=True)
+    await flight.sees(Landed, within_s=20.0)
+    assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 3.0
 
 
-def test_who_hurries_sinks_as_fast_as_it_may_where_that_speed_is_refused() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.vehicle.fail.reject(mav.MAV_CMD_DO_CHANGE_SPEED)
-        begun_s = flight.vehicle.t_s
-        flight.driver.guardian.take_over("land", "a test", hurry=True)
-        await flight.sees(Landed, within_s=30.0)
-        assert UP_M / 1.5 < flight.vehicle.t_s - begun_s < UP_M / 1.5 + 5.0
-
-    fly(body)
-
-
-def test_who_is_taken_by_its_pilot_in_a_hurry_is_the_pilots() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.driver.guardian.take_over("land", "a test", hurry=True)
-        await asyncio.sleep(3.0)
-        flight.pilot_mode(LOITER)
-        await flight.sees(Overridden)
-        sent = len(flight.sent)
-        await asyncio.sleep(10.0)
-        assert flight.commands_after(sent) == []
-        assert flight.vehicle.truth.mode == Mode.LOITER
-
-    fly(body)
+@by(fly)
+async def test_who_hurries_sinks_as_fast_as_it_may_where_that_speed_is_refused(
+    flight: Flight, /
+) -> None:
+    await out(flight)
+    flight.vehicle.fail.reject(mav.MAV_CMD_DO_CHANGE_SPEED)
+    begun_s = flight.vehicle.t_s
+    flight.driver.guardian.take_over("land", "a test", hurry=True)
+    await flight.sees(Landed, within_s=30.0)
+    assert UP_M / 1.5 < flight.vehicle.t_s - begun_s < UP_M / 1.5 + 5.0
 
 
-def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.driver.guardian.take_over("rtl", "a test")
-        await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
-        sent = len(flight.sent)
-        flight.driver.give(Hold())
-        await asyncio.sleep(3.0)
-        assert flight.commands_after(sent) == []
-        await flight.sees(Landed)
-
-    fly(body)
-
-
-def test_a_take_over_on_the_ground_ends_with_one_landing() -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF)
-        flight.driver.give(TakeOff(UP_M))
-        await flight.until(lambda: flight.session.view.armed)
-        flight.driver.guardian.take_over("land", "a test")
-        await flight.sees(Landed, within_s=30.0)
-        await asyncio.sleep(10.0)
-        assert len(flight.seen(Landed)) == 1
-        assert not flight.driver.guardian.acting
-
-    fly(body)
+@by(fly)
+async def test_who_is_taken_by_its_pilot_in_a_hurry_is_the_pilots(flight: Flight, /) -> None:
+    await out(flight)
+    flight.driver.guardian.take_over("land", "a test", hurry=True)
+    await asyncio.sleep(3.0)
+    flight.pilot_mode(LOITER)
+    await flight.sees(Overridden)
+    sent = len(flight.sent)
+    await asyncio.sleep(10.0)
+    assert flight.commands_after(sent) == []
+    assert flight.vehicle.truth.mode == Mode.LOITER
 
 
-def test_a_landing_by_the_guardian_is_told_once() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.driver.guardian.take_over("land", "a test")
-        await flight.sees(Landed)
-        await asyncio.sleep(10.0)
-        assert len(flight.seen(Landed)) == 1
-
-    fly(body)
-
-
-def test_after_a_silence_the_guardian_sees_to_it_again() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
-        flight.to_driver = flight.to_vehicle = lambda message: False
-        flight.driver.guardian.take_over("rtl", "a test")
-        await flight.sees(LinkLost, within_s=20.0)
-        await asyncio.sleep(5.0)
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        await flight.sees(Guarded, 2, within_s=30.0)
-        await flight.sees(Landed)
-
-    fly(body)
+@by(fly)
+async def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing(
+    flight: Flight, /
+) -> None:
+    await out(flight)
+    flight.driver.guardian.take_over("rtl", "a test")
+    await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
+    sent = len(flight.sent)
+    flight.driver.give(Hold())
+    await asyncio.sleep(3.0)
+    assert flight.commands_after(sent) == []
+    await flight.sees(Landed)
 
 
-def test_who_speaks_again_only_after_the_mission_failed_is_seen_down() -> None:
-    async def body(flight: Flight) -> None:
-        loop = asyncio.get_running_loop()
-        await out(flight)
-        flight.to_driver = flight.to_vehicle = lambda message: False
-        await flight.sees(LinkLost, within_s=20.0)
-        flight.driving.cancel()  # with it whoever takes up links that come back
-        loop.call_later(10.0, setattr, flight, "to_driver", lambda message: True)
-        loop.call_later(10.0, setattr, flight, "to_vehicle", lambda message: True)
-        begin_s = loop.time()
-        await flight.driver.guardian.bring_home("the mission failed (disk full)")
-        assert flight.vehicle.truth.landed
-        assert loop.time() - begin_s < 90.0
-        assert flight.driver.guardian.fate() == ""
-        assert len(flight.seen(Connected)) == 2
-        assert len(flight.seen(Landed)) == 1
-
-    fly(body)
+@by(fly)
+async def test_a_take_over_on_the_ground_ends_with_one_landing(flight: Flight, /) -> None:
+    flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF)
+    flight.driver.give(TakeOff(UP_M))
+    await flight.until(lambda: flight.session.view.armed)
+    flight.driver.guardian.take_over("land", "a test")
+    await flight.sees(Landed, within_s=30.0)
+    await asyncio.sleep(10.0)
+    assert len(flight.seen(Landed)) == 1
+    assert not flight.driver.guardian.acting
 
 
-def test_who_falls_while_it_is_brought_home_is_told_before_that_ends() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driving.cancel()
-        loop = asyncio.get_running_loop()
+@by(fly)
+async def test_a_landing_by_the_guardian_is_told_once(flight: Flight, /) -> None:
+    await out(flight)
+    flight.driver.guardian.take_over("land", "a test")
+    await flight.sees(Landed)
+    await asyncio.sleep(10.0)
+    assert len(flight.seen(Landed)) == 1
 
-        async def fall() -> None:
-            await flight.until(lambda: flight.session.view.height_m < 3.0)
-            flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
 
-        falling = loop.create_task(fall())
-        await flight.driver.guardian.bring_home("the mission failed (disk full)")
-        await falling
-        assert flight.vehicle.truth.crashed
-        assert len(flight.seen(Crashed)) == 1
-        assert not flight.seen(Landed)
+@by(fly)
+async def test_after_a_silence_the_guardian_sees_to_it_again(flight: Flight, /) -> None:
+    await out(flight)
+    flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
+    flight.to_driver = flight.to_vehicle = lambda message: False
+    flight.driver.guardian.take_over("rtl", "a test")
+    await flight.sees(LinkLost, within_s=20.0)
+    await asyncio.sleep(5.0)
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    await flight.sees(Guarded, 2, within_s=30.0)
+    await flight.sees(Landed)
 
-    fly(body)
+
+@by(fly)
+async def test_who_speaks_again_only_after_the_mission_failed_is_seen_down(
+    flight: Flight, /
+) -> None:
+    loop = asyncio.get_running_loop()
+    await out(flight)
+    flight.to_driver = flight.to_vehicle = lambda message: False
+    await flight.sees(LinkLost, within_s=20.0)
+    flight.driving.cancel()  # with it whoever takes up links that come back
+    loop.call_later(10.0, setattr, flight, "to_driver", lambda message: True)
+    loop.call_later(10.0, setattr, flight, "to_vehicle", lambda message: True)
+    begin_s = loop.time()
+    await flight.driver.guardian.bring_home("the mission failed (disk full)")
+    assert flight.vehicle.truth.landed
+    assert loop.time() - begin_s < 90.0
+    assert flight.driver.guardian.fate() == ""
+    assert len(flight.seen(Connected)) == 2
+    assert len(flight.seen(Landed)) == 1
+
+
+@by(fly)
+async def test_who_falls_while_it_is_brought_home_is_told_before_that_ends(
+    flight: Flight, /
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driving.cancel()
+    loop = asyncio.get_running_loop()
+
+    async def fall() -> None:
+        await flight.until(lambda: flight.session.view.height_m < 3.0)
+        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+
+    falling = loop.create_task(fall())
+    await flight.driver.guardian.bring_home("the mission failed (disk full)")
+    await falling
+    assert flight.vehicle.truth.crashed
+    assert len(flight.seen(Crashed)) == 1
+    assert not flight.seen(Landed)
 
 
 def test_a_crash_is_known_and_said() -> None:
@@ -434,26 +421,23 @@ def test_a_crash_under_the_guardian_is_told_once() -> None:
     assert len(fly(body).seen(Crashed)) == 1
 
 
-def test_a_crashed_aircraft_that_believes_to_fly_stays_down() -> None:
+@by(fly)
+async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight, /) -> None:
     """Armed, in the air by its own word, and without height: the service is not fooled."""
-
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
-        flight.vehicle.fail.motor(share=0.0)
-        autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
-        armed = mav.MAV_MODE_FLAG_SAFETY_ARMED | mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        for _ in range(20):
-            beat = mav.MAVLink_heartbeat_message(
-                mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, Mode.GUIDED, 4, 3
-            )
-            flight.session.feed(beat.pack(autopilot))
-            await asyncio.sleep(1.0)
-        assert flight.vehicle.truth.crashed
-        assert len(flight.seen(LiftedOff)) == len(flight.seen(Crashed)) == 1
-        assert not flight.driver.guardian.responsible
-
-    fly(body)
+    await out(flight)
+    flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+    flight.vehicle.fail.motor(share=0.0)
+    autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    armed = mav.MAV_MODE_FLAG_SAFETY_ARMED | mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    for _ in range(20):
+        beat = mav.MAVLink_heartbeat_message(
+            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, Mode.GUIDED, 4, 3
+        )
+        flight.session.feed(beat.pack(autopilot))
+        await asyncio.sleep(1.0)
+    assert flight.vehicle.truth.crashed
+    assert len(flight.seen(LiftedOff)) == len(flight.seen(Crashed)) == 1
+    assert not flight.driver.guardian.responsible
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -477,27 +461,25 @@ def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
     assert outside_m[0] < 150.0
 
 
-def test_a_leg_that_goes_nowhere_is_reported_to_the_mission() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        # accepted, and not carried out: the autopilot is told to stay by somebody else
-        flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
-        flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
-        failed = await flight.sees(OrderFailed, within_s=60.0)
-        assert "no progress" in failed.reason
-
-    fly(body)
+@by(fly)
+async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    # accepted, and not carried out: the autopilot is told to stay by somebody else
+    flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
+    flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
+    failed = await flight.sees(OrderFailed, within_s=60.0)
+    assert "no progress" in failed.reason
 
 
-def test_a_sweep_that_waits_for_its_camera_is_no_leg_without_progress() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
-        flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
-        await asyncio.sleep(25.0)
-        assert not flight.seen(OrderFailed)
-
-    fly(body)
+@by(fly)
+async def test_a_sweep_that_waits_for_its_camera_is_no_leg_without_progress(
+    flight: Flight, /
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
+    flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
+    await asyncio.sleep(25.0)
+    assert not flight.seen(OrderFailed)
 
 
 def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen() -> None:
@@ -511,15 +493,12 @@ def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen() -> None:
     assert not fly(body).seen(OrderFailed)
 
 
-def test_a_place_that_is_none_stops_no_clock() -> None:
+@by(fly)
+async def test_a_place_that_is_none_stops_no_clock(flight: Flight, /) -> None:
     """What cannot be sent is tried again in a while, and not without end at one instant."""
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        nowhere = GridPoint(float("inf"), 0.0)
-        flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
-        await asyncio.sleep(5.0)
-        flight.driver.guardian.take_over("land", "a test", hurry=True)
-        await flight.sees(Landed, within_s=60.0)
-
-    fly(body)
+    await flight.after(TakeOff(UP_M), Airborne)
+    nowhere = GridPoint(float("inf"), 0.0)
+    flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
+    await asyncio.sleep(5.0)
+    flight.driver.guardian.take_over("land", "a test", hurry=True)
+    await flight.sees(Landed, within_s=60.0)
