@@ -26,7 +26,6 @@ from missions.events import (
 )
 from missions.flight.strategy.sweep_passes import NOTICE_S
 from missions.geo.trajectory import Trajectory, rounded_path
-from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
@@ -42,12 +41,6 @@ SETPOINT = "SET_POSITION_TARGET_GLOBAL_INT"
 START_CAPTURE: int = mav.MAV_CMD_IMAGE_START_CAPTURE
 
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-
-
-def over(autopilot: str, **how: Any) -> Mission:
-    made = small_mission(**how)
-    sim = made.sim.model_copy(update={"autopilot": autopilot})
-    return made.model_copy(update={"sim": sim})
 
 
 def corner(begin_s: float, **how: Any) -> Trajectory:
@@ -124,7 +117,7 @@ def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(autopilot: str
         await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
         await flight.after(Land(), Landed)
 
-    flight = fly(body, over(autopilot))
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert min(speeds) > LEAST_M_S
     seen = flight.seen(FrameSeen)
     assert {event.vantage for event in seen} == {None}
@@ -163,7 +156,7 @@ def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(autopilot: str)
             errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
         await flight.sees(Arrived, within_s=12.0)
 
-    assert not fly(body, over(autopilot)).seen(OrderFailed)
+    assert not fly(body, small_mission(autopilot=autopilot)).seen(OrderFailed)
     assert max(errors) < 1.5
 
 
@@ -198,7 +191,7 @@ async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is
     assert where(flight).distance_to(lost_at) < 16.0
 
 
-@by(fly, lambda: over("px4"))
+@by(fly, lambda: small_mission(autopilot="px4"))
 async def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone(
     flight: Flight, /
 ) -> None:
@@ -244,7 +237,7 @@ def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
         ("px4", Px4Mode.RTL),
     ],
 )
-@by(fly, over)
+@by(fly, small_mission)
 async def test_a_pilot_takes_over_on_a_path(
     flight: Flight, /, autopilot: str, mode: Mode | Px4Mode
 ) -> None:
@@ -281,7 +274,7 @@ def test_hold_brakes_on_the_shortest_way_and_stays(autopilot: str) -> None:
         if autopilot == "px4":
             assert flight.vehicle.truth.mode == Px4Mode.HOLD
 
-    flight = fly(body, over(autopilot))
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
@@ -309,7 +302,7 @@ def test_every_other_order_may_follow_in_the_middle_of_a_path(autopilot: str) ->
         await asyncio.sleep(3.0)
         await flight.after(Land(), Landed)
 
-    flight = fly(body, over(autopilot, speed_m_s=3.0))
+    flight = fly(body, small_mission(autopilot=autopilot, speed_m_s=3.0))
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
@@ -327,7 +320,7 @@ def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(autopilot: str)
             await asyncio.sleep(0.05)
             fastest.append(speed_of(flight))
 
-    fly(body, over(autopilot, speed_m_s=3.0))
+    fly(body, small_mission(autopilot=autopilot, speed_m_s=3.0))
     assert 2.5 < max(fastest) < 3.6
 
 
@@ -352,7 +345,7 @@ def test_a_path_that_comes_at_the_very_end_is_flown_and_no_picture_is_lost(
         late = [event for event in flight.seen(FrameSeen) if event.t_s > again.begin_s]
         assert len(late) > 15
 
-    flight = fly(body, over(autopilot))
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert not flight.seen(FrameLost)
     assert not flight.seen(OrderFailed)
     times = [event.t_s for event in flight.seen(FrameSeen)]
@@ -399,7 +392,9 @@ def test_a_path_over_a_drifting_region_moves_with_it(autopilot: str) -> None:
         off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
         assert off_m < 0.8
 
-    assert not fly(body, over(autopilot, drift_m_s=0.4, toward_deg=60.0)).seen(OrderFailed)
+    assert not fly(body, small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0)).seen(
+        OrderFailed
+    )
 
 
 @by(fly)

@@ -27,9 +27,8 @@ both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 def sloped(autopilot: str, percent: float, **how: Any) -> Mission:
     """Ground that rises (or falls) towards the north."""
-    made = over(small_mission(altitude_m=UP_M, **how), slope(percent, 0.0))
-    sim = made.sim.model_copy(update={"autopilot": autopilot, "gps_sigma_m": 0.0})
-    return made.model_copy(update={"sim": sim})
+    made = over(small_mission(autopilot=autopilot, altitude_m=UP_M, **how), slope(percent, 0.0))
+    return made.model_copy(update={"sim": made.sim.model_copy(update={"gps_sigma_m": 0.0})})
 
 
 def wire_heights_m(flight: Flight) -> list[float]:

@@ -46,10 +46,8 @@ HEARTBEAT_S = 1.1
 
 
 def on_px4(amsl_m: float = 488.0, **how: Any) -> Mission:
-    made = small_mission(**how)
-    sim = made.sim.model_copy(update={"autopilot": "px4"})
-    start = made.start.model_copy(update={"amsl_m": amsl_m})
-    return made.model_copy(update={"sim": sim, "start": start})
+    made = small_mission(autopilot="px4", **how)
+    return made.model_copy(update={"start": made.start.model_copy(update={"amsl_m": amsl_m})})
 
 
 def pilot_mode(flight: Flight, mode: Px4Mode) -> None:

@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.fleet.endpoints import parse_endpoint
@@ -21,12 +22,6 @@ from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio
 
 PATIENCE_S = 30.0
 LOOK_S = 0.02
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as taken:
-        taken.bind(("127.0.0.1", 0))
-        return int(taken.getsockname()[1])
 
 
 class Ear:

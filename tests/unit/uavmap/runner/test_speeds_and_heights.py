@@ -27,8 +27,7 @@ LOITER, GUIDED = 5, 4
 
 
 def on(autopilot, **how):
-    made = small_mission(capacity_wh=60.0, **how)
-    return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+    return small_mission(autopilot=autopilot, capacity_wh=60.0, **how)
 
 
 async def speed_of(flight, order):

@@ -8,7 +8,6 @@ import io
 import itertools
 import os
 import shutil
-import socket
 import sys
 import threading
 import time
@@ -21,6 +20,7 @@ from PIL import Image
 
 from missions.errors import LinkError
 from tests.support.mavlink_peer import Peer
+from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
 from tests.unit.uavmap.aircraft.cameras.rtsp_server import RtspServer
 from uavmap.aircraft.cameras.captures import PipeCapture, gstreamer_command, libcamera_command
@@ -204,13 +204,6 @@ async def test_a_hanging_stream_ends_nothing() -> None:
 
 
 # --- what cannot be opened -------------------------------------------------------------------
-def closed_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port: int = free.getsockname()[1]
-        return port
-
-
 async def unused(source: FrameSource, told: list[str]) -> None:
     raise AssertionError("it was opened")
 
@@ -230,7 +223,7 @@ def test_what_is_not_there(text: str, reason: str) -> None:
 
 def test_a_url_where_nobody_is() -> None:
     with pytest.raises(LinkError, match="cannot be opened; does it play in VLC"):
-        on(f"http://127.0.0.1:{closed_port()}/video", unused)
+        on(f"http://127.0.0.1:{free_port()}/video", unused)
 
 
 def test_a_program_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

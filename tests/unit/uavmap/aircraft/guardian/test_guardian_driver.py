@@ -43,16 +43,13 @@ async def out(flight: Flight, east_m: float = 25.0, north_m: float = 20.0) -> No
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: str) -> None:
-    made = small_mission()
-    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
-
     async def body(flight: Flight) -> None:
         await out(flight)
         await flight.driver.guardian.bring_home("the mission failed (disk full)")
         assert flight.vehicle.truth.landed
         assert flight.driver.guardian.fate() == ""
 
-    flight = fly(body, made)
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert flight.said == [
         "vehicle 1: the mission failed (disk full); it is told to return by its autopilot"
     ]
@@ -73,8 +70,7 @@ async def behind_the_house(flight: Flight) -> None:
 
 def beside_a_house(autopilot: str) -> Mission:
     """A small mission in whose fence stands a house."""
-    made = small_mission(holes=[HOUSE])
-    return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
+    return small_mission(autopilot=autopilot, holes=[HOUSE])
 
 
 @pytest.mark.parametrize("on_path", [False, True])
@@ -212,9 +208,6 @@ def test_a_pilot_has_the_last_word_with_the_guardian_too() -> None:
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_who_hurries_lands_from_near_the_ground_and_does_not_break(autopilot: str) -> None:
-    made = small_mission()
-    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
-
     async def body(flight: Flight) -> None:
         await out(flight)
         begun_s = flight.vehicle.t_s
@@ -226,7 +219,7 @@ def test_who_hurries_lands_from_near_the_ground_and_does_not_break(autopilot: st
         assert not flight.vehicle.truth.crashed
         assert not flight.seen(Crashed)
 
-    fly(body, made)
+    fly(body, small_mission(autopilot=autopilot))
 
 
 @by(fly)
@@ -373,8 +366,6 @@ FORCED = 21196.0
 @pytest.mark.parametrize("height_m", [1.5, 3.0, 8.0])
 def test_motors_that_stop_over_the_pad_are_no_landing(autopilot: str, height_m: float) -> None:
     """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
-    made = small_mission()
-    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
 
     async def body(flight: Flight) -> None:
         await flight.after(TakeOff(UP_M), Airborne)
@@ -387,7 +378,7 @@ def test_motors_that_stop_over_the_pad_are_no_landing(autopilot: str, height_m: 
         await asyncio.sleep(10.0)
         assert not flight.driver.guardian.responsible
 
-    flight = fly(body, made)
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert len(flight.seen(Crashed)) == 1
     assert not flight.seen(Landed)
     assert any("is down near" in text for text in flight.told)
@@ -395,9 +386,6 @@ def test_motors_that_stop_over_the_pad_are_no_landing(autopilot: str, height_m: 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(autopilot: str) -> None:
-    made = small_mission()
-    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
-
     async def body(flight: Flight) -> None:
         await flight.after(TakeOff(UP_M), Airborne)
         flight.driver.give(Land())
@@ -406,7 +394,7 @@ def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(autopilot: str) 
         await flight.sees(Landed, within_s=5.0)
         await asyncio.sleep(5.0)
 
-    assert not fly(body, made).seen(Crashed)
+    assert not fly(body, small_mission(autopilot=autopilot)).seen(Crashed)
 
 
 def test_a_crash_under_the_guardian_is_told_once() -> None:
@@ -445,8 +433,6 @@ def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
     autopilot: str,
 ) -> None:
     """At most 150 m outside of it; a plain landing from here would take it 250 m."""
-    made = small_mission()
-    made = made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
     outside_m: list[float] = []
 
     async def body(flight: Flight) -> None:
@@ -456,7 +442,7 @@ def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
         where = flight.setting.grid.fixed(flight.vehicle.truth.position)
         outside_m.append(float(flight.setting.fence.outer.distance(Point(where))))
 
-    flight = fly(body, made)
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert [e.action for e in flight.seen(Guarded)][-1] == "land"
     assert outside_m[0] < 150.0
 

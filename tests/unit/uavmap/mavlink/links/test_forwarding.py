@@ -19,6 +19,7 @@ from missions.errors import LinkError
 from missions.mission.schema import CameraSection
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.plans import plan_of
+from tests.support.ports import free_port
 from tests.support.running import by, in_real_time, on_virtual_time
 from tests.support.said import Said
 from uavmap.aircraft.cameras.spec import parse_camera
@@ -134,14 +135,8 @@ async def received(link: socket.socket, least: int = 1) -> bytes:
     return data
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.bind((LOOPBACK, 0))
-        return int(link.getsockname()[1])
-
-
 def test_not_a_byte_is_changed_either_way() -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     vehicle, ground = sockets(2)
 
     async def body() -> None:
@@ -250,7 +245,7 @@ def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None
 # --- one port, several vehicles ----------------------------------------------------------------
 @pytest.mark.parametrize("routed", [True, False], ids=["a router", "each its own address"])
 def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     first, second = sockets(2)
     if routed:
         second.close()

@@ -16,19 +16,13 @@ from typing import Any
 import pytest
 
 from missions.errors import LinkError
+from tests.support.ports import free_port
 from tests.support.running import by
 from uavmap.mavlink.links import serial_port, transports
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import Endpoint, parse_url
 
 SOON_S = 120.0
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 class Ear:
