@@ -365,13 +365,6 @@ async def test_a_place_that_is_none_is_not_sent() -> None:
         await wire.stream.run()
 
 
-def test_the_autopilots_differ_as_measured() -> None:
-    assert (ARDUPILOT.place_lead_s, ARDUPILOT.velocity_lead_s) == (0.0, 0.5)
-    assert not ARDUPILOT.streams_apart
-    assert (PX4.place_lead_s, PX4.velocity_lead_s) == (0.2, 0.2)
-    assert PX4.streams_apart
-
-
 # --- on a fast clock -----------------------------------------------------------------------------
 @pytest.mark.parametrize("px4", [False, True])
 @by(flown)
