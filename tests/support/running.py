@@ -38,9 +38,9 @@ def by(runner: Callable[..., object], *how: Any) -> Callable[[Body], Callable[..
 
 
 def _made(make: Callable[..., Any], given: dict[str, Any]) -> Any:
-    return make(
-        **{name: given[name] for name in inspect.signature(make).parameters if name in given}
-    )
+    parameters = inspect.signature(make).parameters.values()
+    named = {p.name for p in parameters if p.kind is not p.VAR_KEYWORD}
+    return make(**{name: value for name, value in given.items() if name in named})
 
 
 def on_virtual_time(body: Body) -> None:

@@ -89,35 +89,35 @@ def kinds(flight: Flight, kind: str) -> list[tuple[float, Message]]:
 
 
 @both
-def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(autopilot: str) -> None:
+@by(fly, small_mission)
+async def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(
+    flight: Flight, /, autopilot: str
+) -> None:
     speeds: list[float] = []
     announced: set[int] = set()
 
-    async def body(flight: Flight) -> None:
-        def note(message: Message) -> bool:
-            if message.get_type() == "CAMERA_IMAGE_CAPTURED":
-                announced.add(message.image_index)
-            return True
+    def note(message: Message) -> bool:
+        if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+            announced.add(message.image_index)
+        return True
 
-        flight.to_driver = note
-        first = await on_the_way(flight)
-        second = turned_off(first, flight.now_s() + NOTICE_S)
-        flight.driver.give(order(second))
-        while flight.now_s() < second.end_s - 2.5:
-            await asyncio.sleep(0.05)
-            speeds.append(speed_of(flight))
-        arrived = await flight.sees(Arrived, within_s=12.0)
-        end = second.at(second.end_s).place
-        assert arrived.t_s >= second.end_s
-        assert arrived.position.distance_to(end) < 0.7
-        assert where(flight).distance_to(end) < 0.5
-        follows = Px4Mode.HOLD if autopilot == "px4" else Mode.GUIDED
-        assert flight.vehicle.truth.mode == follows
-        assert flight.vehicle.truth.yaw_rad == pytest.approx(0.0, abs=0.1)
-        await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
-        await flight.after(Land(), Landed)
-
-    flight = fly(body, small_mission(autopilot=autopilot))
+    flight.to_driver = note
+    first = await on_the_way(flight)
+    second = turned_off(first, flight.now_s() + NOTICE_S)
+    flight.driver.give(order(second))
+    while flight.now_s() < second.end_s - 2.5:
+        await asyncio.sleep(0.05)
+        speeds.append(speed_of(flight))
+    arrived = await flight.sees(Arrived, within_s=12.0)
+    end = second.at(second.end_s).place
+    assert arrived.t_s >= second.end_s
+    assert arrived.position.distance_to(end) < 0.7
+    assert where(flight).distance_to(end) < 0.5
+    follows = Px4Mode.HOLD if autopilot == "px4" else Mode.GUIDED
+    assert flight.vehicle.truth.mode == follows
+    assert flight.vehicle.truth.yaw_rad == pytest.approx(0.0, abs=0.1)
+    await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
+    await flight.after(Land(), Landed)
     assert min(speeds) > LEAST_M_S
     seen = flight.seen(FrameSeen)
     assert {event.vantage for event in seen} == {None}
@@ -144,19 +144,19 @@ def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> Non
 
 
 @both
-def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(autopilot: str) -> None:
+@by(fly, small_mission)
+async def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(
+    flight: Flight, /, autopilot: str
+) -> None:
     errors: list[float] = []
     dice = random.Random(7)
-
-    async def body(flight: Flight) -> None:
-        flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
-        plan = await on_the_way(flight, 1.5)
-        while flight.now_s() < plan.end_s:
-            await asyncio.sleep(0.05)
-            errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
-        await flight.sees(Arrived, within_s=12.0)
-
-    assert not fly(body, small_mission(autopilot=autopilot)).seen(OrderFailed)
+    flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
+    plan = await on_the_way(flight, 1.5)
+    while flight.now_s() < plan.end_s:
+        await asyncio.sleep(0.05)
+        errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
+    await flight.sees(Arrived, within_s=12.0)
+    assert not flight.seen(OrderFailed)
     assert max(errors) < 1.5
 
 
@@ -207,25 +207,24 @@ async def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone(
     assert flight.commands_after(index) == []
 
 
-def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        lost_at = where(flight)
-        flight.to_driver = flight.to_vehicle = lambda message: False
-        await flight.sees(LinkLost, within_s=6.0)
-        flight.driver.give(StandDown())
-        index = len(flight.sent)
-        await asyncio.sleep(3.0)
-        assert not any(m.get_type() == SETPOINT for _, m in flight.sent[index:])
-        assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
-        assert speed_of(flight) < 0.3
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        await flight.sees(Connected, 2, within_s=5.0)
-        plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + 2.0, speed_m_s=6.0)
-        await flight.after(order(plan), Arrived)
-        assert where(flight).distance_to(GridPoint(0, 0)) < 0.5
-
-    assert not fly(body).seen(OrderFailed)
+@by(fly)
+async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight: Flight, /) -> None:
+    await on_the_way(flight, 5.0)
+    lost_at = where(flight)
+    flight.to_driver = flight.to_vehicle = lambda message: False
+    await flight.sees(LinkLost, within_s=6.0)
+    flight.driver.give(StandDown())
+    index = len(flight.sent)
+    await asyncio.sleep(3.0)
+    assert not any(m.get_type() == SETPOINT for _, m in flight.sent[index:])
+    assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
+    assert speed_of(flight) < 0.3
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    await flight.sees(Connected, 2, within_s=5.0)
+    plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + 2.0, speed_m_s=6.0)
+    await flight.after(order(plan), Arrived)
+    assert where(flight).distance_to(GridPoint(0, 0)) < 0.5
+    assert not flight.seen(OrderFailed)
 
 
 @pytest.mark.parametrize(
@@ -258,69 +257,64 @@ async def test_a_pilot_takes_over_on_a_path(
 
 # --- other orders on the way ---------------------------------------------------------------------
 @both
-def test_hold_brakes_on_the_shortest_way_and_stays(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        begin, farthest = where(flight), 0.0
-        assert speed_of(flight) > 5.0
-        flight.driver.give(Hold())
-        for _ in range(200):
-            await asyncio.sleep(0.05)
-            farthest = max(farthest, where(flight).distance_to(begin))
-        assert farthest < 13.0
-        assert farthest - where(flight).distance_to(begin) < 1.0
-        assert abs(where(flight).north_m - begin.north_m) < 1.0
-        assert speed_of(flight) < 0.2
-        if autopilot == "px4":
-            assert flight.vehicle.truth.mode == Px4Mode.HOLD
-
-    flight = fly(body, small_mission(autopilot=autopilot))
+@by(fly, small_mission)
+async def test_hold_brakes_on_the_shortest_way_and_stays(flight: Flight, /, autopilot: str) -> None:
+    await on_the_way(flight, 5.0)
+    begin, farthest = where(flight), 0.0
+    assert speed_of(flight) > 5.0
+    flight.driver.give(Hold())
+    for _ in range(200):
+        await asyncio.sleep(0.05)
+        farthest = max(farthest, where(flight).distance_to(begin))
+    assert farthest < 13.0
+    assert farthest - where(flight).distance_to(begin) < 1.0
+    assert abs(where(flight).north_m - begin.north_m) < 1.0
+    assert speed_of(flight) < 0.2
+    if autopilot == "px4":
+        assert flight.vehicle.truth.mode == Px4Mode.HOLD
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
 
 @both
-def test_every_other_order_may_follow_in_the_middle_of_a_path(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
-        for following, ends in (
-            (Look(Cell(2, 4), 5, UP_M), LookEnded),
-            (Sweep(GridPoint(20, 16), 4.0, UP_M), Arrived),
-        ):
-            plan = rounded_path(
-                [where(flight), GridPoint(30, 30)], flight.now_s() + NOTICE_S, speed_m_s=6.0
-            )
-            flight.driver.give(order(plan))
-            await asyncio.sleep(3.0)
-            assert speed_of(flight) > 2.0
-            await flight.after(following, ends)
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
+async def test_every_other_order_may_follow_in_the_middle_of_a_path(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await on_the_way(flight)
+    await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
+    for following, ends in (
+        (Look(Cell(2, 4), 5, UP_M), LookEnded),
+        (Sweep(GridPoint(20, 16), 4.0, UP_M), Arrived),
+    ):
         plan = rounded_path(
-            [where(flight), GridPoint(0, 0)], flight.now_s() + NOTICE_S, speed_m_s=6.0
+            [where(flight), GridPoint(30, 30)], flight.now_s() + NOTICE_S, speed_m_s=6.0
         )
         flight.driver.give(order(plan))
         await asyncio.sleep(3.0)
-        await flight.after(Land(), Landed)
-
-    flight = fly(body, small_mission(autopilot=autopilot, speed_m_s=3.0))
+        assert speed_of(flight) > 2.0
+        await flight.after(following, ends)
+    plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + NOTICE_S, speed_m_s=6.0)
+    flight.driver.give(order(plan))
+    await asyncio.sleep(3.0)
+    await flight.after(Land(), Landed)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
 
 @both
-def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(autopilot: str) -> None:
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
+async def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(
+    flight: Flight, /, autopilot: str
+) -> None:
     """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
     fastest: list[float] = []
-
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        await flight.sees(Arrived, within_s=20.0)
-        flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
-        for _ in range(140):
-            await asyncio.sleep(0.05)
-            fastest.append(speed_of(flight))
-
-    fly(body, small_mission(autopilot=autopilot, speed_m_s=3.0))
+    await on_the_way(flight)
+    await flight.sees(Arrived, within_s=20.0)
+    flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
+    for _ in range(140):
+        await asyncio.sleep(0.05)
+        fastest.append(speed_of(flight))
     assert 2.5 < max(fastest) < 3.6
 
 
@@ -352,17 +346,17 @@ def test_a_path_that_comes_at_the_very_end_is_flown_and_no_picture_is_lost(
     assert times == sorted(set(times))
 
 
-def test_a_path_with_another_interval_changes_the_pace_of_the_pictures() -> None:
-    async def body(flight: Flight) -> None:
-        plan = await on_the_way(flight)
-        second = turned_off(plan, flight.now_s() + NOTICE_S)
-        flight.driver.give(order(second, every_s=0.5))
-        await flight.sees(Arrived, within_s=20.0)
-        late = [e.t_s for e in flight.seen(FrameSeen) if e.t_s > second.begin_s + 0.5]
-        gaps = [b - a for a, b in itertools.pairwise(late)]
-        assert gaps == pytest.approx([0.5] * len(gaps), abs=0.051)
-
-    flight = fly(body)
+@by(fly)
+async def test_a_path_with_another_interval_changes_the_pace_of_the_pictures(
+    flight: Flight, /
+) -> None:
+    plan = await on_the_way(flight)
+    second = turned_off(plan, flight.now_s() + NOTICE_S)
+    flight.driver.give(order(second, every_s=0.5))
+    await flight.sees(Arrived, within_s=20.0)
+    late = [e.t_s for e in flight.seen(FrameSeen) if e.t_s > second.begin_s + 0.5]
+    gaps = [b - a for a, b in itertools.pairwise(late)]
+    assert gaps == pytest.approx([0.5] * len(gaps), abs=0.051)
     assert not flight.seen(FrameLost)
 
 
@@ -378,23 +372,22 @@ async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /)
 
 
 @both
-def test_a_path_over_a_drifting_region_moves_with_it(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        grid = flight.setting.grid
-        drift = (grid.drift_east_m_s, grid.drift_north_m_s)
-        begin_s = flight.now_s() + NOTICE_S
-        start = grid.to_moving(where(flight), begin_s)
-        points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
-        plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
-        flight.driver.give(order(plan))
-        await flight.sees(Arrived, within_s=20.0)
-        off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
-        assert off_m < 0.8
-
-    assert not fly(body, small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0)).seen(
-        OrderFailed
-    )
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0))
+async def test_a_path_over_a_drifting_region_moves_with_it(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    grid = flight.setting.grid
+    drift = (grid.drift_east_m_s, grid.drift_north_m_s)
+    begin_s = flight.now_s() + NOTICE_S
+    start = grid.to_moving(where(flight), begin_s)
+    points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
+    plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
+    flight.driver.give(order(plan))
+    await flight.sees(Arrived, within_s=20.0)
+    off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
+    assert off_m < 0.8
+    assert not flight.seen(OrderFailed)
 
 
 @by(fly)

@@ -66,22 +66,20 @@ def modes_of(flight: Flight) -> list[int]:
 
 
 @pytest.mark.parametrize("amsl_m", [0.0, 1800.0, -20.0])
-def test_every_order_ends_with_its_event(amsl_m: float) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.vehicle.truth.mode == Px4Mode.HOLD
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-        arrived = await flight.after(to(10.0, 16.0), Arrived)
-        assert arrived.position.distance_to(GridPoint(10.0, 16.0)) < 0.8
-        await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
-        assert len(flight.seen(FrameSeen)) == 5
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-        await flight.after(to(0.0, 0.0, 16.0), Arrived)
-        assert flight.vehicle.truth.height_m == pytest.approx(16.0, abs=0.6)
-        await flight.after(Land(), Landed)
-        await flight.after(AwaitBattery(), BatterySwapped)
-
-    flight = fly(body, on_px4(amsl_m))
+@by(fly, on_px4)
+async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.vehicle.truth.mode == Px4Mode.HOLD
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    arrived = await flight.after(to(10.0, 16.0), Arrived)
+    assert arrived.position.distance_to(GridPoint(10.0, 16.0)) < 0.8
+    await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
+    assert len(flight.seen(FrameSeen)) == 5
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    await flight.after(to(0.0, 0.0, 16.0), Arrived)
+    assert flight.vehicle.truth.height_m == pytest.approx(16.0, abs=0.6)
+    await flight.after(Land(), Landed)
+    await flight.after(AwaitBattery(), BatterySwapped)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
@@ -94,19 +92,17 @@ async def test_the_wanted_speed_is_flown(flight: Flight, /) -> None:
     assert flight.vehicle.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)
 
 
-def test_home_that_moves_on_arming_is_no_surprise() -> None:
+@by(fly, on_px4)
+async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
     """Its height, too: by the barometer it has climbed since home was set."""
-
-    async def body(flight: Flight) -> None:
-        before_m = flight.session.view.home_amsl_m
-        flight.vehicle._ap.error.up += 4.0
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.session.view.home_amsl_m > before_m + 1.0
-        for point in ((8.0, 8.0), (0.0, 8.0)):
-            await flight.after(to(*point), Arrived)
-            assert flight.session.view.height_m == pytest.approx(UP_M, abs=0.6)
-
-    assert not fly(body, on_px4()).seen(OrderFailed)
+    before_m = flight.session.view.home_amsl_m
+    flight.vehicle._ap.error.up += 4.0
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.session.view.home_amsl_m > before_m + 1.0
+    for point in ((8.0, 8.0), (0.0, 8.0)):
+        await flight.after(to(*point), Arrived)
+        assert flight.session.view.height_m == pytest.approx(UP_M, abs=0.6)
+    assert not flight.seen(OrderFailed)
 
 
 # --- who has the last word -----------------------------------------------------------------------
@@ -183,23 +179,24 @@ def silence(message: object) -> bool:
 
 
 @pytest.mark.parametrize("meanwhile", [None, Px4Mode.RTL])
-def test_a_link_that_is_lost_and_comes_back(meanwhile: Px4Mode | None) -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = flight.to_vehicle = silence
-        await flight.sees(LinkLost, within_s=6.0)
-        flight.driver.give(StandDown())
-        if meanwhile is not None:
-            pilot_mode(flight, meanwhile)
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        connected = await flight.sees(Connected, 2, within_s=5.0)
-        assert (connected.airborne, connected.ours) == (True, meanwhile is None)
-        if meanwhile is None:
-            await flight.after(to(0.0, 0.0), Arrived)
-        else:
-            await flight.sees(Landed)
-
-    assert not fly(body, on_px4()).seen(OrderFailed)
+@by(fly, on_px4)
+async def test_a_link_that_is_lost_and_comes_back(
+    flight: Flight, /, meanwhile: Px4Mode | None
+) -> None:
+    await flying(flight)
+    flight.to_driver = flight.to_vehicle = silence
+    await flight.sees(LinkLost, within_s=6.0)
+    flight.driver.give(StandDown())
+    if meanwhile is not None:
+        pilot_mode(flight, meanwhile)
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    connected = await flight.sees(Connected, 2, within_s=5.0)
+    assert (connected.airborne, connected.ours) == (True, meanwhile is None)
+    if meanwhile is None:
+        await flight.after(to(0.0, 0.0), Arrived)
+    else:
+        await flight.sees(Landed)
+    assert not flight.seen(OrderFailed)
 
 
 @by(fly, on_px4)
@@ -245,20 +242,20 @@ async def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed(
 
 
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
-def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(after_s: float) -> None:
+@by(fly, on_px4)
+async def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(
+    flight: Flight, /, after_s: float
+) -> None:
     """Of its arming, its climb and its landing it is heard when other things were asked for."""
-
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.link(delay_s=0.6)
-        flight.driver.give(TakeOff(UP_M))
-        await asyncio.sleep(after_s)
-        flight.driver.give(Land())
-        await flight.sees(Landed, within_s=40.0)
-        await asyncio.sleep(20.0)
-        assert flight.vehicle.truth.landed
-        assert not flight.vehicle.truth.armed
-
-    assert not fly(body, on_px4()).seen(Overridden)
+    flight.vehicle.fail.link(delay_s=0.6)
+    flight.driver.give(TakeOff(UP_M))
+    await asyncio.sleep(after_s)
+    flight.driver.give(Land())
+    await flight.sees(Landed, within_s=40.0)
+    await asyncio.sleep(20.0)
+    assert flight.vehicle.truth.landed
+    assert not flight.vehicle.truth.armed
+    assert not flight.seen(Overridden)
 
 
 @by(fly, on_px4)

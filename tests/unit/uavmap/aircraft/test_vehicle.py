@@ -60,28 +60,26 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 
 
 # --- the straight path -----------------------------------------------------------------------
-def test_every_order_ends_with_its_event() -> None:
-    async def body(flight: Flight) -> None:
-        assert flight.seen(Connected)[0].airborne is False
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-        arrived = await flight.after(to(10.0, 10.0), Arrived)
-        assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
-        await flight.after(Sweep(GridPoint(10.0, 26.0), 4.0, UP_M), Arrived)
-        assert len(flight.seen(FrameSeen)) >= 4
-        to_cell = FlyTo((), Cell(2, 4), stop=True, height_m=UP_M)
-        await flight.after(to_cell, Arrived)
-        before = len(flight.seen(FrameSeen))
-        await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
-        looked = flight.seen(FrameSeen)[before:]
-        assert [f.vantage for f in looked] == [Cell(2, 4)] * 5
-        assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
-        await flight.after(to(0.0, 0.0), Arrived)
-        landed = await flight.after(Land(), Landed)
-        assert landed.remaining_wh < 24.9
-        await flight.after(AwaitBattery(), BatterySwapped)
-
-    flight = fly(body)
+@by(fly)
+async def test_every_order_ends_with_its_event(flight: Flight, /) -> None:
+    assert flight.seen(Connected)[0].airborne is False
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    arrived = await flight.after(to(10.0, 10.0), Arrived)
+    assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
+    await flight.after(Sweep(GridPoint(10.0, 26.0), 4.0, UP_M), Arrived)
+    assert len(flight.seen(FrameSeen)) >= 4
+    to_cell = FlyTo((), Cell(2, 4), stop=True, height_m=UP_M)
+    await flight.after(to_cell, Arrived)
+    before = len(flight.seen(FrameSeen))
+    await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
+    looked = flight.seen(FrameSeen)[before:]
+    assert [f.vantage for f in looked] == [Cell(2, 4)] * 5
+    assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
+    await flight.after(to(0.0, 0.0), Arrived)
+    landed = await flight.after(Land(), Landed)
+    assert landed.remaining_wh < 24.9
+    await flight.after(AwaitBattery(), BatterySwapped)
     times_s = [event.t_s for event in flight.seen(Tracked)]
     gaps_s = [b - a for a, b in itertools.pairwise(times_s)]
     assert max(gaps_s) <= 1.2
@@ -89,70 +87,64 @@ def test_every_order_ends_with_its_event() -> None:
     assert not flight.seen(Overridden)
 
 
-def test_a_second_sortie_from_the_mode_that_landing_left() -> None:
-    async def body(flight: Flight) -> None:
-        for number in (1, 2):
-            await flight.after(TakeOff(UP_M), Airborne)
-            await flight.after(Land(), Landed)
-            assert len(flight.seen(Landed)) == number
+@by(fly)
+async def test_a_second_sortie_from_the_mode_that_landing_left(flight: Flight, /) -> None:
+    for number in (1, 2):
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(Land(), Landed)
+        assert len(flight.seen(Landed)) == number
+    assert not flight.seen(Overridden)
 
-    assert not fly(body).seen(Overridden)
 
-
-def test_home_that_moves_on_arming_is_no_surprise() -> None:
+@by(fly)
+async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
     """ArduPilot sets home anew when it arms; heights are then above the new one."""
-
-    async def body(flight: Flight) -> None:
-        before = flight.session.view.home
-        flight.vehicle._ap.error.east += 3.0
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.session.view.home != before
-        await flight.after(to(8.0, 8.0), Arrived)
-        await flight.after(to(0.0, 0.0), Arrived)
-        await flight.after(Land(), Landed)
-
-    assert not fly(body).seen(OrderFailed)
+    before = flight.session.view.home
+    flight.vehicle._ap.error.east += 3.0
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.session.view.home != before
+    await flight.after(to(8.0, 8.0), Arrived)
+    await flight.after(to(0.0, 0.0), Arrived)
+    await flight.after(Land(), Landed)
+    assert not flight.seen(OrderFailed)
 
 
-def test_an_order_replaces_the_last_midway() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(60.0, 0.0))
-        await asyncio.sleep(3.0)
-        await flight.after(to(0.0, 20.0), Arrived)
-        (arrived,) = flight.seen(Arrived)
-        assert arrived.position.distance_to(GridPoint(0.0, 20.0)) < 0.8
-        flight.driver.give(Look(Cell(0, 5), 15, UP_M))
-        await flight.sees(FrameSeen, 2)
-        await flight.after(to(8.0, 20.0), Arrived)
-        await asyncio.sleep(10.0)
-        assert len(flight.seen(FrameSeen)) <= 3
-        assert not flight.seen(LookEnded)
-
-    assert len(fly(body).seen(Arrived)) == 2
-
-
-def test_a_take_off_that_is_replaced_on_the_way_up() -> None:
-    async def body(flight: Flight) -> None:
-        flight.driver.give(TakeOff(UP_M))
-        await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
-        await flight.after(Land(), Landed)
-
-    assert not fly(body).seen(Airborne)
+@by(fly)
+async def test_an_order_replaces_the_last_midway(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(60.0, 0.0))
+    await asyncio.sleep(3.0)
+    await flight.after(to(0.0, 20.0), Arrived)
+    (arrived,) = flight.seen(Arrived)
+    assert arrived.position.distance_to(GridPoint(0.0, 20.0)) < 0.8
+    flight.driver.give(Look(Cell(0, 5), 15, UP_M))
+    await flight.sees(FrameSeen, 2)
+    await flight.after(to(8.0, 20.0), Arrived)
+    await asyncio.sleep(10.0)
+    assert len(flight.seen(FrameSeen)) <= 3
+    assert not flight.seen(LookEnded)
+    assert len(flight.seen(Arrived)) == 2
 
 
-def test_hold_stays() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(40.0, 0.0))
-        await asyncio.sleep(4.0)
-        flight.driver.give(Hold())
-        await asyncio.sleep(12.0)
-        there = flight.seen(Tracked)[-1].position
-        await asyncio.sleep(10.0)
-        assert flight.seen(Tracked)[-1].position.distance_to(there) < 1.0
+@by(fly)
+async def test_a_take_off_that_is_replaced_on_the_way_up(flight: Flight, /) -> None:
+    flight.driver.give(TakeOff(UP_M))
+    await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
+    await flight.after(Land(), Landed)
+    assert not flight.seen(Airborne)
 
-    assert not fly(body).seen(Arrived)
+
+@by(fly)
+async def test_hold_stays(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(40.0, 0.0))
+    await asyncio.sleep(4.0)
+    flight.driver.give(Hold())
+    await asyncio.sleep(12.0)
+    there = flight.seen(Tracked)[-1].position
+    await asyncio.sleep(10.0)
+    assert flight.seen(Tracked)[-1].position.distance_to(there) < 1.0
+    assert not flight.seen(Arrived)
 
 
 # --- the pilot has the last word -------------------------------------------------------------
@@ -262,17 +254,16 @@ async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, 
     assert not flight.seen(Released)
 
 
-def test_orders_of_a_ground_station_are_not_ours_to_answer() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(40.0, 0.0))
-        for _ in range(20):  # denied by the vehicle, acknowledged to its sender
-            flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
-            flight.pilot(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
-            await asyncio.sleep(0.2)
-        await flight.sees(Arrived)
-
-    assert not fly(body).seen(OrderFailed)
+@by(fly)
+async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(40.0, 0.0))
+    for _ in range(20):  # denied by the vehicle, acknowledged to its sender
+        flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
+        flight.pilot(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
+        await asyncio.sleep(0.2)
+    await flight.sees(Arrived)
+    assert not flight.seen(OrderFailed)
 
 
 # --- refusals --------------------------------------------------------------------------------
@@ -310,24 +301,23 @@ def silence(message: Message) -> bool:
     return False
 
 
-def test_a_silent_link_is_lost_within_6_s_and_found_again() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = flight.to_vehicle = silence
-        cut_s, index = flight.now_s(), len(flight.sent)
-        lost = await flight.sees(LinkLost, within_s=6.0)
-        assert lost.t_s - cut_s <= 6.0
-        flight.driver.give(StandDown())  # as the reducer does
-        await asyncio.sleep(20.0)
-        assert len(flight.seen(LinkLost)) == 1
-        repeats = {m.command for m in flight.commands_after(index)}
-        assert repeats <= {mav.MAV_CMD_DO_REPOSITION}
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        connected = await flight.sees(Connected, 2, within_s=5.0)
-        assert (connected.airborne, connected.ours) == (True, True)
-        await flight.after(to(0.0, 0.0), Arrived)
-
-    assert not fly(body).seen(OrderFailed)
+@by(fly)
+async def test_a_silent_link_is_lost_within_6_s_and_found_again(flight: Flight, /) -> None:
+    await flying(flight)
+    flight.to_driver = flight.to_vehicle = silence
+    cut_s, index = flight.now_s(), len(flight.sent)
+    lost = await flight.sees(LinkLost, within_s=6.0)
+    assert lost.t_s - cut_s <= 6.0
+    flight.driver.give(StandDown())  # as the reducer does
+    await asyncio.sleep(20.0)
+    assert len(flight.seen(LinkLost)) == 1
+    repeats = {m.command for m in flight.commands_after(index)}
+    assert repeats <= {mav.MAV_CMD_DO_REPOSITION}
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    connected = await flight.sees(Connected, 2, within_s=5.0)
+    assert (connected.airborne, connected.ours) == (True, True)
+    await flight.after(to(0.0, 0.0), Arrived)
+    assert not flight.seen(OrderFailed)
 
 
 @by(fly)
@@ -507,11 +497,10 @@ async def test_what_ends_midway_leaves_no_task(order: Order) -> None:
     assert len(asyncio.all_tasks()) == 1
 
 
-def test_the_driver_speaks_once_a_second_while_it_is_alive() -> None:
-    async def body(flight: Flight) -> None:
-        await asyncio.sleep(30.0)
-
-    beats = [t_s for t_s, m in fly(body).sent if m.get_type() == "HEARTBEAT"]
+@by(fly)
+async def test_the_driver_speaks_once_a_second_while_it_is_alive(flight: Flight, /) -> None:
+    await asyncio.sleep(30.0)
+    beats = [t_s for t_s, m in flight.sent if m.get_type() == "HEARTBEAT"]
     assert len(beats) == pytest.approx(31, abs=2)
 
 

@@ -95,12 +95,9 @@ async def test_two_links_that_hear_one_aircraft_are_refused(flight: Flight, /) -
         each_its_own(links)
 
 
-def test_a_vehicle_tells_how_high_its_home_is() -> None:
+@by(fly)
+async def test_a_vehicle_tells_how_high_its_home_is(flight: Flight, /) -> None:
     """Layers are level by it where homes are not."""
-
-    async def body(flight: Flight) -> None:
-        await flight.sees(Connected)
-
-    flight = fly(body)
+    await flight.sees(Connected)
     (connected,) = flight.seen(Connected)
     assert connected.home_amsl_m == pytest.approx(flight.session.view.home_amsl_m, abs=0.1)

@@ -69,7 +69,8 @@ async def test_after_a_pilot_gave_it_back_the_speed_is_told_again(
     assert await speed_of(flight, to(10.0)) == pytest.approx(3.0, rel=0.05)
 
 
-def test_a_px4_flies_at_its_height_although_its_home_moves():
+@by(fly, lambda: on("px4"))
+async def test_a_px4_flies_at_its_height_although_its_home_moves(flight: Flight, /) -> None:
     told_m, homes_m, true_m = [], [], []
 
     def listen(message):
@@ -77,16 +78,13 @@ def test_a_px4_flies_at_its_height_although_its_home_moves():
             homes_m.append((message.alt - message.relative_alt) / 1000.0)
         return True
 
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.vehicle.truth.mode == Px4Mode.HOLD
-        flight.to_driver = listen
-        for east_m in itertools.islice(itertools.cycle((10.0, 0.0)), 12):
-            await flight.after(to(east_m, 10.0), Arrived)
-            told_m.append(flight.session.view.height_m)
-            true_m.append(flight.vehicle.truth.height_m)
-
-    fly(body, on("px4"))
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.vehicle.truth.mode == Px4Mode.HOLD
+    flight.to_driver = listen
+    for east_m in itertools.islice(itertools.cycle((10.0, 0.0)), 12):
+        await flight.after(to(east_m, 10.0), Arrived)
+        told_m.append(flight.session.view.height_m)
+        true_m.append(flight.vehicle.truth.height_m)
     assert max(homes_m) - min(homes_m) > 1.0
     assert max(abs(up_m - UP_M) for up_m in true_m) < 0.6
     assert max(abs(told - true) for told, true in zip(told_m, true_m, strict=True)) < 0.3

@@ -42,14 +42,14 @@ async def out(flight: Flight, east_m: float = 25.0, north_m: float = 20.0) -> No
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        await flight.driver.guardian.bring_home("the mission failed (disk full)")
-        assert flight.vehicle.truth.landed
-        assert flight.driver.guardian.fate() == ""
-
-    flight = fly(body, small_mission(autopilot=autopilot))
+@by(fly, small_mission)
+async def test_who_is_in_the_air_when_the_mission_fails_returns_and_lands(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await out(flight)
+    await flight.driver.guardian.bring_home("the mission failed (disk full)")
+    assert flight.vehicle.truth.landed
+    assert flight.driver.guardian.fate() == ""
     assert flight.said == [
         "vehicle 1: the mission failed (disk full); it is told to return by its autopilot"
     ]
@@ -75,32 +75,29 @@ def beside_a_house(autopilot: str) -> Mission:
 
 @pytest.mark.parametrize("on_path", [False, True])
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
-    autopilot: str, on_path: bool
+@by(fly, beside_a_house)
+async def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
+    flight: Flight, /, autopilot: str, on_path: bool
 ) -> None:
     """From a leg, and from a path, on which a PX4 is in another mode."""
     nearest_m: list[float] = []
+    await behind_the_house(flight)
+    if on_path:
+        ahead = [GridPoint(24.0, 14.0), GridPoint(24.0, 60.0)]
+        plan = rounded_path(ahead, flight.now_s() + 1.0, speed_m_s=4.0)
+        flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+        await flight.until(lambda: flight.session.view.ground_speed_m_s > 3.0)
+    hole = Polygon([tuple(corner) for corner in HOUSE])
 
-    async def body(flight: Flight) -> None:
-        await behind_the_house(flight)
-        if on_path:
-            ahead = [GridPoint(24.0, 14.0), GridPoint(24.0, 60.0)]
-            plan = rounded_path(ahead, flight.now_s() + 1.0, speed_m_s=4.0)
-            flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
-            await flight.until(lambda: flight.session.view.ground_speed_m_s > 3.0)
-        hole = Polygon([tuple(corner) for corner in HOUSE])
+    def watch() -> bool:
+        at = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        nearest_m.append(float(hole.distance(Point(at))))
+        return flight.vehicle.truth.landed
 
-        def watch() -> bool:
-            at = flight.setting.grid.fixed(flight.vehicle.truth.position)
-            nearest_m.append(float(hole.distance(Point(at))))
-            return flight.vehicle.truth.landed
-
-        homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
-        await flight.until(watch, within_s=200.0)
-        await homeward
-        assert flight.driver.guardian.fate() == ""
-
-    flight = fly(body, beside_a_house(autopilot))
+    homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
+    await flight.until(watch, within_s=200.0)
+    await homeward
+    assert flight.driver.guardian.fate() == ""
     assert min(nearest_m) > 0.5
     assert flight.said == [
         "vehicle 1: the disk is full; it is flown home around the fence",
@@ -110,22 +107,21 @@ def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_an_order_to_return_by_itself_is_carried_out_around_a_hole(autopilot: str) -> None:
+@by(fly, beside_a_house)
+async def test_an_order_to_return_by_itself_is_carried_out_around_a_hole(
+    flight: Flight, /, autopilot: str
+) -> None:
     nearest_m: list[float] = []
     hole = Polygon([tuple(corner) for corner in HOUSE])
+    await behind_the_house(flight)
+    flight.driver.give(ReturnToLaunch())
 
-    async def body(flight: Flight) -> None:
-        await behind_the_house(flight)
-        flight.driver.give(ReturnToLaunch())
+    def watch() -> bool:
+        at = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        nearest_m.append(float(hole.distance(Point(at))))
+        return flight.vehicle.truth.landed
 
-        def watch() -> bool:
-            at = flight.setting.grid.fixed(flight.vehicle.truth.position)
-            nearest_m.append(float(hole.distance(Point(at))))
-            return flight.vehicle.truth.landed
-
-        await flight.until(watch, within_s=200.0)
-
-    flight = fly(body, beside_a_house(autopilot))
+    await flight.until(watch, within_s=200.0)
     assert min(nearest_m) > 0.5
     assert [line.rpartition("; ")[2] for line in flight.said] == [
         "it is flown home around the fence",
@@ -158,13 +154,12 @@ async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight: Flight, /
     assert flight.vehicle.truth.landed
 
 
-def test_on_the_ground_nothing_is_sent() -> None:
-    async def body(flight: Flight) -> None:
-        sent = len(flight.sent)
-        await flight.driver.guardian.bring_home("the mission failed")
-        assert flight.commands_after(sent) == []
-
-    assert fly(body).told == []
+@by(fly)
+async def test_on_the_ground_nothing_is_sent(flight: Flight, /) -> None:
+    sent = len(flight.sent)
+    await flight.driver.guardian.bring_home("the mission failed")
+    assert flight.commands_after(sent) == []
+    assert flight.told == []
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -179,47 +174,44 @@ async def test_over_a_link_that_loses_half_of_everything_it_still_comes_home(
     assert flight.vehicle.truth.landed
 
 
-def test_an_autopilot_that_does_not_return_lands() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
-        await flight.driver.guardian.bring_home("the mission failed")
-        assert flight.vehicle.truth.landed
-        assert "from home" in flight.driver.guardian.fate()
-
-    flight = fly(body)
+@by(fly)
+async def test_an_autopilot_that_does_not_return_lands(flight: Flight, /) -> None:
+    await out(flight)
+    flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    await flight.driver.guardian.bring_home("the mission failed")
+    assert flight.vehicle.truth.landed
+    assert "from home" in flight.driver.guardian.fate()
     assert [e.action for e in flight.seen(Guarded)] == ["rtl", "land"]
 
 
-def test_a_pilot_has_the_last_word_with_the_guardian_too() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
-        await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
-        flight.pilot_mode(LOITER)
-        await asyncio.wait_for(home, 5.0)
-        sent = len(flight.sent)
-        await asyncio.sleep(10.0)
-        assert flight.commands_after(sent) == []
-        assert "left to whoever flies it" in flight.driver.guardian.fate()
-
-    assert len(fly(body).seen(Overridden)) == 1
+@by(fly)
+async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight: Flight, /) -> None:
+    await out(flight)
+    home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
+    await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
+    flight.pilot_mode(LOITER)
+    await asyncio.wait_for(home, 5.0)
+    sent = len(flight.sent)
+    await asyncio.sleep(10.0)
+    assert flight.commands_after(sent) == []
+    assert "left to whoever flies it" in flight.driver.guardian.fate()
+    assert len(flight.seen(Overridden)) == 1
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_who_hurries_lands_from_near_the_ground_and_does_not_break(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        begun_s = flight.vehicle.t_s
-        flight.driver.guardian.take_over("land", "a test", hurry=True)
-        await flight.until(lambda: flight.vehicle.truth.mode.name == "LAND")
-        assert 0.3 < flight.vehicle.truth.height_m < 1.2
-        await flight.sees(Landed, within_s=20.0)
-        assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 2.0
-        assert not flight.vehicle.truth.crashed
-        assert not flight.seen(Crashed)
-
-    fly(body, small_mission(autopilot=autopilot))
+@by(fly, small_mission)
+async def test_who_hurries_lands_from_near_the_ground_and_does_not_break(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await out(flight)
+    begun_s = flight.vehicle.t_s
+    flight.driver.guardian.take_over("land", "a test", hurry=True)
+    await flight.until(lambda: flight.vehicle.truth.mode.name == "LAND")
+    assert 0.3 < flight.vehicle.truth.height_m < 1.2
+    await flight.sees(Landed, within_s=20.0)
+    assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 2.0
+    assert not flight.vehicle.truth.crashed
+    assert not flight.seen(Crashed)
 
 
 @by(fly)
@@ -345,16 +337,14 @@ async def test_who_falls_while_it_is_brought_home_is_told_before_that_ends(
     assert not flight.seen(Landed)
 
 
-def test_a_crash_is_known_and_said() -> None:
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.vehicle.fail.motor(share=0.0)
-        crashed = await flight.sees(Crashed, within_s=20.0)
-        assert flight.vehicle.truth.crashed
-        here = flight.setting.grid.fixed(flight.vehicle.truth.position)
-        assert crashed.position.distance_to(here) < 2.0
-
-    flight = fly(body)
+@by(fly)
+async def test_a_crash_is_known_and_said(flight: Flight, /) -> None:
+    await out(flight)
+    flight.vehicle.fail.motor(share=0.0)
+    crashed = await flight.sees(Crashed, within_s=20.0)
+    assert flight.vehicle.truth.crashed
+    here = flight.setting.grid.fixed(flight.vehicle.truth.position)
+    assert crashed.position.distance_to(here) < 2.0
     assert any("is down near" in text for text in flight.told)
 
 
@@ -364,49 +354,48 @@ FORCED = 21196.0
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("height_m", [1.5, 3.0, 8.0])
-def test_motors_that_stop_over_the_pad_are_no_landing(autopilot: str, height_m: float) -> None:
+@by(fly, small_mission)
+async def test_motors_that_stop_over_the_pad_are_no_landing(
+    flight: Flight, /, autopilot: str, height_m: float
+) -> None:
     """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(Land())
-        await flight.until(lambda: flight.session.view.height_m < height_m)
-        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
-        crashed = await flight.sees(Crashed, within_s=5.0)
-        assert flight.vehicle.truth.crashed
-        assert "struck the ground" in crashed.reason or "it fell" in crashed.reason
-        await asyncio.sleep(10.0)
-        assert not flight.driver.guardian.responsible
-
-    flight = fly(body, small_mission(autopilot=autopilot))
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(Land())
+    await flight.until(lambda: flight.session.view.height_m < height_m)
+    flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+    crashed = await flight.sees(Crashed, within_s=5.0)
+    assert flight.vehicle.truth.crashed
+    assert "struck the ground" in crashed.reason or "it fell" in crashed.reason
+    await asyncio.sleep(10.0)
+    assert not flight.driver.guardian.responsible
     assert len(flight.seen(Crashed)) == 1
     assert not flight.seen(Landed)
     assert any("is down near" in text for text in flight.told)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(Land())
-        await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
-        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
-        await flight.sees(Landed, within_s=5.0)
-        await asyncio.sleep(5.0)
+@by(fly, small_mission)
+async def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(Land())
+    await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
+    flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+    await flight.sees(Landed, within_s=5.0)
+    await asyncio.sleep(5.0)
+    assert not flight.seen(Crashed)
 
-    assert not fly(body, small_mission(autopilot=autopilot)).seen(Crashed)
 
-
-def test_a_crash_under_the_guardian_is_told_once() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.guardian.take_over("land", "a test")
-        await flight.until(lambda: flight.session.view.height_m < 3.0)
-        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
-        await flight.sees(Crashed, within_s=5.0)
-        await asyncio.sleep(10.0)
-
-    assert len(fly(body).seen(Crashed)) == 1
+@by(fly)
+async def test_a_crash_under_the_guardian_is_told_once(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.guardian.take_over("land", "a test")
+    await flight.until(lambda: flight.session.view.height_m < 3.0)
+    flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+    await flight.sees(Crashed, within_s=5.0)
+    await asyncio.sleep(10.0)
+    assert len(flight.seen(Crashed)) == 1
 
 
 @by(fly)
@@ -429,20 +418,17 @@ async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
-    autopilot: str,
+@by(fly, small_mission)
+async def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
+    flight: Flight, /, autopilot: str
 ) -> None:
     """At most 150 m outside of it; a plain landing from here would take it 250 m."""
     outside_m: list[float] = []
-
-    async def body(flight: Flight) -> None:
-        await out(flight)
-        flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
-        await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
-        where = flight.setting.grid.fixed(flight.vehicle.truth.position)
-        outside_m.append(float(flight.setting.fence.outer.distance(Point(where))))
-
-    flight = fly(body, small_mission(autopilot=autopilot))
+    await out(flight)
+    flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
+    await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
+    where = flight.setting.grid.fixed(flight.vehicle.truth.position)
+    outside_m.append(float(flight.setting.fence.outer.distance(Point(where))))
     assert [e.action for e in flight.seen(Guarded)][-1] == "land"
     assert outside_m[0] < 150.0
 
@@ -468,15 +454,14 @@ async def test_a_sweep_that_waits_for_its_camera_is_no_leg_without_progress(
     assert not flight.seen(OrderFailed)
 
 
-def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen() -> None:
-    async def body(flight: Flight) -> None:
-        flight.to_driver = lambda message: (
-            not (message.get_type() == "COMMAND_ACK" and message.command == mav.MAV_CMD_NAV_TAKEOFF)
-        )
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert len(flight.seen(LiftedOff)) == 1
-
-    assert not fly(body).seen(OrderFailed)
+@by(fly)
+async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight: Flight, /) -> None:
+    flight.to_driver = lambda message: (
+        not (message.get_type() == "COMMAND_ACK" and message.command == mav.MAV_CMD_NAV_TAKEOFF)
+    )
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert len(flight.seen(LiftedOff)) == 1
+    assert not flight.seen(OrderFailed)
 
 
 @by(fly)

@@ -82,12 +82,11 @@ async def test_a_glitch_in_flight_ends_the_order(flight: Flight, /, metres: floa
 
 
 @pytest.mark.parametrize("gust_m_s", [8.0, 20.0])
-def test_a_gust_is_no_leap(gust_m_s: float) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(FlyTo((GridPoint(30.0, 20.0),), None, stop=True, height_m=UP_M))
-        await asyncio.sleep(3.0)
-        flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
-        await asyncio.sleep(10.0)
-
-    assert not [e for e in fly(body).seen(OrderFailed) if "leapt" in e.reason]
+@by(fly)
+async def test_a_gust_is_no_leap(flight: Flight, /, gust_m_s: float) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(FlyTo((GridPoint(30.0, 20.0),), None, stop=True, height_m=UP_M))
+    await asyncio.sleep(3.0)
+    flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
+    await asyncio.sleep(10.0)
+    assert not [e for e in flight.seen(OrderFailed) if "leapt" in e.reason]
