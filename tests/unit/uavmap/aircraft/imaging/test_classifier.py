@@ -99,12 +99,6 @@ def test_a_stalled_camera_is_an_error_until_it_goes_on() -> None:
     assert judge.votes(frame(seed=2), None)[1]
 
 
-def test_each_vehicle_has_its_own_last_picture() -> None:
-    one, other = classifier(), classifier()
-    one.votes(frame(seed=1), None)
-    assert other.votes(frame(seed=1), None)[1]
-
-
 def test_a_picture_that_was_refused_is_remembered_too() -> None:
     judge = classifier()
     judge.votes(frame(seed=1), None)
