@@ -70,3 +70,24 @@ def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:
 def step_home(tree: Tree, start: Cell) -> Cell | None:
     """The next cell on a shortest known way to the root, None at the root."""
     return None if start == tree.root else step_towards(tree, start, tree.root)
+
+
+def patches(cells: Collection[Cell]) -> tuple[frozenset[Cell], ...]:
+    """The patches of some cells, the largest first; of equal ones that with the lowest cell.
+
+    >>> found = patches([Cell(0, 0), Cell(5, 5), Cell(5, 6), Cell(1, 1)])
+    >>> [sorted(patch)[0] for patch in found]
+    [Cell(east=5, north=5), Cell(east=0, north=0), Cell(east=1, north=1)]
+    """
+    left = set(cells)
+    found: list[frozenset[Cell]] = []
+    while left:
+        patch, asked = set(), [left.pop()]
+        while asked:
+            cell = asked.pop()
+            patch.add(cell)
+            near = [n for n in cell.neighbours() if n in left]
+            left.difference_update(near)
+            asked.extend(near)
+        found.append(frozenset(patch))
+    return tuple(sorted(found, key=lambda patch: (-len(patch), min(patch))))

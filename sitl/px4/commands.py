@@ -13,8 +13,16 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
-from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
-from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request
+from sitl.mavlink.base_commands import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    HIGHEST_M,
+    UNSUPPORTED,
+    BaseCommands,
+    Reply,
+    Request,
+)
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
 

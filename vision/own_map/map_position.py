@@ -15,9 +15,9 @@ import numpy as np
 
 from missions.navigation import Disagreement, Estimate, ToldErrors, Track
 from vision.own_map.ground_match import Match, Patch, match
+from vision.own_map.ground_patch import overlaps, side_m
 from vision.own_map.own_motion import OwnWay
 from vision.own_map.patch_mosaic import coarser, mosaic
-from vision.own_map.patch_overlap import overlaps, side_m
 from vision.own_map.patch_zoom import compare, resized
 
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from missions.planning.stepwise.bounds import rdfs_bound_moves
 from missions.planning.stepwise.finish_by_rdfs import Retreat
 from missions.planning.stepwise.interface import Decision, Situation
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.planning.stepwise.route_planner import SMALL_TEAM, Ground, Sites, step_cost
 from missions.units import Cell
 

@@ -10,7 +10,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.mission.flyable import fence_of, look_s, search_area
-from missions.mission.launch_pads import SMALLEST_GAP_M, homes
+from missions.mission.places import SMALLEST_GAP_M, homes
 from missions.planning.search.lanes import lanes, share_out
 from missions.planning.stepwise import EXPLORERS
 from missions.units import Cell, GridPoint

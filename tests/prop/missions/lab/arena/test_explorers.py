@@ -14,8 +14,8 @@ from missions.mapping.breadth_first import distances
 from missions.mapping.tree import Tree
 from missions.planning.bounds.promises import bound_time
 from missions.planning.stepwise import EXPLORERS, Situation
-from missions.planning.stepwise.bounds import drift_factor, rdfs_bound_moves
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 from missions.units import Cell
 
 NAMES = list(EXPLORERS)

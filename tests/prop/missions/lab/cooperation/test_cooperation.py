@@ -13,9 +13,8 @@ from missions.lab.cooperation.exploration import Exploration, Why
 from missions.lab.cooperation.seen import unseen, unwatched
 from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.stripes import stripes_of
-from missions.lab.cooperation.table_1 import reckoned
 from missions.lab.cooperation.tracking import Filter, Leg, Noise, followed, legs_of
-from missions.lab.cooperation.trapezoids import Cover, Pattern
+from missions.lab.cooperation.trapezoids import Cover, Pattern, reckoned
 from tests.benchmarks.planning.cooperation import faults, in_stripes, in_triangles
 from tests.support.polygons import random_space
 
