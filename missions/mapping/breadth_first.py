@@ -14,7 +14,6 @@ class Known(Protocol):
 
     def __contains__(self, cell: Cell, /) -> bool:
         """Whether a cell is known to be ROI."""
-        ...
 
 
 def reached(

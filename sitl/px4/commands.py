@@ -27,7 +27,6 @@ from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
 
 _FORCE = 21196.0
-_LEFT_AS_IT_IS = 2**31 - 1
 _NAN_AS_INT = 0x7FF80000
 _GLOBAL: int = mav.MAV_FRAME_GLOBAL
 

@@ -27,7 +27,6 @@ class Detector(Protocol):
     @property
     def name(self) -> str:
         """The name by which a mission file asks for it."""
-        ...
 
     @property
     def calibrated(self) -> bool:
@@ -36,7 +35,6 @@ class Detector(Protocol):
         Then a cell's share of ROI is the mean over its pixels; else it is the part of them that
         the mask marks, as in the paper.
         """
-        ...
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """How much each pixel looks like the ROI.
@@ -45,7 +43,6 @@ class Detector(Protocol):
             Shape (rows, columns), float32, 0 to 1. `mask` marks a pixel where this is at least the
             detector's threshold. A detector that only says yes or no gives 1 and 0.
         """
-        ...
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """The ROI of a picture.
@@ -53,7 +50,6 @@ class Detector(Protocol):
         Returns:
             Shape (rows, columns), uint8: 255 where it looks like the ROI, else 0.
         """
-        ...
 
 
 def certain(mask: NDArray[np.uint8]) -> NDArray[np.float32]:

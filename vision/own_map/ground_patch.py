@@ -51,12 +51,6 @@ class Patch:
         return east * self.metres_per_pixel, north * self.metres_per_pixel
 
     @property
-    def size_m(self) -> tuple[float, float]:
-        """How far it reaches from west to east, and from south to north."""
-        rows, columns = self.values.shape
-        return columns * self.metres_per_pixel, rows * self.metres_per_pixel
-
-    @property
     def pixels(self) -> int:
         """How many pixels show ground."""
         return int(np.count_nonzero(self.values != NOTHING))

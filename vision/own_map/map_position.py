@@ -80,7 +80,6 @@ class OwnMap:
     _sides_m: dict[int, float] = field(default_factory=dict)
     _passing: int | None = None  # the newest picture, if it is no keyframe
     _last_t_s: float = -math.inf  # of the newest keyframe
-    _seen_s: float = -math.inf  # when ground was last recognised
     _searched_s: float = -math.inf  # when the whole map was last searched
     _found_anew_s: float = -math.inf
     _sigma_now_m: float = 0.0
@@ -174,7 +173,6 @@ class OwnMap:
                 self._go_on(t_s, key, seen, patch)
             if seen is not None:
                 self._link(key, number, seen, patch if kept else None, zoom)
-                self._seen_s = t_s
         if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
             self._find_anew(number, patch, t_s)
@@ -282,7 +280,7 @@ class OwnMap:
                 break
         for key, seen in found:
             self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
-            self._seen_s = self._found_anew_s = t_s
+            self._found_anew_s = t_s
 
     def _sigma_m(self, found: Match | _Seen) -> float:
         way_m = math.hypot(*found.moved_m)

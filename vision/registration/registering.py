@@ -68,7 +68,6 @@ class Many(Protocol):
         /,
     ) -> Iterable[Pair | None]:
         """Do it."""
-        ...
 
 
 def register(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from missions.errors import LocalizationError
 from missions.lab.localization.neighbourhood import DIRECTIONS, RING, STEP, label
+from missions.mapping.breadth_first import neighbours_in, reached
 from missions.units import Cell
 
 
@@ -56,25 +57,14 @@ class GridMap:
             sum(((e + de, n + dn) in known) << i for i, (de, dn) in enumerate(RING))
             for e, n in cells
         )
-        made = cls(cells, patterns, steps, tuple(cell in known for cell in cells))
-        lost = made._unreached()
-        if lost is not None:
+        lost = index.keys() - reached(neighbours_in(index), cells[0]).keys()
+        if lost:
+            east, north = min(lost)
             raise LocalizationError(
-                f"cell ({lost.east}, {lost.north}) cannot be reached from ({cells[0].east}, "
+                f"cell ({east}, {north}) cannot be reached from ({cells[0].east}, "
                 f"{cells[0].north}) over edges: a robot could never know which part it is in"
             )
-        return made
-
-    def _unreached(self) -> Cell | None:
-        met, todo = {0}, [0]
-        while todo:
-            here = todo.pop()
-            for d in DIRECTIONS:
-                there = self.steps[d][here]
-                if there >= 0 and there not in met:
-                    met.add(there)
-                    todo.append(there)
-        return None if len(met) == self.size else self.cells[min({*range(self.size)} - met)]
+        return cls(cells, patterns, steps, tuple(cell in known for cell in cells))
 
     @property
     def size(self) -> int:

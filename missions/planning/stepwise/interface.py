@@ -58,33 +58,27 @@ class Explorer(Protocol):
     @property
     def name(self) -> str:
         """The name on the command line."""
-        ...
 
     @property
     def guarantee(self) -> str:
         """What it promises, in a line."""
-        ...
 
     @property
     def source(self) -> str:
         """Where it comes from."""
-        ...
 
     @property
     def when(self) -> str:
         """When to use it, in a line."""
-        ...
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
         """Upper bound on the makespan, in moves of cost 1 on a resting ROI, None without one.
 
         `cells` is the number of vertices of the final tree, `depth` its depth.
         """
-        ...
 
     def decide(self, situation: Situation) -> Decision:
         """Where each of `situation.robots` moves."""
-        ...
 
 
 def refuse_impossible(name: str, situation: Situation, decision: Decision) -> None:
