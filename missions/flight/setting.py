@@ -19,8 +19,15 @@ from missions.mission.places import homes
 from missions.mission.prior_places import prior_of
 from missions.mission.schema import Mission, positions
 from missions.mission.views import energy_model, path_speed_m_s, rows_across
-from missions.planning.search.lane_shares import longest_m, share_by_time
-from missions.planning.search.lanes import LANE_CELLS, Lane, along_east, lanes, share_out
+from missions.planning.search.lanes import (
+    LANE_CELLS,
+    Lane,
+    along_east,
+    lanes,
+    longest_m,
+    share_by_time,
+    share_out,
+)
 from missions.planning.search.prior import LikelyLane, likely_lanes
 from missions.planning.search.search_order import Pace, expected_s, plain_blocks, soonest
 from missions.planning.stepwise import EXPLORERS, Explorer

@@ -11,7 +11,7 @@ from missions.lab.arena.arena_run import run
 from missions.lab.arena.roi import component, grown
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Situation
-from missions.planning.stepwise.finish_by_rdfs import Retreat
+from missions.planning.stepwise.horizon import Retreat
 from missions.planning.stepwise.metric import Metric
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
