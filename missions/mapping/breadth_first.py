@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
-from typing import Protocol
+from collections.abc import Callable, Collection, Container, Iterable
 
 from missions.mapping.tree import Tree
 from missions.units import Cell
-
-
-class Known(Protocol):
-    """A tree, or a set of cells."""
-
-    def __contains__(self, cell: Cell, /) -> bool:
-        """Whether a cell is known to be ROI."""
 
 
 def reached(
@@ -39,12 +31,12 @@ def reached(
     return steps
 
 
-def neighbours_in(known: Known) -> Callable[[Cell], list[Cell]]:
+def neighbours_in(known: Container[Cell]) -> Callable[[Cell], list[Cell]]:
     """The rule to be handed to `reached` that keeps to `known` cells."""
     return lambda cell: [near for near in cell.neighbours() if near in known]
 
 
-def distances(known: Known, start: Cell) -> dict[Cell, int]:
+def distances(known: Container[Cell], start: Cell) -> dict[Cell, int]:
     """Steps from `start` to every cell that is reached over `known` cells, nearest first.
 
     >>> distances({Cell(0, 0), Cell(0, 1), Cell(1, 1)}, Cell(0, 0))[Cell(1, 1)]
@@ -53,7 +45,7 @@ def distances(known: Known, start: Cell) -> dict[Cell, int]:
     return reached(neighbours_in(known), start)
 
 
-def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:
+def step_towards(known: Container[Cell], start: Cell, goal: Cell) -> Cell:
     """The first cell on a shortest way from `start` to `goal`; of several the first in the order
     north, east, south, west.
 

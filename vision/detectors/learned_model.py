@@ -27,8 +27,7 @@ from pydantic import (
 )
 
 from missions.errors import MissionFileError
-from vision.detectors.interface import marked
-from vision.detectors.limits import check_number
+from vision.detectors.interface import check_number, marked
 from vision.detectors.pixel_features import FEATURES, features, working_picture
 
 Array = NDArray[np.float32]

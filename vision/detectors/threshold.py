@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detectors.interface import certain
-from vision.detectors.limits import check_number, check_polarity, check_whole
+from vision.detectors.interface import certain, check_number, check_polarity, check_whole
 
 _KERNEL = np.ones((3, 3), np.uint8)
 
