@@ -19,13 +19,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.navigation.judging import bridges, judged
 from missions.navigation.network import Links, Solution, Turns, solve
 from missions.navigation.position_error import Disagreement, Estimate, ToldErrors
 from missions.navigation.rows import (
     Key,
     Knots,
     Tie,
+    bridges,
+    judged,
     knots_of,
     links_of,
     sparse_steps_of,

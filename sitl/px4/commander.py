@@ -19,8 +19,7 @@ from sitl.copter.params import Parameters
 from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.failsafes import Px4Failsafes, Setpoints
 from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
-from sitl.px4.params import TABLE
-from sitl.px4.tuning import Px4Tuning
+from sitl.px4.params import TABLE, Px4Tuning
 
 
 class Px4Fence(Fence):
