@@ -19,7 +19,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.flight.step import fold, step
 from missions.guardian import Guard, Limits
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import Mission
 from missions.orders import Order, StandDown
 from missions.units import Cell, GridPoint

@@ -17,7 +17,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mission.fleet_checks import check_fleet, with_pads_apart
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import VehicleSection
 from missions.units import Cell
 from tests.e2e.rig import uavmap

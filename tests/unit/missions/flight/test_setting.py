@@ -7,6 +7,7 @@ import pytest
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mission.flyable import fence_of, look_s, search_area
+from missions.mission.places import SMALLEST_GAP_M, homes
 from missions.planning.search.lanes import lanes, share_out
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import CELL_M, mission, square

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.lab.arena.roi import KINDS
-from missions.lab.strategies.assignment import assign
+from missions.lab.strategies.hungarian import assign
 from missions.lab.strategies.leg_costs import Ways
 from missions.mapping.breadth_first import (
     distances,

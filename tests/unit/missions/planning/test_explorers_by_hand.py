@@ -10,9 +10,9 @@ import pytest
 from missions.lab.arena.arena_run import run
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Situation
-from missions.planning.stepwise.bounds import rdfs_bound_moves
-from missions.planning.stepwise.finish_by_rdfs import Retreat
+from missions.planning.stepwise.horizon import Retreat
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
 
 START = Cell(0, 0)

@@ -121,7 +121,7 @@ def test_the_roi_drifts_with_time(camera, square):
     later = Shot(1.0, 10.0, over_corner.height_m, over_corner.attitude, 20.0, 0)
     assert gray(render(world, camera, over_corner))[150, 205:].mean() < 130
     assert gray(render(world, camera, later))[150, :300].mean() > 150
-    assert world.roi_at(20.0).bounds == pytest.approx((10.0, 0.0, 30.0, 20.0), abs=1e-6)
+    assert world.drift_at(20.0) == pytest.approx((10.0, 0.0), abs=1e-6)
 
 
 def test_a_threshold_separates_roi_from_ground_in_any_light(square):

@@ -11,10 +11,11 @@ from missions.lab.arena.arena_run import Run, patience_of, run
 from missions.lab.arena.conformance import check
 from missions.lab.arena.roi import KINDS, component
 from missions.mapping.tree import Tree
-from missions.planning.bounds.promises import bound_time
 from missions.planning.stepwise import EXPLORERS, Situation
 from missions.planning.stepwise.bounds import rdfs_bound_moves
+from missions.planning.stepwise.interface import bound_time
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 from missions.units import Cell
 
 NAMES = list(EXPLORERS)

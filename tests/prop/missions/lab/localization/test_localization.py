@@ -7,11 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.lab.arena.roi import KINDS, grown
-from missions.lab.localization.blum_kozen import blum_kozen
-from missions.lab.localization.candidates import split
-from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.grid_map import GridMap, split
 from missions.lab.localization.grids import cluttered
-from missions.lab.localization.homing import Moves, homing
+from missions.lab.localization.homing import Moves, blum_kozen, homing
 from missions.lab.localization.localization_planner import Planner, homing_bound
 from missions.lab.localization.localization_run import localize
 from missions.lab.localization.methods import METHODS

@@ -10,6 +10,7 @@ import pytest
 
 from missions.lab.arena.arena_run import run
 from missions.lab.arena.roi import KINDS, component, eden, thin
+from missions.lab.strategies.hungarian import assign
 from missions.lab.strategies.lrv import Lrv
 from missions.lab.strategies.random_walk import RandomWalk, mix
 from missions.mapping.tree import Tree

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from missions.planning.stepwise.bounds import drift_factor
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import drift_factor
 from missions.units import Cell
 
 FAST = settings(max_examples=200, deadline=None)
